@@ -1,0 +1,64 @@
+"""The flight recorder of a robot's door map.
+
+    import semmap_log as sl
+
+    with sl.create("office", tz="Europe/Vienna") as log:
+        door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", actor="survey")
+        log.observe(door, "open", accuracy=0.9)
+
+    sl.read("office").replay().doors[door].state    # <DoorState.OPEN: 1>
+
+Names are loaded when they are first used, so that importing the package costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from semmap_log.door_log import DoorLog
+    from semmap_log.door_log_writer import DoorLogWriter
+    from semmap_log.doors import Door, DoorId, DoorMap, DoorState
+    from semmap_log.errors import SemmapError
+    from semmap_log.events import EventBatch
+    from semmap_log.log.commits import Note
+    from semmap_log.opening import append, create, read
+
+__all__ = [
+    "Door",
+    "DoorId",
+    "DoorLog",
+    "DoorLogWriter",
+    "DoorMap",
+    "DoorState",
+    "EventBatch",
+    "Note",
+    "SemmapError",
+    "append",
+    "create",
+    "read",
+]
+
+_HOMES = {
+    "doors": ("Door", "DoorId", "DoorMap", "DoorState"),
+    "door_log": ("DoorLog",),
+    "door_log_writer": ("DoorLogWriter",),
+    "errors": ("SemmapError",),
+    "events": ("EventBatch",),
+    "log.commits": ("Note",),
+    "opening": ("append", "create", "read"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,267 @@
+"""A door map's log, as a program uses it: ask it about any moment, add to it, one commit at a time.
+
+    with sl.create("office", tz="Europe/Vienna") as log:
+        door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", actor="survey")
+        log.observe(door, "open", accuracy=0.9)
+
+    sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.commands import resolve_door
+from semmap_log.doors import DoorId, DoorMap
+from semmap_log.errors import MomentError
+from semmap_log.events import Event, EventBatch, FloorMap, RecordedEvent
+from semmap_log.log.commits import Commit
+from semmap_log.log.header import LogInfo
+from semmap_log.log.reader import LogReader, Progress
+from semmap_log.moments import Moment, parse_moment
+from semmap_log.projections.diff import Diff, diff
+from semmap_log.projections.history import HistoryEntry, history
+from semmap_log.replay import Projection, Scope, fold, replay, visible_batches
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+Time = int | str | datetime | None
+"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), or a
+datetime (a naive one is in the log's zone)."""
+
+P = TypeVar("P", bound=Projection)
+
+
+class DoorLog:
+    """A log that is read: as it was when it was opened, or last refreshed."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Open a log for reading; needs no lock, no write access and no free space.
+
+        Raises:
+            NotALogError: There is no log at that path.
+            CorruptLogError: It is damaged.
+        """
+        self.path = Path(path)
+        self._reader = LogReader(self.path)
+        self._end_ns: int | None = None
+
+    @property
+    def info(self) -> LogInfo:
+        """Log id, zone, building and robot."""
+        return self.reader.info
+
+    @property
+    def reader(self) -> LogReader:
+        """The bytes underneath: segments, pages, commits."""
+        return self._reader
+
+    def refresh(self) -> None:
+        """Take in what was written since the log was opened."""
+        self._reader.refresh()
+        self._end_ns = None
+
+    def replay(
+        self,
+        at: Time = None,
+        known_at: Time = None,
+        event: int | None = None,
+        *,
+        progress: Progress | None = None,
+    ) -> DoorMap:
+        """Return the door map at a moment; without arguments: now.
+
+        Args:
+            at: What was true then, with all that is known today.
+            known_at: Only what had been recorded by then, whole commits.
+            event: Only what has a number up to that.
+            progress: Told how far the reading is.
+        """
+        scope = self.scope(at, known_at, event)
+        state = replay(self.reader, scope, progress=progress)
+        return state.door_map(at_ns=scope.at_ns, known_at_ns=scope.known_at_ns)
+
+    def fold(self, projection: P, at: Time = None, known_at: Time = None) -> P:
+        """Fold the events of a moment into a projection of yours, and return it."""
+        return fold(self.reader, projection, self.scope(at, known_at))
+
+    def batches(
+        self,
+        since: Time = None,
+        until: Time = None,
+        *,
+        recorded: bool = False,
+        doors: Collection[DoorId] | None = None,
+        kinds: Collection[type[Event]] | None = None,
+        retracted: bool = False,
+        progress: Progress | None = None,
+    ) -> Iterator[EventBatch]:
+        """Yield events as numpy columns, numbers ascending, about a MiB of the log at a time.
+
+        Args:
+            since: From then on (happened time).
+            until: Before then.
+            recorded: The range is of recorded time.
+            doors: Only events about these doors.
+            kinds: Only these kinds.
+            retracted: Retracted events, too.
+            progress: Told how far the reading is.
+        """
+        source = (
+            self.reader.batches(progress=progress)
+            if retracted
+            else visible_batches(self.reader, progress=progress)
+        )
+        first, last = self.moment(since), self.moment(until)
+        for batch in source:
+            chosen = batch.select(_within(batch, first, last, recorded=recorded))
+            if doors is not None:
+                chosen = chosen.select(np.isin(chosen.door_ids(), list(doors)))
+            if kinds is not None:
+                chosen = chosen.select(np.isin(chosen.kind, [kind.kind for kind in kinds]))
+            if len(chosen):
+                yield chosen
+
+    def commits(self) -> Iterator[Commit]:
+        """Yield all commits, in order, with their notes."""
+        return self.reader.commits()
+
+    def event(self, number: int) -> RecordedEvent:
+        """Return the event of that number.
+
+        Raises:
+            LogError: There is none.
+        """
+        return self.reader.event(number)
+
+    def history(
+        self,
+        door: DoorId | None = None,
+        since: Time = None,
+        until: Time = None,
+        *,
+        recorded: bool = False,
+        kinds: Collection[type[Event]] | None = None,
+    ) -> Iterator[HistoryEntry]:
+        """Yield events with who did it and why, retracted ones marked; since <= happened < until.
+
+        Args:
+            door: Only events about it; default: all events.
+            since: From then on.
+            until: Before then.
+            recorded: The range is of recorded time.
+            kinds: Only these kinds.
+        """
+        batches = self.batches(
+            since, until, recorded=recorded, doors=None if door is None else [door],
+            kinds=kinds, retracted=True,
+        )  # fmt: skip
+        return history(batches, self.commits(), self.reader.retractions())
+
+    def diff(self, first: Time, second: Time) -> Diff:
+        """Return what is different at the second moment, and the events that did it.
+
+        The events are those with first < happened <= second, retracted ones left out.
+        """
+        before, after = self.replay(at=first), self.replay(at=second)
+        start, end = self.moment(first), self.moment(second)
+        batches = (
+            batch.select(_after(batch, start) & ~_after(batch, end))
+            for batch in visible_batches(self.reader)
+        )
+        retractions = self.reader.retractions()
+        return diff(before, after, list(history(batches, self.commits(), retractions)))
+
+    def floor_map(self, level: int = 0, at: Time = None) -> FloorMap | None:
+        """Return a level's floor plan; None if it has none."""
+        known = self.replay(at=at).levels.get(level)
+        if known is None or known.floor_map_event is None:
+            return None
+        event = self.event(known.floor_map_event).event
+        assert isinstance(event, FloorMap)
+        return event
+
+    def end_ns(self) -> int:
+        """Return the log's end: the latest happened time in it; 0 for a log without events."""
+        if self._end_ns is None:
+            self._end_ns = replay(self.reader).latest_happened_ns
+        return self._end_ns
+
+    def resolve(self, door: str | int) -> DoorId:
+        """Return the door of that id, name, or level/name, as of now.
+
+        Raises:
+            UnknownDoorError: None, or more than one.
+        """
+        return resolve_door(door, self.replay())
+
+    def moment(self, time: Time) -> Moment:
+        """Return what a time means in this log.
+
+        Raises:
+            MomentError: It cannot be read.
+        """
+        if time is None:
+            return Moment()
+        if isinstance(time, datetime):
+            time = time.isoformat()
+        if isinstance(time, str):
+            relative = any(word in time.lower() for word in ("ago", "day", "now"))
+            end_ns = self.end_ns() if relative else 0
+            return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
+        return Moment(ns=int(time))
+
+    def scope(self, at: Time = None, known_at: Time = None, event: int | None = None) -> Scope:
+        """Return the bounds that these moments mean; `event:12` bounds the numbers.
+
+        Raises:
+            MomentError: A time cannot be read, or is not one.
+        """
+        happened, known = self.moment(at), self.moment(known_at)
+        if event is not None and event < 0:
+            raise MomentError(f"event {event}: event numbers begin at 0.")
+        numbers = [n for n in (event, happened.event, known.event) if n is not None]
+        return Scope(happened.ns, known.ns, min(numbers, default=None))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Nothing to let go of: the files are mapped, and unmapped with the object."""
+
+
+def _within(
+    batch: EventBatch, first: Moment, last: Moment, *, recorded: bool
+) -> NDArray[np.bool_]:
+    """Return which events lie in the half-open range from `first` to `last`."""
+    times = batch.recorded_ns if recorded else batch.folds_ns
+    inside = np.ones(len(batch), np.bool_)
+    if first.ns is not None:
+        inside &= times >= first.ns
+    if first.event is not None:
+        inside &= batch.number >= first.event
+    if last.ns is not None:
+        inside &= times < last.ns
+    if last.event is not None:
+        inside &= batch.number < last.event
+    return inside
+
+
+def _after(batch: EventBatch, moment: Moment) -> NDArray[np.bool_]:
+    """Return which events come after a moment."""
+    if moment.event is not None:
+        return batch.number > moment.event
+    return batch.folds_ns > (moment.ns if moment.ns is not None else np.iinfo(np.int64).max)

@@ -1,0 +1,158 @@
+"""The plain nouns: doors, their states, and the map of them. Values only, no I/O.
+
+Lengths are metres, angles radians, both in the frame `map`; times are integer nanoseconds since
+the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from types import MappingProxyType
+from typing import NewType
+
+DoorId = NewType("DoorId", int)
+"""Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`."""
+
+MAX_DOOR_ID = 2**32 - 1
+MAX_LEVEL = 65_000
+"""A level's floor map travels on MCAP channel 100 + level, which is a uint16."""
+
+NAN = math.nan
+
+
+class DoorState(IntEnum):
+    """What a door is known to be; 5..255 are reserved."""
+
+    UNKNOWN = 0
+    OPEN = 1
+    CLOSED = 2
+    MOVING = 3
+    OFFLINE = 4
+
+    @classmethod
+    def parse(cls, text: str) -> DoorState:
+        """Return the state of that name, in any case of letters.
+
+        Raises:
+            ValueError: The text is none of the five names.
+        """
+        try:
+            return cls[text.strip().upper()]
+        except KeyError:
+            names = " ".join(state.name for state in cls)
+            raise ValueError(f"expected one of {names}, got {text!r}") from None
+
+    @property
+    def is_known(self) -> bool:
+        """True for OPEN and CLOSED: the states that a map, a YAML or a belief can use."""
+        return self in (DoorState.OPEN, DoorState.CLOSED)
+
+
+def reduced(state: DoorState) -> DoorState:
+    """Return the state as the thesis's formats know it: all but OPEN and CLOSED are UNKNOWN."""
+    return state if state.is_known else DoorState.UNKNOWN
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2D:
+    """Where a door's line starts (x, y) and where it points (theta), on a level of the building."""
+
+    x: float
+    y: float
+    theta: float
+    level: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """A door as known at some moment; its line goes from `start` to `end`."""
+
+    door_id: DoorId
+    level: int
+    x: float
+    """NaN, together with y, theta and width, for an unplaced door: it is drawn nowhere."""
+    y: float
+    theta: float
+    width: float
+    state: DoorState
+    prob_open: float
+    prob_closed: float
+    last_seen_ns: int | None = None
+    """When its latest state happened."""
+    last_event: int | None = None
+    """The number of the last event about it."""
+    annotations: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def name(self) -> str | None:
+        """Its annotation `name`, if it has one."""
+        return self.annotations.get("name")
+
+    @property
+    def label(self) -> str:
+        """What a person calls it: its name, else its number."""
+        return self.name or f"door {self.door_id}"
+
+    @property
+    def is_placed(self) -> bool:
+        """False for a sensor without geometry: it has history and belief and is drawn nowhere."""
+        return not math.isnan(self.x)
+
+    @property
+    def pose(self) -> Pose2D:
+        """Start and direction of its line."""
+        return Pose2D(self.x, self.y, self.theta, self.level)
+
+    @property
+    def start(self) -> tuple[float, float]:
+        """First end of its line (x, y), metres, frame `map`."""
+        return self.x, self.y
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """Other end of its line (x, y), metres, frame `map`."""
+        return (
+            self.x + self.width * math.cos(self.theta),
+            self.y + self.width * math.sin(self.theta),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A storey of the building."""
+
+    level: int
+    name: str | None = None
+    elevation: float = NAN
+    floor_map_event: int | None = None
+    """The number of the event that carries its floor plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoorMap:
+    """The door database at a moment: what a replay gives."""
+
+    doors: Mapping[DoorId, Door]
+    """Doors in the map then, ids ascending."""
+    levels: Mapping[int, Level]
+    """Levels known then, numbers ascending."""
+    event: int = -1
+    """The greatest event number taken into account; -1 before the first event."""
+    at_ns: int | None = None
+    """Only what had happened by then counts; None: everything."""
+    known_at_ns: int | None = None
+    """Only what had been recorded by then counts; None: everything."""
+
+    def __len__(self) -> int:
+        return len(self.doors)
+
+    def __getitem__(self, door_id: DoorId) -> Door:
+        return self.doors[door_id]
+
+    def level_name(self, level: int) -> str:
+        """Return the level's name, or its number as text where it has none."""
+        known = self.levels.get(level)
+        return (known.name if known else None) or str(level)

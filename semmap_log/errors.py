@@ -1,0 +1,125 @@
+"""Every error this package raises on purpose, as one tree.
+
+    SemmapError                     catch this one to catch them all
+    ├── InvalidEventError           an event holds a value that no door can have     (ValueError)
+    ├── CommandError                the map as it stands forbids what was asked
+    │   ├── UnknownDoorError        no such door                                     (LookupError)
+    │   ├── DoorExistsError         the id is taken, with other values
+    │   ├── DoorRemovedError        the id belonged to a door that is gone
+    │   └── UnknownLevelError       no such level                                    (LookupError)
+    ├── MomentError                 a time that cannot be read, or that is ambiguous (ValueError)
+    ├── LogError                    the log on disk
+    │   ├── NotALogError            a file, an empty folder, somebody else's bag
+    │   ├── LogExistsError          there is something already where a log should be made
+    │   ├── LogLockedError          another process is writing
+    │   ├── LogAccessError          the file system says no
+    │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
+    │   └── CorruptLogError         damage, with file and offset
+    ├── FormatError                 a foreign file that cannot be read, with file and line
+    └── MissingExtraError           an optional package is not installed             (ImportError)
+
+Messages say where, what was expected, what was got and, where it helps, what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class SemmapError(Exception):
+    """Base of every error of this package."""
+
+
+class InvalidEventError(SemmapError, ValueError):
+    """An event holds a value that no door can have."""
+
+    def __init__(self, where: str, expected: str, got: object) -> None:
+        super().__init__(f"{where}: expected {expected}, got {got!r}.")
+        self.where = where
+
+
+class CommandError(SemmapError):
+    """The map as it stands forbids what was asked."""
+
+
+class UnknownDoorError(CommandError, LookupError):
+    """No door of that id or name is in the map."""
+
+
+class DoorExistsError(CommandError):
+    """The id is taken by a door with other values."""
+
+
+class DoorRemovedError(CommandError):
+    """The id belonged to a door that was removed; ids are never used twice."""
+
+
+class UnknownLevelError(CommandError, LookupError):
+    """No level of that number or name is in the map."""
+
+
+class MomentError(SemmapError, ValueError):
+    """A moment that cannot be read, or that names two instants."""
+
+
+class LogError(SemmapError):
+    """Something about the log on disk."""
+
+
+class NotALogError(LogError):
+    """There is no semmap log at that path."""
+
+
+class LogExistsError(LogError):
+    """There is something already where a new log should be made."""
+
+
+class LogLockedError(LogError):
+    """Another process holds the log open for writing."""
+
+
+class LogAccessError(LogError, OSError):
+    """The file system does not let us read or write the log."""
+
+
+class LogPoisonedError(LogError):
+    """A write or sync failed; whether its events are stored is unknown until the log is reopened."""
+
+
+class CorruptLogError(LogError):
+    """The bytes of a segment are not what was written."""
+
+    def __init__(self, path: Path, offset: int, problem: str) -> None:
+        super().__init__(f"{path}: damaged at byte {offset}: {problem}")
+        self.path = path
+        self.offset = offset
+
+
+class FormatError(SemmapError, ValueError):
+    """A foreign file that cannot be read: every problem found, each with its line."""
+
+    def __init__(self, path: Path | str, problems: str | Iterable[tuple[int, str]]) -> None:
+        if isinstance(problems, str):
+            lines = [f"{path}: {problems}"]
+        else:
+            lines = [f"{path}:{line}: {text}" for line, text in problems]
+        shown = lines[:MOST_PROBLEMS_SHOWN]
+        if len(lines) > len(shown):
+            shown.append(f"… and {len(lines) - len(shown)} more problems in {path}")
+        super().__init__("\n".join(shown))
+        self.path = path
+        self.problems = lines
+
+
+class MissingExtraError(SemmapError, ImportError):
+    """An optional package is not installed."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(
+            f"{package} is not installed; install it with: pip install 'semmap-log[{extra}]'"
+        )
+
+
+MOST_PROBLEMS_SHOWN = 20
+"""So that a wrong file of a million lines does not scroll the terminal away."""

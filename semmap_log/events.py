@@ -1,0 +1,464 @@
+"""What can happen to a door map, as frozen facts in the past tense, and many of them as columns.
+
+An event says what happened and when (`happened_ns`). Its number and its recorded time are given
+by the log. The names and the meaning of every field are those of the `.msg` texts in
+`semmap_log/messages/msg`, which define the bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from enum import IntFlag
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import MAX_DOOR_ID, MAX_LEVEL, NAN, DoorId, DoorState
+from semmap_log.errors import InvalidEventError
+
+MAX_EVENT = 2**63 - 1
+MAX_TIME_NS = 2**63 - 1
+"""Times are stored as MCAP's uint64 and handled as int64: good until the year 2262."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something that happened. The base of all kinds."""
+
+    happened_ns: int | None = None
+    """When it happened (nanoseconds, UTC); None: when the log records it."""
+
+    kind: ClassVar[int]
+    """Its number among `KINDS`, which is also its MCAP channel id: never changes."""
+
+    def __post_init__(self) -> None:
+        if self.happened_ns is not None:
+            self._whole("happened_ns", self.happened_ns, 0, MAX_TIME_NS)
+        self._check()
+
+    def _check(self) -> None:
+        """Raise InvalidEventError where a value is one that no door can have."""
+
+    def _refuse(self, name: str, expected: str, got: object) -> None:
+        raise InvalidEventError(f"{type(self).__name__}.{name}", expected, got)
+
+    def _whole(self, name: str, value: int, low: int, high: int) -> None:
+        if not isinstance(value, (int, np.integer)) or not low <= value <= high:
+            self._refuse(name, f"a whole number from {low} to {high}", value)
+
+    def _finite(self, **values: float) -> None:
+        for name, value in values.items():
+            if not math.isfinite(value):
+                self._refuse(name, "a finite number", value)
+
+    def _at_least_0(self, name: str, value: float, unit: str) -> None:
+        if not (math.isfinite(value) and value >= 0):
+            self._refuse(name, f"a finite number of {unit}, 0 or more", value)
+
+    def _share(self, low: float, **values: float) -> None:
+        for name, value in values.items():
+            if not (math.isnan(value) or low <= value <= 1):
+                self._refuse(name, f"a number from {low:g} to 1", value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorEvent(Event):
+    """An event about one door."""
+
+    door_id: DoorId
+
+    def _check(self) -> None:
+        self._whole("door_id", self.door_id, 1, MAX_DOOR_ID)
+
+
+def _check_place(event: DoorAdded | DoorUpdated) -> None:
+    """A pose is finite, or all of it is NaN (an unplaced door)."""
+    event._whole("level", event.level, 0, MAX_LEVEL)
+    place = (event.x, event.y, event.theta)
+    if not all(math.isnan(value) for value in place):
+        event._finite(x=event.x, y=event.y, theta=event.theta)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorAdded(DoorEvent):
+    """A door came into the map (thesis: AddDoor). x, y, theta and width NaN: an unplaced door."""
+
+    level: int = 0
+    x: float = NAN
+    y: float = NAN
+    theta: float = NAN
+    width: float = NAN
+    state: DoorState = DoorState.UNKNOWN
+    prob_open: float = NAN
+    prob_closed: float = NAN
+
+    def _check(self) -> None:
+        DoorEvent._check(self)
+        _check_place(self)
+        if math.isnan(self.x) != math.isnan(self.width):
+            self._refuse("width", "a width where there is a pose, and none where there is none",
+                         self.width)
+        if not math.isnan(self.width):
+            self._at_least_0("width", self.width, "metres")
+        self._share(0, prob_open=self.prob_open, prob_closed=self.prob_closed)
+
+
+class Changed(IntFlag):
+    """Which fields a DoorUpdated sets."""
+
+    POSE = 1
+    """x, y, theta and level."""
+    WIDTH = 2
+    STATE = 4
+    PROB_OPEN = 8
+    PROB_CLOSED = 16
+
+
+ALL_CHANGED = Changed.POSE | Changed.WIDTH | Changed.STATE | Changed.PROB_OPEN | Changed.PROB_CLOSED
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorUpdated(DoorEvent):
+    """Some fields of a door were set (thesis: UpdateDoor); those not in `changed` mean nothing."""
+
+    changed: Changed
+    level: int = 0
+    x: float = NAN
+    y: float = NAN
+    theta: float = NAN
+    width: float = NAN
+    state: DoorState = DoorState.UNKNOWN
+    prob_open: float = NAN
+    prob_closed: float = NAN
+
+    def _check(self) -> None:
+        DoorEvent._check(self)
+        self._whole("changed", self.changed, 1, int(ALL_CHANGED))
+        if self.changed & Changed.POSE:
+            self._finite(x=self.x, y=self.y, theta=self.theta)
+        _check_place(self)
+        if self.changed & Changed.WIDTH:
+            self._at_least_0("width", self.width, "metres")
+        self._share(0, prob_open=self.prob_open, prob_closed=self.prob_closed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorRemoved(DoorEvent):
+    """A door left the map (thesis: RemoveDoor); its id is never used again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorObserved(DoorEvent):
+    """A sighting: sets the map's state as an update does, and is evidence for the belief."""
+
+    state: DoorState
+    accuracy_open: float = 1.0
+    """P(reads open when it is open), in [0.5, 1]."""
+    accuracy_closed: float = 1.0
+    """P(reads closed when it is closed), in [0.5, 1]."""
+    opening: float = NAN
+    """How far it stands open, 0..1; NaN: not measured."""
+
+    def _check(self) -> None:
+        DoorEvent._check(self)
+        for name in ("accuracy_open", "accuracy_closed"):
+            if math.isnan(getattr(self, name)):
+                self._refuse(name, "a number from 0.5 to 1", NAN)
+        self._share(0.5, accuracy_open=self.accuracy_open, accuracy_closed=self.accuracy_closed)
+        self._share(0, opening=self.opening)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorRequested(DoorEvent):
+    """Somebody asked for a state (who: the commit's note); never changes the state."""
+
+    state: DoorState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorPassed(DoorEvent):
+    """A robot went through (a sighting of OPEN), or gave up (which sets nothing)."""
+
+    passed: bool
+    waited_s: float = NAN
+    """How long it waited before the door, seconds; NaN: not measured."""
+
+    def _check(self) -> None:
+        DoorEvent._check(self)
+        if not math.isnan(self.waited_s):
+            self._at_least_0("waited_s", self.waited_s, "seconds")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatrolStarted(Event):
+    """A round began; its name is in the commit's note."""
+
+    patrol: int
+
+    def _check(self) -> None:
+        self._whole("patrol", self.patrol, 0, 2**32 - 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatrolFinished(Event):
+    """A round ended."""
+
+    patrol: int
+
+    def _check(self) -> None:
+        self._whole("patrol", self.patrol, 0, 2**32 - 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotPose(Event):
+    """Where the robot was, frame `map`; logged when it moved and at sightings."""
+
+    level: int = 0
+    x: float
+    y: float
+    theta: float
+    sd_xy: float = NAN
+    """Standard deviation of x and y, metres; NaN: not given."""
+    sd_theta: float = NAN
+    """Standard deviation of theta, radians; NaN: not given."""
+
+    def _check(self) -> None:
+        self._whole("level", self.level, 0, MAX_LEVEL)
+        self._finite(x=self.x, y=self.y, theta=self.theta)
+        for name in ("sd_xy", "sd_theta"):
+            value = getattr(self, name)
+            if not math.isnan(value):
+                self._at_least_0(name, value, "metres" if name == "sd_xy" else "radians")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Retracted(Event):
+    """Hides whole events by number, for every question asked with knowledge after it."""
+
+    first_event: int
+    last_event: int
+    """Inclusive."""
+
+    def _check(self) -> None:
+        self._whole("first_event", self.first_event, 0, MAX_EVENT)
+        self._whole("last_event", self.last_event, self.first_event, MAX_EVENT)
+
+
+def _check_text(event: Event, *names: str) -> None:
+    for name in names:
+        text = getattr(event, name)
+        if "\0" in text:
+            event._refuse(name, "text without NUL characters", text)
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            event._refuse(name, "text that UTF-8 can hold", text)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoorAnnotated(DoorEvent):
+    """A fact in words: name, rooms, type (hinged, sliding …). An empty value takes it back."""
+
+    key: str
+    value: str
+    salt: bytes = field(default=b"", repr=False, compare=False)
+    """16 random bytes, so that a redacted text cannot be guessed from its digest."""
+
+    def _check(self) -> None:
+        DoorEvent._check(self)
+        if not self.key:
+            self._refuse("key", "a key such as name", self.key)
+        _check_text(self, "key", "value")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelAdded(Event):
+    """A storey became known (or got another name)."""
+
+    level: int
+    name: str
+    elevation: float = NAN
+    """Metres above the building's zero; NaN: not given."""
+
+    def _check(self) -> None:
+        self._whole("level", self.level, 0, MAX_LEVEL)
+        _check_text(self, "name")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FloorMap(Event):
+    """A level's floor plan, as nav_msgs/OccupancyGrid."""
+
+    level: int = 0
+    resolution: float
+    """Metres a cell, float32 as in nav_msgs/MapMetaData."""
+    origin_x: float
+    """Where the lower left corner of cell (0, 0) lies, metres, frame `map`."""
+    origin_y: float
+    origin_theta: float = 0.0
+    cells: NDArray[np.int8]
+    """(height, width), row 0 = lowest y; 0 free .. 100 occupied, -1 unknown."""
+
+    def _check(self) -> None:
+        self._whole("level", self.level, 0, MAX_LEVEL)
+        self._finite(origin_x=self.origin_x, origin_y=self.origin_y, origin_theta=self.origin_theta)
+        if not (math.isfinite(self.resolution) and self.resolution > 0):
+            self._refuse("resolution", "a finite number of metres above 0", self.resolution)
+        if self.cells.ndim != 2 or self.cells.dtype != np.int8:
+            got = f"{self.cells.dtype} {self.cells.shape}"
+            self._refuse("cells", "an int8 array (height, width)", got)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, FloorMap):
+            return NotImplemented
+        mine, theirs = (
+            (e.happened_ns, e.level, e.resolution, e.origin_x, e.origin_y, e.origin_theta)
+            for e in (self, other)
+        )
+        return mine == theirs and np.array_equal(self.cells, other.cells)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogExported(Event):
+    """The server saved the door database (the thesis's SaveDoorDB): audited."""
+
+    format: str
+    file_name: str
+    at_ns: int
+    """The moment whose state was saved."""
+
+    def _check(self) -> None:
+        self._whole("at_ns", self.at_ns, 0, MAX_TIME_NS)
+        _check_text(self, "format", "file_name")
+
+
+KINDS: tuple[type[Event], ...] = (
+    DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorRequested, DoorPassed,
+    PatrolStarted, PatrolFinished, RobotPose, Retracted,
+    DoorAnnotated, LevelAdded, FloorMap, LogExported,
+)  # fmt: skip
+"""Every kind of event; the kind number is the place in this list, from 1 on. Only ever grows."""
+
+for _number, _kind in enumerate(KINDS, start=1):
+    _kind.kind = _number
+
+KIND_BY_NAME: Mapping[str, type[Event]] = {kind.__name__: kind for kind in KINDS}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedEvent:
+    """An event as the log holds it."""
+
+    number: int
+    recorded_ns: int
+    event: Event
+    """`event.happened_ns` is always set, and as it was given."""
+
+    @property
+    def happened_ns(self) -> int:
+        """When it happened, as given."""
+        assert self.event.happened_ns is not None
+        return self.event.happened_ns
+
+
+@dataclass(frozen=True, slots=True)
+class EventBatch:
+    """Events in order of their numbers, as numpy columns.
+
+    `batch[DoorObserved]` gives that kind's own fields, `batch.where(DoorObserved)` the positions
+    of its rows among `number`, `happened_ns`, `recorded_ns`.
+    """
+
+    number: NDArray[np.int64]
+    """Event numbers, strictly ascending."""
+    kind: NDArray[np.uint8]
+    """`Event.kind` of each."""
+    happened_ns: NDArray[np.int64]
+    """As given; one later than recorded folds as the recorded time: see `folds_ns`."""
+    recorded_ns: NDArray[np.int64]
+    columns: Mapping[int, NDArray[np.void]]
+    """Kind number -> structured array, for the kinds of fixed size."""
+    objects: Mapping[int, Sequence[Event]]
+    """Kind number -> events, for the kinds with text or arrays."""
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    def __getitem__(self, kind: type[Event]) -> NDArray[np.void]:
+        """Return the fields of that fixed-size kind, one row an event (KeyError: none here)."""
+        return self.columns[kind.kind]
+
+    def __contains__(self, kind: type[Event]) -> bool:
+        return kind.kind in self.columns or kind.kind in self.objects
+
+    def where(self, kind: type[Event]) -> NDArray[np.intp]:
+        """Return the positions of that kind's events."""
+        return np.flatnonzero(self.kind == kind.kind)
+
+    def door_ids(self) -> NDArray[np.uint32]:
+        """Return the door each event is about; 0 where it is about none."""
+        ids = np.zeros(len(self), np.uint32)
+        for kind, rows in self.columns.items():
+            if issubclass(KINDS[kind - 1], DoorEvent):
+                ids[self.kind == kind] = rows["door_id"]
+        for kind, events in self.objects.items():
+            if issubclass(KINDS[kind - 1], DoorEvent):
+                ids[self.kind == kind] = [e.door_id for e in events if isinstance(e, DoorEvent)]
+        return ids
+
+    @property
+    def folds_ns(self) -> NDArray[np.int64]:
+        """The time by which each event is ordered: when it happened, but never after recording."""
+        return np.minimum(self.happened_ns, self.recorded_ns)
+
+    def select(self, keep: NDArray[np.bool_]) -> EventBatch:
+        """Return the events where `keep`, one bool an event, is true."""
+        if keep.all():
+            return self
+        inside = {kind: keep[self.kind == kind] for kind in (*self.columns, *self.objects)}
+        columns = {k: rows[inside[k]] for k, rows in self.columns.items() if inside[k].any()}
+        objects = {
+            k: [event for event, kept in zip(events, inside[k], strict=True) if kept]
+            for k, events in self.objects.items()
+            if inside[k].any()
+        }
+        return EventBatch(self.number[keep], self.kind[keep], self.happened_ns[keep],
+                          self.recorded_ns[keep], columns, objects)
+
+    def __iter__(self) -> Iterator[RecordedEvent]:
+        """Yield the events one by one, as objects."""
+        sources: dict[int, Iterator[Event]] = {k: iter(events) for k, events in self.objects.items()}
+        rows: dict[int, Iterator[tuple[Any, ...]]] = {
+            k: iter(array.tolist()) for k, array in self.columns.items()
+        }
+        names = {k: array.dtype.names or () for k, array in self.columns.items()}
+        stamps = zip(self.number.tolist(), self.kind.tolist(), self.happened_ns.tolist(),
+                     self.recorded_ns.tolist(), strict=True)
+        for number, kind, happened_ns, recorded_ns in stamps:
+            if kind in sources:
+                event = next(sources[kind])
+            else:
+                values = dict(zip(names[kind], next(rows[kind]), strict=True))
+                event = event_of(kind, values, happened_ns)
+            yield RecordedEvent(number, recorded_ns, event)
+
+
+def event_of(kind: int, values: Mapping[str, Any], happened_ns: int | None) -> Event:
+    """Return the event of that kind with those field values (states and bits as plain numbers)."""
+    cls = KINDS[kind - 1]
+    known = dict(values)
+    if "state" in known:
+        known["state"] = DoorState(known["state"])
+    if "changed" in known:
+        known["changed"] = Changed(known["changed"])
+    return cls(happened_ns=happened_ns, **known)
+
+
+def field_names(kind: type[Event]) -> tuple[str, ...]:
+    """Return the names of a kind's own fields, without `happened_ns`."""
+    return tuple(f.name for f in fields(kind) if f.name != "happened_ns")

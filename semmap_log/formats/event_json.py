@@ -1,0 +1,125 @@
+"""One event as one JSON object, both ways: what `record` reads and `history --json` writes.
+
+    {"kind": "DoorObserved", "door_id": 1, "state": "OPEN", "accuracy": 0.9,
+     "happened": "2026-03-01T12:00:00.000000000Z"}
+
+Keys are the event's fields; states and changed fields by name, absent numbers null, times ISO-8601
+(`happened_ns` is `happened`). A salt is never shown.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorState
+from semmap_log.events import (
+    Changed,
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    RecordedEvent,
+    field_names,
+)
+from semmap_log.moments import format_utc
+
+CHANGED_FIELDS: Mapping[Changed, tuple[str, ...]] = {
+    Changed.POSE: ("level", "x", "y", "theta"),
+    Changed.WIDTH: ("width",),
+    Changed.STATE: ("state",),
+    Changed.PROB_OPEN: ("prob_open",),
+    Changed.PROB_CLOSED: ("prob_closed",),
+}
+NOTE_KEYS = ("actor", "source", "reason", "correlation")
+
+
+def event_to_json(
+    event: RecordedEvent | Event, *, note: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return the event as a value that `json.dumps` writes.
+
+    A RecordedEvent has its number (`event`) and `recorded` time, too; of `note` (actor, source,
+    reason, correlation) what is not empty is added.
+    """
+    if isinstance(event, RecordedEvent):
+        shown = {"event": event.number, **event_to_json(event.event)}
+        shown["recorded"] = format_utc(event.recorded_ns)
+    else:
+        shown = {"kind": type(event).__name__, **_fields(event)}
+        if event.happened_ns is not None:
+            shown["happened"] = format_utc(event.happened_ns)
+    return shown | {key: text for key, text in (note or {}).items() if text}
+
+
+def _fields(event: Event) -> dict[str, Any]:
+    if isinstance(event, FloorMap):
+        return _floor_map_fields(event)
+    values = {name: getattr(event, name) for name in field_names(type(event)) if name != "salt"}
+    if isinstance(event, DoorUpdated):
+        bits = [bit for bit in CHANGED_FIELDS if bit in event.changed]
+        kept = {"door_id", *(name for bit in bits for name in CHANGED_FIELDS[bit])}
+        values = {name: value for name, value in values.items() if name in kept}
+        values["changed"] = [bit.name for bit in bits]
+    if isinstance(event, DoorObserved) and event.accuracy_open == event.accuracy_closed:
+        values["accuracy"] = values.pop("accuracy_open")
+        del values["accuracy_closed"]
+    if "at_ns" in values:
+        values["at"] = format_utc(values.pop("at_ns"))
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, DoorState):
+        return value.name
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+FLOOR_MAP_KEYS = (
+    "level", "resolution", "origin_x", "origin_y", "origin_theta",
+    "width", "height", "cells_zlib_base64",
+)  # fmt: skip
+MOST_CELLS = 100_000_000
+
+
+def _floor_map_fields(event: FloorMap) -> dict[str, Any]:
+    """Return the keys of `FLOOR_MAP_KEYS`: width and height in cells, the cells row by row."""
+    height, width = event.cells.shape
+    packed = zlib.compress(event.cells.tobytes(), level=6)
+    return {
+        "level": event.level,
+        "resolution": event.resolution,
+        "origin_x": event.origin_x,
+        "origin_y": event.origin_y,
+        "origin_theta": event.origin_theta,
+        "width": width,
+        "height": height,
+        "cells_zlib_base64": base64.b64encode(packed).decode(),
+    }
+
+
+def unpack_cells(text: str, *, width: int, height: int) -> NDArray[np.int8]:
+    """Return the cells that a FloorMap's `cells_zlib_base64` holds, int8, (height, width).
+
+    Raises:
+        ValueError: They are not that, or not that many.
+    """
+    if width < 0 or height < 0 or width * height > MOST_CELLS:
+        raise ValueError(f"expected at most {MOST_CELLS:,} cells, got {width} x {height}")
+    size = width * height
+    try:
+        # One byte more than there may be, and no further, whatever the text unpacks to.
+        raw = zlib.decompressobj().decompress(base64.b64decode(text, validate=True), size + 1)
+    except zlib.error as error:
+        raise ValueError(f"expected zlib data: {error}") from None
+    if len(raw) != size:
+        raise ValueError(f"expected {size:,} cells of {width} x {height}, got another number")
+    return np.frombuffer(raw, np.int8).reshape(height, width)

@@ -1,0 +1,288 @@
+"""Reading what `event_json` writes, and what people and programs write by hand like it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from semmap_log.doors import NAN, DoorId, DoorState
+from semmap_log.errors import FormatError, SemmapError
+from semmap_log.events import (
+    KIND_BY_NAME,
+    Changed,
+    DoorAdded,
+    DoorEvent,
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    field_names,
+)
+from semmap_log.formats.event_json import CHANGED_FIELDS, FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
+from semmap_log.formats.problems import shown
+from semmap_log.formats.strict_json import StrictJsonError, load_object
+from semmap_log.moments import parse_instant
+
+
+@dataclass(frozen=True, slots=True)
+class DoorLookup:
+    """What a line may ask about the doors there are. Each may raise a SemmapError."""
+
+    resolve: Callable[[str], DoorId]
+    """The door of that name, or level/name."""
+    next_id: Callable[[], DoorId]
+    """The id for a DoorAdded without one."""
+    level_of: Callable[[DoorId], int]
+    """The door's level: where a new position without a level lies."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedLine:
+    """An event with what was said about it."""
+
+    event: Event
+    actor: str = ""
+    source: str = ""
+    reason: str = ""
+    correlation: str = ""
+    command_id: bytes | None = None
+    """16 bytes."""
+    number: int | None = None
+    """Its number in the log that it was exported from."""
+    recorded_ns: int | None = None
+    """When that log recorded it."""
+
+
+def parse_event_line(
+    text: str | bytes, *, tz: str, lookup: DoorLookup, path: Path | str = "line", line: int = 1
+) -> ParsedLine:
+    """Return the event that a line of JSON holds.
+
+    Args:
+        text: One JSON object.
+        tz: IANA zone of times without an offset.
+        lookup: Finds doors named by `"door"`, and ids for new ones.
+        path: For messages.
+        line: For messages, 1-based.
+
+    Raises:
+        FormatError: Not JSON, not such an event, or `lookup` does not know the door.
+    """
+    try:
+        return _LineReader(load_object(text), tz, lookup).line()
+    except (SemmapError, StrictJsonError, _WrongError) as error:
+        raise FormatError(path, [(line, str(error))]) from None
+
+
+class _WrongError(ValueError):
+    """A line that is not an event; gets its file and line from `parse_event_line`."""
+
+
+class _LineReader:
+    """Takes the keys of one object, each once; what is left over at the end is unknown."""
+
+    def __init__(self, values: dict[str, Any], tz: str, lookup: DoorLookup) -> None:
+        self.left = dict(values)
+        self.tz = tz
+        self.lookup = lookup
+
+    def line(self) -> ParsedLine:
+        kind = self.kind()
+        happened_ns = self.instant("happened")
+        said = {key: self.text(key) for key in NOTE_KEYS if key in self.left}
+        command_id = self.command_id()
+        number = self.whole("event") if "event" in self.left else None
+        recorded_ns = self.instant("recorded")
+        values = self.floor_map() if kind is FloorMap else self.fields(kind)
+        if self.left:
+            known = ", ".join(["happened", *_keys_of(kind)])
+            raise _WrongError(
+                f"unknown key {shown(next(iter(self.left)))}: {kind.__name__} has the keys {known}"
+            )
+        event = kind(happened_ns=happened_ns, **values)
+        return ParsedLine(
+            event, command_id=command_id, number=number, recorded_ns=recorded_ns, **said
+        )
+
+    def kind(self) -> type[Event]:
+        name = self.left.pop("kind", None)
+        if not isinstance(name, str) or name not in KIND_BY_NAME:
+            raise _WrongError(f"kind: expected one of {', '.join(KIND_BY_NAME)}; got {shown(name)}")
+        return KIND_BY_NAME[name]
+
+    def fields(self, kind: type[Event]) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        if issubclass(kind, DoorEvent):
+            values["door_id"] = self.door_id(kind)
+        if kind is DoorUpdated:
+            values["changed"] = self.changed()
+            if Changed.POSE in values["changed"] and "level" not in self.left:
+                values["level"] = self.lookup.level_of(values["door_id"])
+        if kind is DoorObserved and "accuracy" in self.left:
+            if {"accuracy_open", "accuracy_closed"} & set(self.left):
+                raise _WrongError(
+                    "accuracy: expected it alone, as it means both accuracy_open and "
+                    "accuracy_closed; leave one form out"
+                )
+            values["accuracy_open"] = values["accuracy_closed"] = self.number("accuracy")
+        for name in field_names(kind):
+            key = "at" if name == "at_ns" else name
+            if name != "salt" and key in self.left:
+                values[name] = self.value(key)
+        missing = [key for key, name in _required(kind) if name not in values]
+        if missing:
+            raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
+        return values
+
+    def value(self, key: str) -> Any:  # noqa: ANN401 - the kinds of events type their fields
+        if key == "state":
+            return self.state()
+        if key == "at":
+            return self.instant(key)
+        if key == "passed":
+            return self.truth(key)
+        if key in _TEXTS:
+            return self.text(key)
+        return self.whole(key) if key in _WHOLES else self.number(key)
+
+    def door_id(self, kind: type[Event]) -> DoorId:
+        if "door_id" in self.left:
+            if "door" in self.left:
+                raise _WrongError("door: expected it or door_id, got both")
+            return DoorId(self.whole("door_id"))
+        if kind is DoorAdded and "door" not in self.left:
+            return self.lookup.next_id()
+        if kind is not DoorAdded and "door" in self.left:
+            return self.lookup.resolve(self.text("door"))
+        expected = (
+            "door_id, or none for the next free one"
+            if kind is DoorAdded
+            else ("door_id, or door with a name")
+        )
+        raise _WrongError(f"{kind.__name__}: expected {expected}")
+
+    def changed(self) -> Changed:
+        """Return which fields are there; a key `changed` must say the same."""
+        there = [bit for bit, names in CHANGED_FIELDS.items() if {*names} & {*self.left}]
+        if Changed.POSE in there and not {"x", "y", "theta"} <= {*self.left}:
+            raise _WrongError(
+                "expected x, y and theta together (and level with them), got only some of them"
+            )
+        if not there:
+            raise _WrongError(
+                "DoorUpdated: expected at least one of x, y, theta (together), "
+                "width, state, prob_open, prob_closed; got none"
+            )
+        said = self.left.pop("changed", None)
+        names = [bit.name for bit in there]
+        if said is not None and (
+            not isinstance(said, list) or sorted(map(str, said)) != sorted(map(str, names))
+        ):
+            raise _WrongError(f"changed: expected {names} as the other keys say, got {shown(said)}")
+        bits = Changed(0)
+        for bit in there:
+            bits |= bit
+        return bits
+
+    def floor_map(self) -> dict[str, Any]:
+        missing = [key for key in FLOOR_MAP_KEYS if key not in self.left and key != "origin_theta"]
+        if missing:
+            raise _WrongError(f"FloorMap: expected the key {missing[0]}, got none")
+        numbers = {
+            key: self.number(key)
+            for key in FLOOR_MAP_KEYS
+            if key.startswith(("resolution", "origin")) and key in self.left
+        }
+        level, width, height = (self.whole(key) for key in ("level", "width", "height"))
+        try:
+            cells = unpack_cells(self.text("cells_zlib_base64"), width=width, height=height)
+        except ValueError as error:
+            raise _WrongError(f"cells_zlib_base64: {error}") from None
+        return {"level": level, "cells": cells, **numbers}
+
+    # One value each
+
+    def number(self, key: str) -> float:
+        value = self.left.pop(key)
+        if value is None:
+            return NAN
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise _WrongError(f"{key}: expected a number or null, got {shown(value)}")
+        try:
+            return float(value)
+        except OverflowError:
+            raise _WrongError(f"{key}: expected a number below 1.8e308") from None
+
+    def whole(self, key: str) -> int:
+        value = self.left.pop(key)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise _WrongError(f"{key}: expected a whole number, got {shown(value)}")
+        return value
+
+    def text(self, key: str) -> str:
+        value = self.left.pop(key)
+        if not isinstance(value, str):
+            raise _WrongError(f"{key}: expected a text, got {shown(value)}")
+        if not _is_unicode(value):
+            raise _WrongError(f"{key}: expected text that UTF-8 can hold, got {shown(value)}")
+        return value
+
+    def truth(self, key: str) -> bool:
+        value = self.left.pop(key)
+        if not isinstance(value, bool):
+            raise _WrongError(f"{key}: expected true or false, got {shown(value)}")
+        return value
+
+    def state(self) -> DoorState:
+        try:
+            return DoorState.parse(self.text("state"))
+        except ValueError as error:
+            raise _WrongError(f"state: {error}") from None
+
+    def instant(self, key: str) -> int | None:
+        value = self.left.pop(key, None)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+            raise _WrongError(
+                f"{key}: expected a time as ISO-8601 text or a number, got {shown(value)}"
+            )
+        return parse_instant(value, tz=self.tz)
+
+    def command_id(self) -> bytes | None:
+        if "command_id" not in self.left:
+            return None
+        text = self.text("command_id")
+        if len(text) != 32 or set(text) - set("0123456789abcdefABCDEF"):
+            raise _WrongError(f"command_id: expected 32 hexadecimal digits, got {shown(text)}")
+        return bytes.fromhex(text)
+
+
+_TEXTS = frozenset({"key", "value", "name", "format", "file_name"})
+_WHOLES = frozenset({"door_id", "level", "patrol", "first_event", "last_event"})
+
+
+def _required(kind: type[Event]) -> list[tuple[str, str]]:
+    """Return (key, field) of each field of the kind that has no default."""
+    return [
+        ("at" if f.name == "at_ns" else f.name, f.name)
+        for f in dataclasses.fields(kind)
+        if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+    ]
+
+
+def _keys_of(kind: type[Event]) -> list[str]:
+    if kind is FloorMap:
+        return [*FLOOR_MAP_KEYS]
+    names = ["at" if name == "at_ns" else name for name in field_names(kind) if name != "salt"]
+    names += ["accuracy"] if kind is DoorObserved else []
+    names += ["door"] if issubclass(kind, DoorEvent) and kind is not DoorAdded else []
+    return [*names, *NOTE_KEYS, "command_id"]
+
+
+def _is_unicode(text: str) -> bool:
+    """False for half a surrogate pair, which JSON can write and UTF-8 cannot."""
+    return not any("\ud800" <= character <= "\udfff" for character in text)

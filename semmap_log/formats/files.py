@@ -1,0 +1,74 @@
+"""Opening a foreign file safely: what it is and how big it is are checked before its bytes."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from semmap_log.errors import FormatError
+
+MIB = 2**20
+
+
+def read_capped(path: Path, *, most_bytes: int) -> bytes:
+    """Return the whole file.
+
+    Raises:
+        FormatError: It is missing, unreadable, not a regular file, or larger than `most_bytes`.
+    """
+    with open_regular(path) as file:
+        try:
+            data = file.read(most_bytes + 1)
+        except OSError as error:
+            raise _unreadable(path, error) from None
+    if len(data) > most_bytes:
+        raise FormatError(path, f"expected at most {most_bytes / MIB:g} MiB; this file is larger")
+    return data
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a regular file for reading.
+
+    Without O_NONBLOCK, opening a named pipe that nobody writes to would wait for ever.
+
+    Raises:
+        FormatError: It is missing, unreadable, or a folder, pipe, socket or device.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        raise FormatError(path, f"expected a regular file, got {_name_of(mode)}")
+    return os.fdopen(descriptor, "rb")
+
+
+def decode_utf8(data: bytes, path: Path) -> str:
+    """Return the text without its byte order mark.
+
+    Raises:
+        FormatError: It is not UTF-8; names the line.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        problem = f"expected UTF-8 text, got byte 0x{data[error.start]:02x}; save the file as UTF-8"
+        raise FormatError(path, [(line, problem)]) from None
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> FormatError:
+    reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+    return FormatError(path, f"cannot be read: {reason}")
+
+
+def _name_of(mode: int) -> str:
+    if stat.S_ISDIR(mode):
+        return "a folder"
+    if stat.S_ISFIFO(mode):
+        return "a named pipe"
+    return "a device or socket"

@@ -1,0 +1,38 @@
+"""All problems of a file, collected with their lines, so that one run shows every one of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from semmap_log.errors import FormatError
+
+MOST_KEPT = 1_000
+"""More than anybody reads, few enough that a wrong file of a million lines needs no memory."""
+
+
+class Problems:
+    """A list of what is wrong with a file."""
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = path
+        self.found: list[tuple[int, str]] = []
+
+    def add(self, line: int, text: str) -> None:
+        """Note that `text` is wrong on `line` (1-based)."""
+        if len(self.found) < MOST_KEPT:
+            self.found.append((line, text))
+
+    def raise_any(self) -> None:
+        """Raise what was found.
+
+        Raises:
+            FormatError: Something was; problems in order of their lines.
+        """
+        if self.found:
+            raise FormatError(self.path, sorted(self.found, key=lambda problem: problem[0]))
+
+
+def shown(value: object, *, most: int = 60) -> str:
+    """Return the value as a message shows it: on one line, and cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= most else text[: most - 1] + "…"

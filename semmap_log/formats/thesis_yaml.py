@@ -1,0 +1,197 @@
+"""The thesis's door database (Fig. 4.1): one YAML mapping, a door a key.
+
+    1:
+      position:
+        x: 2.0
+        y: 1.5
+        theta: 0.0
+      width: 0.9
+      status: CLOSED
+      closed_prob: 0.7
+      open_prob: 0.3
+
+Metres and radians. It knows the states OPEN, CLOSED and UNKNOWN only.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from semmap_log.doors import MAX_DOOR_ID, NAN, Door, DoorId, DoorMap, DoorState, reduced
+from semmap_log.errors import CommandError
+from semmap_log.formats.door_table import DoorTable, TableDoor
+from semmap_log.formats.problems import Problems, shown
+from semmap_log.formats.strict_yaml import Node, Scalar, load_yaml
+from semmap_log.formats.yaml_values import Fields, described, mapping_of
+
+DOOR_KEYS = ("position", "width", "status", "closed_prob", "open_prob")
+POSITION_KEYS = ("x", "y", "theta")
+STATES = {state.name: state for state in (DoorState.OPEN, DoorState.CLOSED, DoorState.UNKNOWN)}
+
+
+def read_thesis_yaml(path: Path) -> DoorTable:
+    """Return the doors of the file, in its order; an empty file has none.
+
+    A status that is none of the three is UNKNOWN, as the thesis's server has it, with a warning.
+
+    Raises:
+        FormatError: The file cannot be read, or is not such a database.
+    """
+    return parse_thesis_yaml(load_yaml(path), path)
+
+
+def parse_thesis_yaml(root: Node, path: Path) -> DoorTable:
+    """Return the doors of a YAML tree; `path` is for messages.
+
+    Raises:
+        FormatError: It is not such a database.
+    """
+    if isinstance(root, Scalar) and root.value is None:
+        return DoorTable(path, ())
+    reader = _Reader(Problems(path), [])
+    doors = reader.doors(root)
+    reader.problems.raise_any()
+    return DoorTable(path, tuple(doors), warnings=tuple(reader.warnings))
+
+
+def dump_thesis_yaml(
+    door_map: DoorMap, *, default_prob: float | None = None
+) -> tuple[str, list[str]]:
+    """Return the text of the file, ids ascending, and which doors it leaves out and why.
+
+    Numbers are written so that reading gives exactly the same ones. All states but OPEN and
+    CLOSED are written as UNKNOWN.
+
+    Args:
+        door_map: The doors.
+        default_prob: What to write where a door has no probability; None: that is an error.
+
+    Raises:
+        CommandError: Doors without probabilities, and no `default_prob`.
+    """
+    if default_prob is not None and not 0 <= default_prob <= 1:
+        raise CommandError(f"--default-prob: expected a number from 0 to 1, got {default_prob!r}.")
+    placed = [door for _, door in sorted(door_map.doors.items()) if door.is_placed]
+    if default_prob is None:
+        _refuse_unknown_probabilities(placed)
+    text = "".join(_entry(door, NAN if default_prob is None else default_prob) for door in placed)
+    left_out = [
+        f"{_named(door)}: has no position, which this format needs"
+        for _, door in sorted(door_map.doors.items())
+        if not door.is_placed
+    ]
+    return text or "{}\n", left_out
+
+
+_ID = re.compile(r"[1-9][0-9]{0,9}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Takes doors out of the tree and notes what is wrong with them."""
+
+    problems: Problems
+    warnings: list[str]
+
+    def doors(self, root: Node) -> list[TableDoor]:
+        table = mapping_of(root, "a door database", self.problems)
+        doors = []
+        for key, node in table.entries.items() if table else ():
+            if not _ID.fullmatch(key) or int(key) > MAX_DOOR_ID:
+                assert table is not None
+                self.problems.add(
+                    table.key_lines[key],
+                    f"expected a door's id, a whole number from 1 to {MAX_DOOR_ID}, "
+                    f"got {shown(key)}",
+                )
+                continue
+            entry = mapping_of(node, f"door {key}", self.problems)
+            if entry is not None:
+                doors.append(
+                    self.door(DoorId(int(key)), Fields(f"door {key}", entry, self.problems))
+                )
+        return doors
+
+    def door(self, door_id: DoorId, fields: Fields) -> TableDoor:
+        fields.refuse_others(DOOR_KEYS)
+        x, y, theta = self.position(fields)
+        width = fields.number("width")
+        if width < 0:
+            fields.refuse("width", "a number of metres, 0 or more")
+        return TableDoor(
+            line=fields.mapping.line,
+            door_id=door_id,
+            level=0,
+            x=x,
+            y=y,
+            theta=theta,
+            width=width,
+            state=self.state(fields),
+            prob_open=self.probability(fields, "open_prob"),
+            prob_closed=self.probability(fields, "closed_prob"),
+        )
+
+    def position(self, fields: Fields) -> tuple[float, float, float]:
+        node = fields.node("position")
+        position = mapping_of(node, f"{fields.what}: position", self.problems) if node else None
+        if position is None:
+            return NAN, NAN, NAN
+        parts = Fields(f"{fields.what}: position", position, self.problems)
+        parts.refuse_others(POSITION_KEYS)
+        return parts.number("x"), parts.number("y"), parts.number("theta")
+
+    def probability(self, fields: Fields, key: str) -> float:
+        if key not in fields.mapping.entries:
+            return NAN
+        value = fields.number(key)
+        if not (math.isnan(value) or 0 <= value <= 1):
+            fields.refuse(key, "a number from 0 to 1")
+        return value
+
+    def state(self, fields: Fields) -> DoorState:
+        node = fields.mapping.entries.get("status")
+        if node is None:
+            return DoorState.UNKNOWN
+        if isinstance(node, Scalar) and node.text in STATES:
+            return STATES[node.text]
+        self.warnings.append(
+            f"{self.problems.path}:{node.line}: {fields.what}: status: expected one of "
+            f"{', '.join(STATES)}, got {described(node)}; taken for UNKNOWN"
+        )
+        return DoorState.UNKNOWN
+
+
+def _entry(door: Door, default_prob: float) -> str:
+    prob_closed, prob_open = (
+        default_prob if math.isnan(prob) else prob for prob in (door.prob_closed, door.prob_open)
+    )
+    return (
+        f"{door.door_id}:\n"
+        "  position:\n"
+        f"    x: {float(door.x)!r}\n"
+        f"    y: {float(door.y)!r}\n"
+        f"    theta: {float(door.theta)!r}\n"
+        f"  width: {float(door.width)!r}\n"
+        f"  status: {reduced(door.state).name}\n"
+        f"  closed_prob: {float(prob_closed)!r}\n"
+        f"  open_prob: {float(prob_open)!r}\n"
+    )
+
+
+def _refuse_unknown_probabilities(doors: list[Door]) -> None:
+    lacking = [door for door in doors if math.isnan(door.prob_open) or math.isnan(door.prob_closed)]
+    if not lacking:
+        return
+    names = ", ".join(_named(door) for door in lacking[:10])
+    more = f" and {len(lacking) - 10} more" if len(lacking) > 10 else ""
+    raise CommandError(
+        f"{names}{more}: no probabilities of being open and closed, which the thesis's YAML needs. "
+        "Give those to write with --default-prob P, such as --default-prob 0.5."
+    )
+
+
+def _named(door: Door) -> str:
+    return f"door {door.door_id} ({door.name})" if door.name else f"door {door.door_id}"

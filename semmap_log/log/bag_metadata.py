@@ -1,0 +1,126 @@
+"""metadata.yaml, by which rosbag2's tools open the folder: a cache of the closed segments."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import Footer, Statistics
+
+from semmap_log.errors import CorruptLogError
+from semmap_log.log import records as mcap
+from semmap_log.log.chunks import frames
+from semmap_log.log.disk import replace_file, sync_folder
+from semmap_log.log.form import BAG_METADATA_NAME, FLOOR_MAP_CHANNEL, floor_map_topic, topics
+from semmap_log.log.form import Topic, offered_qos
+from semmap_log.messages import type_hash
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedSegment:
+    """What metadata.yaml says of a segment."""
+
+    name: str
+    start_ns: int
+    end_ns: int
+    counts: dict[int, int]
+    """Channel id -> messages."""
+
+
+def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
+    """Return what a closed segment's own Statistics say.
+
+    Raises:
+        CorruptLogError: Its summary is damaged.
+    """
+    at = len(file) - len(mcap.MAGIC) - 20
+    footer = mcap.read_record(Footer, file[at : at + 20])
+    if not 0 < footer.summary_start < at:
+        raise CorruptLogError(path, at, "its footer points outside the file")
+    if zlib.crc32(file[footer.summary_start : at + 16]) != footer.summary_crc:
+        raise CorruptLogError(path, footer.summary_start, "its summary does not fit its CRC")
+    for opcode, offset, length in frames(file, footer.summary_start, len(file)):
+        if opcode == Opcode.STATISTICS:
+            said = mcap.read_record(Statistics, file[offset + mcap.FRAME.size : offset + length])
+            return ClosedSegment(path.name, said.message_start_time, said.message_end_time,
+                                 said.channel_message_counts)
+    raise CorruptLogError(path, footer.summary_start, "its summary has no Statistics")
+
+
+def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:
+    """Write metadata.yaml for these segments, or remove it where there are none."""
+    listed = list(segments)
+    path = folder / BAG_METADATA_NAME
+    if listed:
+        replace_file(path, _text(listed).encode())
+    elif path.exists():
+        path.unlink()
+        sync_folder(folder)
+
+
+def _text(segments: list[ClosedSegment]) -> str:
+    counts: Counter[int] = Counter()
+    for segment in segments:
+        counts.update(segment.counts)
+    start = min(segment.start_ns for segment in segments)
+    duration = max(segment.end_ns for segment in segments) - start
+    lines = [
+        "rosbag2_bagfile_information:",
+        "  version: 9",
+        "  storage_identifier: mcap",
+        "  duration:",
+        f"    nanoseconds: {duration}",
+        "  starting_time:",
+        f"    nanoseconds_since_epoch: {start}",
+        f"  message_count: {counts.total()}",
+        "  topics_with_message_count:",
+        *(line for topic in _topics(counts) for line in _topic(topic, counts[topic.channel_id])),
+        '  compression_format: ""',
+        '  compression_mode: ""',
+        "  relative_file_paths:",
+        *(f"    - {_quoted(segment.name)}" for segment in segments),
+        "  files:",
+        *(line for segment in segments for line in _file(segment)),
+        "  custom_data: ~",
+        "  ros_distro: rosbags",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _topics(counts: Counter[int]) -> list[Topic]:
+    """Return all fixed topics, with or without messages, and the floor maps that there are."""
+    levels = sorted(c - FLOOR_MAP_CHANNEL for c in counts if c > FLOOR_MAP_CHANNEL)
+    return [*topics(), *(floor_map_topic(level) for level in levels)]
+
+
+def _topic(topic: Topic, count: int) -> list[str]:
+    return [
+        "    - topic_metadata:",
+        f"        name: {topic.topic}",
+        f"        type: {topic.ros_type}",
+        "        serialization_format: cdr",
+        "        offered_qos_profiles:",
+        f"          {offered_qos(topic.durability)}",
+        f"        type_description_hash: {type_hash(topic.ros_type)}",
+        f"      message_count: {count}",
+    ]
+
+
+def _file(segment: ClosedSegment) -> list[str]:
+    return [
+        f"    - path: {_quoted(segment.name)}",
+        "      starting_time:",
+        f"        nanoseconds_since_epoch: {segment.start_ns}",
+        "      duration:",
+        f"        nanoseconds: {segment.end_ns - segment.start_ns}",
+        f"      message_count: {sum(segment.counts.values())}",
+    ]
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

@@ -1,0 +1,259 @@
+"""A chunk: from message records to the bytes in the file, and back, every length and CRC checked."""
+
+from __future__ import annotations
+
+import struct
+import threading
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
+from numpy.typing import NDArray
+
+from semmap_log.log import records as mcap
+from semmap_log.log.form import COMPRESS_FROM_BYTES, kind_of_channel
+
+_BODY = struct.Struct("<QQQI")
+"""Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
+
+MAX_CHUNK_BYTES = 2**30
+"""No chunk of ours comes near; a larger size is damage, and must not become an allocation."""
+
+_local = threading.local()
+"""zstd contexts: one a thread, since one shared by two threads crashes the process."""
+
+
+class ChunkDamage(Exception):  # noqa: N818  # translated into CorruptLogError, which knows the file
+    """A chunk is not what was written."""
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltChunk:
+    """A Chunk record with its MessageIndex records, and what the summary says of it."""
+
+    records: bytes
+    """The message records, as they are."""
+    data: bytes
+    """The bytes for the file."""
+    chunk_length: int
+    """Bytes of the Chunk record; the indexes follow it."""
+    index_offsets: dict[int, int]
+    """Channel id -> where its MessageIndex lies, counted from the chunk's start."""
+    compression: str
+    stored_size: int
+    size: int
+    start_ns: int
+    end_ns: int
+    counts: dict[int, int]
+    """Channel id -> messages."""
+    least_happened_ns: int
+    """Of its events, recorded time where that is earlier; `NO_EVENTS` if it has none."""
+    greatest_happened_ns: int
+
+    def index_at(self, offset: int) -> ChunkIndex:
+        """Return the summary's ChunkIndex for this chunk at that place in the file."""
+        return ChunkIndex(
+            chunk_length=self.chunk_length,
+            chunk_start_offset=offset,
+            compression=self.compression,
+            compressed_size=self.stored_size,
+            message_end_time=self.end_ns,
+            message_index_length=len(self.data) - self.chunk_length,
+            message_index_offsets={c: offset + at for c, at in self.index_offsets.items()},
+            message_start_time=self.start_ns,
+            uncompressed_size=self.size,
+        )
+
+
+NO_EVENTS = -1
+
+
+def build_chunk(
+    records: bytes, offsets: NDArray[np.int64], *, compression: str | None = None
+) -> BuiltChunk:
+    """Return the chunk of these message records.
+
+    Args:
+        records: Message records, one after the other.
+        offsets: Where each begins.
+        compression: "" or "zstd"; default: zstd where the records are long.
+    """
+    heads = heads_of(records, offsets)
+    log_times = heads["log_time"]
+    if compression is None:
+        compression = "zstd" if len(records) >= COMPRESS_FROM_BYTES else ""
+    stored = _compress(records) if compression else records
+    start, end = int(log_times.min()), int(log_times.max())
+    parts = [mcap.chunk(records, stored=stored, compression=compression, crc=zlib.crc32(records),
+                        start=start, end=end)]
+    at = chunk_length = len(parts[0])
+    index_offsets: dict[int, int] = {}
+    counts: dict[int, int] = {}
+    channel_ids = heads["channel_id"]
+    for channel_id in sorted(set(channel_ids.tolist())):
+        mine = channel_ids == channel_id
+        parts.append(mcap.message_index(channel_id, log_times[mine], offsets[mine]))
+        index_offsets[channel_id] = at
+        counts[channel_id] = int(np.count_nonzero(mine))
+        at += len(parts[-1])
+    is_event = np.isin(channel_ids, [c for c in counts if kind_of_channel(c) is not None])
+    happened = np.minimum(heads["publish_time"], log_times)[is_event]
+    return BuiltChunk(
+        records=records,
+        data=b"".join(parts),
+        chunk_length=chunk_length,
+        index_offsets=index_offsets,
+        compression=compression,
+        stored_size=len(stored),
+        size=len(records),
+        start_ns=start,
+        end_ns=end,
+        counts=counts,
+        least_happened_ns=int(happened.min()) if len(happened) else NO_EVENTS,
+        greatest_happened_ns=int(happened.max()) if len(happened) else NO_EVENTS,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class StoredChunk:
+    """A Chunk record in a file, its head read but not yet believed."""
+
+    offset: int
+    """Of the record in the file."""
+    length: int
+    """Of the record, frame included."""
+    start_ns: int
+    end_ns: int
+    size: int
+    crc: int
+    compression: str
+    data_offset: int
+    """Of the stored records in the file."""
+    stored_size: int
+
+    def records(self, file: memoryview | bytes) -> bytes | memoryview:
+        """Return its records, CRC checked.
+
+        Raises:
+            ChunkDamage: They are not what was written.
+        """
+        stored = memoryview(file)[self.data_offset : self.data_offset + self.stored_size]
+        if self.compression == "":
+            plain: bytes | memoryview = stored
+        elif self.compression == "zstd":
+            plain = _decompress_zstd(stored, self.size)
+        elif self.compression == "lz4":
+            plain = _decompress_lz4(stored)
+        else:
+            raise ChunkDamage(f"unknown compression {self.compression!r}")
+        if len(plain) != self.size:
+            raise ChunkDamage(f"expected {self.size} bytes of records, got {len(plain)}")
+        if self.crc and zlib.crc32(plain) != self.crc:
+            raise ChunkDamage(f"its CRC says {self.crc:08x}, its bytes {zlib.crc32(plain):08x}")
+        return plain
+
+
+def read_chunk_head(file: memoryview | bytes, offset: int, length: int) -> StoredChunk:
+    """Return the Chunk whose record lies at `offset`.
+
+    Args:
+        file: The file's bytes.
+        offset: Where the record begins.
+        length: Bytes of the record, frame included, all of them in the file.
+
+    Raises:
+        ChunkDamage: Its lengths contradict each other.
+    """
+    at = offset + mcap.FRAME.size
+    if length < mcap.FRAME.size + _BODY.size + 12:
+        raise ChunkDamage(f"a chunk of {length} bytes has no head")
+    start, end, size, crc = _BODY.unpack_from(file, at)
+    at += _BODY.size
+    (name_length,) = struct.unpack_from("<I", file, at)
+    if name_length > 16:
+        raise ChunkDamage(f"a compression's name of {name_length} bytes")
+    compression = bytes(file[at + 4 : at + 4 + name_length]).decode("ascii", "replace")
+    at += 4 + name_length
+    (stored_size,) = struct.unpack_from("<Q", file, at)
+    if at + 8 + stored_size != offset + length:
+        raise ChunkDamage(f"{stored_size} stored bytes do not fit a record of {length}")
+    if size > MAX_CHUNK_BYTES:
+        raise ChunkDamage(f"{size} bytes of records are more than any chunk has")
+    return StoredChunk(offset, length, start, end, size, crc, compression, at + 8, stored_size)
+
+
+def walk(records: bytes | memoryview) -> NDArray[np.int64]:
+    """Return where each message record begins; the records tile the whole.
+
+    Raises:
+        ChunkDamage: They do not, or one is not a message.
+    """
+    offsets = []
+    at, end = 0, len(records)
+    frame, unpack, least = mcap.FRAME.size, mcap.FRAME.unpack_from, mcap.MESSAGE_BODY_HEAD
+    while at < end:
+        if at + frame > end:
+            raise ChunkDamage(f"a record is cut at byte {at} of the chunk's records")
+        opcode, length = unpack(records, at)
+        if opcode != Opcode.MESSAGE or length < least:
+            raise ChunkDamage(f"no message at byte {at} of the chunk's records")
+        offsets.append(at)
+        at += frame + length
+    if at != end:
+        raise ChunkDamage(f"the last record ends at byte {at} of {end}")
+    return np.array(offsets, np.int64)
+
+
+def heads_of(records: bytes | memoryview, offsets: NDArray[np.int64]) -> NDArray[np.void]:
+    """Return the fixed fields of the message records at these offsets, as MESSAGE_DTYPE."""
+    return gather(records, offsets, mcap.MESSAGE_DTYPE)
+
+
+def gather(
+    records: bytes | memoryview, offsets: NDArray[np.int64], dtype: np.dtype[np.void]
+) -> NDArray[np.void]:
+    """Return the structs of that dtype which lie at these offsets, however unaligned."""
+    flat = np.frombuffer(records, np.uint8)
+    return flat[offsets[:, None] + np.arange(dtype.itemsize)].view(dtype).reshape(-1)
+
+
+def frames(file: memoryview | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """Yield (opcode, offset, length with frame) of the records that lie whole in start..end."""
+    at, frame, unpack = start, mcap.FRAME.size, mcap.FRAME.unpack_from
+    while at + frame <= end:
+        opcode, body = unpack(file, at)
+        if at + frame + body > end:
+            return
+        yield opcode, at, frame + body
+        at += frame + body
+
+
+def _compress(records: bytes) -> bytes:
+    import zstandard
+
+    if not hasattr(_local, "compressor"):
+        _local.compressor = zstandard.ZstdCompressor(level=3)
+    return bytes(_local.compressor.compress(records))
+
+
+def _decompress_zstd(stored: memoryview, size: int) -> bytes:
+    import zstandard
+
+    if not hasattr(_local, "decompressor"):
+        _local.decompressor = zstandard.ZstdDecompressor()
+    try:
+        return bytes(_local.decompressor.decompress(stored, max_output_size=size))
+    except zstandard.ZstdError as error:
+        raise ChunkDamage(f"zstd: {error}") from error
+
+
+def _decompress_lz4(stored: memoryview) -> bytes:
+    import lz4.frame
+
+    try:
+        return bytes(lz4.frame.decompress(bytes(stored)))
+    except RuntimeError as error:
+        raise ChunkDamage(f"lz4: {error}") from error

@@ -1,0 +1,40 @@
+"""What time it is, as an argument: the machine's clocks, which may lie, or a test's."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Protocol
+
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+class Clock(Protocol):
+    """Where a log gets its times from."""
+
+    boot_id: bytes
+    """16 bytes that tell this boot of the machine from others; zeros: not known."""
+
+    def wall_ns(self) -> int:
+        """Return the wall clock, nanoseconds since 1970, UTC."""
+
+    def monotonic_ns(self) -> int:
+        """Return nanoseconds since some moment of this boot; never goes back."""
+
+
+class SystemClock:
+    """The machine's own clocks."""
+
+    def __init__(self) -> None:
+        try:
+            self.boot_id = bytes.fromhex(_BOOT_ID.read_text().strip().replace("-", ""))
+        except (OSError, ValueError):
+            self.boot_id = bytes(16)
+
+    def wall_ns(self) -> int:
+        """Return the wall clock, nanoseconds since 1970, UTC."""
+        return time.time_ns()
+
+    def monotonic_ns(self) -> int:
+        """Return nanoseconds since boot, sleep not counted."""
+        return time.monotonic_ns()

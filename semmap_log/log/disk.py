@@ -1,0 +1,62 @@
+"""Bytes to disk, so that they stay: whole writes, syncs, and files that appear whole or not at all.
+
+A power cut leaves an unsynced file empty, and a rename that was not followed by a sync of its
+folder undone; so does everything here.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from semmap_log.log.form import TEMPORARY_SUFFIX
+
+
+def write_all(fd: int, data: bytes | memoryview) -> None:
+    """Write all of `data`; the kernel may take it in parts.
+
+    Raises:
+        OSError: As the kernel says; a part may have been written.
+    """
+    view = memoryview(data)
+    while view:
+        view = view[os.write(fd, view) :]
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the folder's entries (new names, renames) survive a power cut."""
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Hand out a temporary path beside `path`; on success it takes the name, synced, at once.
+
+    On any error the temporary file is removed and `path` stays as it was.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    try:
+        yield temporary
+        fd = os.open(temporary, os.O_RDONLY)
+        try:
+            os.fsync(fd)
+        finally:
+            os.close(fd)
+        os.replace(temporary, path)
+        sync_folder(path.parent)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Put a file of these bytes in place of `path`, whole or not at all, synced."""
+    with whole_file(path) as temporary:
+        temporary.write_bytes(data)

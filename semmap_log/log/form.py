@@ -1,0 +1,125 @@
+"""The log's form on disk: names, numbers and channels that never change.
+
+    <log>/
+      <log>_000000.mcap   a segment: closed (whole, indexed, never modified) or, the last, live
+      <log>_000001.mcap
+      metadata.yaml       for rosbag2's tools; a cache, absent while no segment is closed
+      .lock               held by the one writer
+
+A segment: Header (profile `ros2`), Metadata `semmap_log`, every Schema and Channel, a chunk with a
+Keyframe, then commits. A commit is a chunk, or several of about a MiB: its events, its CommitNote
+if there is something to say, and last its Commit, which alone makes the events visible. Closing
+adds Metadata `semmap_index`, DataEnd with the data's CRC, the summary and the Footer.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from semmap_log.events import KINDS, FloorMap
+from semmap_log.messages import ros_type, type_name
+
+FORMAT_VERSION = "1"
+PROFILE = "ros2"
+LIBRARY = "semmap-log"
+
+LOG_METADATA = "semmap_log"
+INDEX_METADATA = "semmap_index"
+DIGEST_KEY = "sha256"
+"""Each of our Metadata records carries the sha256 of its other entries under this key."""
+
+LOCK_NAME = ".lock"
+BAG_METADATA_NAME = "metadata.yaml"
+TEMPORARY_SUFFIX = ".tmp"
+TORN_SUFFIX = ".torn"
+
+CHUNK_BYTES = 2**20
+"""A longer commit is split into chunks of about this size (uncompressed)."""
+COMPRESS_FROM_BYTES = 2**16
+"""Chunks from this size on (imports, floor maps) are written with zstd; small ones as they are."""
+
+ROLL_BYTES = 64 * 2**20
+ROLL_COMMITS = 10_000
+ROLL_AGE_NS = 24 * 3600 * 10**9
+CONTINUE_BELOW_BYTES = 2**20
+"""A smaller last segment is continued (in a copy), so that a thousand commands make one file."""
+
+COMMIT_CHANNEL = 90
+NOTE_CHANNEL = 91
+KEYFRAME_CHANNEL = 92
+FLOOR_MAP_CHANNEL = 100
+"""Level 0; level n is on channel 100 + n, written before first use in each segment."""
+
+_VOLATILE, _TRANSIENT_LOCAL = 2, 1
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A channel of every segment."""
+
+    channel_id: int
+    schema_id: int
+    topic: str
+    ros_type: str
+    durability: int = _VOLATILE
+    """As rosbag2 numbers it: 1 transient local (a late subscriber gets the latest), 2 volatile."""
+
+
+def snake_case(name: str) -> str:
+    """Return `DoorAdded` as `door_added`."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+
+def floor_map_topic(level: int) -> Topic:
+    """Return the channel of a level's floor map."""
+    topic = "/map" if level == 0 else f"/map/{level}"
+    return Topic(FLOOR_MAP_CHANNEL + level, FloorMap.kind, topic, ros_type(FloorMap.kind),
+                 _TRANSIENT_LOCAL)
+
+
+@cache
+def topics() -> tuple[Topic, ...]:
+    """Return the channels that stand at the head of every segment, ids ascending."""
+    events = [
+        Topic(cls.kind, cls.kind, f"/semmap/{snake_case(cls.__name__)}", ros_type(cls.kind))
+        for cls in KINDS
+        if cls is not FloorMap
+    ]
+    care = [
+        Topic(channel, channel, f"/semmap/{snake_case(name)}", type_name(name), durability)
+        for channel, name, durability in (
+            (COMMIT_CHANNEL, "Commit", _VOLATILE),
+            (NOTE_CHANNEL, "CommitNote", _VOLATILE),
+            (KEYFRAME_CHANNEL, "Keyframe", _TRANSIENT_LOCAL),
+        )
+    ]
+    return (*events, *care, floor_map_topic(0))
+
+
+def kind_of_channel(channel_id: int) -> int | None:
+    """Return the kind of event on that channel; None: Commit, CommitNote, Keyframe or foreign."""
+    if channel_id >= FLOOR_MAP_CHANNEL:
+        return FloorMap.kind
+    return channel_id if 1 <= channel_id <= len(KINDS) else None
+
+
+def segment_name(log: Path, number: int) -> str:
+    """Return the file name of a segment."""
+    return f"{log.resolve().name}_{number:06d}.mcap"
+
+
+def offered_qos(durability: int) -> str:
+    """Return a channel's QoS as rosbag2 writes it (v9: numbers), one block for all of our topics.
+
+    rosbags drops, in silence, a file whose channel and metadata.yaml differ here: both are
+    written from this text.
+    """
+    infinite = "{sec: 9223372036, nsec: 854775807}"
+    return (
+        f"- {{history: 1, depth: 10, reliability: 1, durability: {durability}, "
+        f"deadline: {infinite}, lifespan: {infinite}, liveliness: 1, "
+        f"liveliness_lease_duration: {infinite}, avoid_ros_namespace_conventions: false}}"
+    )

@@ -1,0 +1,125 @@
+"""What a segment says of itself: the Metadata records `semmap_log` and `semmap_index`."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from mcap.records import Metadata
+
+from semmap_log.log.form import DIGEST_KEY, FORMAT_VERSION, INDEX_METADATA, LOG_METADATA
+
+
+@dataclass(frozen=True, slots=True)
+class LogInfo:
+    """What is fixed when a log is made."""
+
+    log_id: str
+    """32 hexadecimal digits, drawn at random."""
+    timezone: str
+    """IANA name; times without an offset are read and shown in it."""
+    building: str = ""
+    robot: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentHeader:
+    """The Metadata `semmap_log` at the head of each segment."""
+
+    info: LogInfo
+    number: int
+    first_event: int
+    hash_so_far: bytes
+    """Hash of the commit before this segment's first; zeros in the first segment."""
+
+    def next(self, first_event: int, hash_so_far: bytes) -> SegmentHeader:
+        """Return the header of the segment that follows."""
+        return replace(self, number=self.number + 1, first_event=first_event,
+                       hash_so_far=hash_so_far)
+
+    def to_metadata(self) -> Metadata:
+        """Return the MCAP record."""
+        return _signed(LOG_METADATA, {
+            "format_version": FORMAT_VERSION,
+            "log_id": self.info.log_id,
+            "timezone": self.info.timezone,
+            "building": self.info.building,
+            "robot": self.info.robot,
+            "segment": str(self.number),
+            "first_event": str(self.first_event),
+            "hash_so_far": self.hash_so_far.hex(),
+        })  # fmt: skip
+
+    @classmethod
+    def from_metadata(cls, metadata: Metadata) -> SegmentHeader:
+        """Read the MCAP record.
+
+        Raises:
+            ValueError: It is damaged, or of a newer format.
+        """
+        entries = _checked(metadata)
+        version = entries.get("format_version")
+        if version != FORMAT_VERSION:
+            raise ValueError(
+                f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
+                "install a newer semmap-log"
+            )
+        try:
+            info = LogInfo(entries["log_id"], entries["timezone"], entries["building"],
+                           entries["robot"])
+            return cls(info, int(entries["segment"]), int(entries["first_event"]),
+                       bytes.fromhex(entries["hash_so_far"]))
+        except KeyError as error:
+            raise ValueError(f"its entry {error} is missing") from None
+
+
+def index_metadata(least_ns: Sequence[int], greatest_ns: Sequence[int]) -> Metadata:
+    """Return the Metadata `semmap_index`: the span of happened times of each chunk, in file order.
+
+    A chunk without events has -1 for both. Values: base64 of zlib of little-endian int64s.
+    """
+    return _signed(INDEX_METADATA, {
+        "least_happened_ns": _pack(least_ns), "greatest_happened_ns": _pack(greatest_ns),
+    })  # fmt: skip
+
+
+def read_index(metadata: Metadata) -> tuple[list[int], list[int]]:
+    """Return (least, greatest) happened times from a `semmap_index` record.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    entries = _checked(metadata)
+    return _unpack(entries["least_happened_ns"]), _unpack(entries["greatest_happened_ns"])
+
+
+def _pack(values: Sequence[int]) -> str:
+    return base64.b64encode(zlib.compress(np.array(values, "<i8").tobytes())).decode()
+
+
+def _unpack(text: str) -> list[int]:
+    try:
+        data = zlib.decompress(base64.b64decode(text, validate=True))
+        return list(np.frombuffer(data, "<i8").tolist())
+    except (zlib.error, ValueError) as error:
+        raise ValueError(f"its times cannot be read: {error}") from error
+
+
+def _digest(entries: Mapping[str, str]) -> str:
+    lines = [f"{key}\0{entries[key]}\n" for key in sorted(entries)]
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def _signed(name: str, entries: dict[str, str]) -> Metadata:
+    return Metadata(name=name, metadata={**entries, DIGEST_KEY: _digest(entries)})
+
+
+def _checked(metadata: Metadata) -> dict[str, str]:
+    entries = dict(metadata.metadata)
+    if entries.pop(DIGEST_KEY, "") != _digest(entries):
+        raise ValueError(f"Metadata {metadata.name}: its entries do not fit its {DIGEST_KEY}")
+    return entries

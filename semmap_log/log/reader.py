@@ -1,0 +1,246 @@
+"""The log being read: all segments as one order of events. Needs no lock and no write access."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from semmap_log.errors import CorruptLogError, LogError, NotALogError
+from semmap_log.events import EventBatch, RecordedEvent, Retracted
+from semmap_log.log import keyframes
+from semmap_log.log.bag_metadata import statistics_of
+from semmap_log.log.chunks import ChunkDamage, StoredChunk
+from semmap_log.log.commits import Commit
+from semmap_log.log.form import CHUNK_BYTES
+from semmap_log.log.header import LogInfo
+from semmap_log.log.pages import Page
+from semmap_log.log.scan import Segment, open_segment
+from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.retraction import Retractions
+
+Progress = Callable[[int, int], None]
+"""Called with (bytes done, bytes in all)."""
+
+
+class LogReader:
+    """A log as it was when it was opened, or last refreshed."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open the log in that folder.
+
+        Raises:
+            NotALogError: There is none.
+            CorruptLogError: A segment is damaged.
+            LogAccessError: A segment cannot be read.
+        """
+        self.folder = folder
+        self._known: dict[tuple[str, int, int], Segment] = {}
+        self.segments: list[Segment] = []
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take in what was written since; closed segments that are known are not read again."""
+        paths = segment_paths(self.folder)
+        known: dict[tuple[str, int, int], Segment] = {}
+        for path in paths:
+            status = path.stat()
+            key = (path.name, status.st_ino, status.st_size)
+            known[key] = self._known.get(key) or open_segment(path)
+        self._known = known
+        self.segments = sorted(known.values(), key=lambda s: (s.header.first_event, s.header.number))
+        ids = {segment.header.info.log_id for segment in self.segments}
+        if len(ids) > 1:
+            raise CorruptLogError(self.folder, 0, f"segments of {len(ids)} logs lie in one folder")
+
+    @property
+    def info(self) -> LogInfo:
+        """What was fixed when the log was made."""
+        return self.segments[0].header.info
+
+    def pages(
+        self, first_segment: int = 0, progress: Progress | None = None
+    ) -> Iterator[tuple[Segment, Page]]:
+        """Yield all records, in order, small chunks joined to pages of about a MiB.
+
+        Raises:
+            CorruptLogError: A chunk is not what was written.
+        """
+        todo = sum(chunk.length for s in self.segments[first_segment:] for chunk in s.chunks)
+        done = 0
+        for segment in self.segments[first_segment:]:
+            parts: list[bytes | memoryview] = []
+            size = 0
+            for chunk in segment.chunks:
+                parts.append(read_chunk(segment, chunk))
+                size += len(parts[-1])
+                done += chunk.length
+                if size >= CHUNK_BYTES:
+                    yield segment, _page(segment, parts)
+                    parts, size = [], 0
+                    if progress:
+                        progress(done, todo)
+            if parts:
+                yield segment, _page(segment, parts)
+                if progress:
+                    progress(done, todo)
+
+    def batches(
+        self, *, limit: int | None = None, first_segment: int = 0, progress: Progress | None = None
+    ) -> Iterator[EventBatch]:
+        """Yield all events up to the event number `limit`, retracted ones included.
+
+        Raises:
+            CorruptLogError: A chunk is not what was written, or events are missing.
+        """
+        expected = self.segments[first_segment].header.first_event
+        for segment, page in self.pages(first_segment, progress):
+            try:
+                batch = page.events()
+            except (ValueError, ChunkDamage) as error:
+                raise CorruptLogError(segment.path, 0, str(error)) from None
+            if not len(batch):
+                continue
+            if batch.number[0] != expected or batch.number[-1] != expected + len(batch) - 1:
+                raise CorruptLogError(
+                    segment.path, 0,
+                    f"expected event {expected} next, got {int(batch.number[0])}; "
+                    "a segment is missing, or from another log",
+                )  # fmt: skip
+            expected += len(batch)
+            if limit is not None and batch.number[-1] >= limit:
+                if batch.number[0] <= limit:
+                    yield batch.select(batch.number <= limit)
+                return
+            yield batch
+
+    def commits(self, first_segment: int = 0) -> Iterator[Commit]:
+        """Yield the commits of whole log, in order."""
+        for segment, page in self.pages(first_segment):
+            try:
+                yield from page.commits()
+            except (ValueError, ChunkDamage) as error:
+                raise CorruptLogError(segment.path, 0, str(error)) from None
+
+    def last_commit(self) -> Commit | None:
+        """Return the log's last commit; None in a log without any."""
+        for segment in reversed(self.segments):
+            for chunk in reversed(segment.chunks):
+                commits = _page(segment, [read_chunk(segment, chunk)]).commits()
+                if commits:
+                    return commits[-1]
+        return None
+
+    def last_log_time_ns(self) -> int:
+        """Return the log time of the last record, keyframes included; 0 in an empty log."""
+        for segment in reversed(self.segments):
+            if segment.chunks:
+                page = _page(segment, [read_chunk(segment, segment.chunks[-1])])
+                return int(page.heads["log_time"].max())
+        return 0
+
+    def event_known_at(self, known_at_ns: int) -> int:
+        """Return the last event number known at that recorded time, whole commits; -1: none.
+
+        A commit is known from the log time of its first record on.
+        """
+        found = -1
+        for segment in reversed(self.segments):
+            early = [i for i, chunk in enumerate(segment.chunks) if chunk.start_ns <= known_at_ns]
+            for i in reversed(early):
+                page = _page(segment, [read_chunk(segment, segment.chunks[i])])
+                batch = page.events()
+                known = batch.number[batch.recorded_ns <= known_at_ns]
+                if len(known):
+                    found = int(known[-1])
+                    return self._end_of_commit(segment, i, found)
+        return found
+
+    def event(self, number: int) -> RecordedEvent:
+        """Return the event of that number.
+
+        Raises:
+            LogError: There is none.
+        """
+        behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
+        for segment in reversed(self.segments[:behind]):
+            first = bisect_right(segment.chunks, number, key=lambda c: _first_number(segment, c))
+            for chunk in reversed(segment.chunks[:first]):
+                batch = _page(segment, [read_chunk(segment, chunk)]).events()
+                if len(batch) and batch.number[-1] < number:
+                    break
+                for recorded in batch.select(batch.number == number):
+                    return recorded
+        raise LogError(f"{self.folder}: there is no event {number}.")
+
+    def retractions(self, *, limit: int | None = None) -> Retractions:
+        """Return what was taken back by the events up to the number `limit`."""
+        retractions = Retractions()
+        for segment in self.segments:
+            if segment.closed:
+                counts = statistics_of(segment.path, segment.file).counts
+                if not counts.get(Retracted.kind):
+                    continue
+            for chunk in segment.chunks:
+                page = _page(segment, [read_chunk(segment, chunk)])
+                if (page.heads["channel_id"] == Retracted.kind).any():
+                    batch = page.events()
+                    retractions.apply(
+                        batch if limit is None else batch.select(batch.number <= limit)
+                    )
+        return retractions
+
+    def keyframe(self, segment: Segment) -> DoorMapState | None:
+        """Return the state at a segment's head; None if its keyframe cannot be used."""
+        if not segment.chunks:
+            return None
+        stored = _page(segment, [read_chunk(segment, segment.chunks[0])]).keyframes()
+        return keyframes.decode(stored[0]) if stored else None
+
+    def _end_of_commit(self, segment: Segment, first_chunk: int, event: int) -> int:
+        """Return the last event of the commit that holds `event`, looking from a chunk on."""
+        for chunk in segment.chunks[first_chunk:]:
+            for commit in _page(segment, [read_chunk(segment, chunk)]).commits():
+                if commit.last_event >= event:
+                    return commit.last_event
+        raise CorruptLogError(segment.path, 0, f"event {event} belongs to no commit")
+
+
+def segment_paths(folder: Path) -> list[Path]:
+    """Return the segment files of a log, by name.
+
+    Raises:
+        NotALogError: There is no folder, or no segment in it.
+    """
+    if not folder.exists():
+        raise NotALogError(f"{folder}: no such log. To make one: semmap-log init {folder}")
+    if not folder.is_dir():
+        raise NotALogError(f"{folder}: a log is a folder, this is a file.")
+    paths = sorted(p for p in folder.glob("*.mcap") if not p.name.startswith("."))
+    if not paths:
+        raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
+    return paths
+
+
+def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
+    """Return a chunk's records, CRC checked.
+
+    Raises:
+        CorruptLogError: They are not what was written.
+    """
+    try:
+        return chunk.records(segment.file)
+    except ChunkDamage as damage:
+        raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
+
+
+def _first_number(segment: Segment, chunk: StoredChunk) -> int:
+    """Return the event number of a chunk's first record (a keyframe: of the last event in it)."""
+    page = _page(segment, [read_chunk(segment, chunk)])
+    after_first = int(page.heads["sequence"][0]) - (segment.header.first_event - 1)
+    return (after_first & 0xFFFF_FFFF) + segment.header.first_event - 1
+
+
+def _page(segment: Segment, parts: list[bytes | memoryview]) -> Page:
+    records = parts[0] if len(parts) == 1 else b"".join(parts)
+    return Page(records, segment.header.first_event)

@@ -1,0 +1,93 @@
+"""The hot MCAP records as bytes: messages, chunks and message indexes. The rest: `mcap.records`.
+
+Every record is `opcode u8, length u64, body`, little endian.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import McapRecord
+from numpy.typing import NDArray
+
+MAGIC = b"\x89MCAP0\r\n"
+FRAME = struct.Struct("<BQ")
+"""Opcode and length before each body."""
+
+MESSAGE = struct.Struct("<BQHIQQ")
+"""Opcode, length, channel id, sequence, log time, publish time; the CDR bytes follow."""
+MESSAGE_BODY_HEAD = MESSAGE.size - FRAME.size
+
+MESSAGE_DTYPE: np.dtype[np.void] = np.dtype({
+    "names": ["opcode", "length", "channel_id", "sequence", "log_time", "publish_time"],
+    "formats": ["u1", "<u8", "<u2", "<u4", "<i8", "<i8"],
+    "offsets": [0, 1, 9, 11, 15, 23],
+    "itemsize": MESSAGE.size,
+})  # fmt: skip
+"""The same for numpy; times are below 2^63."""
+
+_CHUNK = struct.Struct("<BQQQQI")
+"""Opcode, length, start time, end time, uncompressed size, CRC; compression and records follow."""
+_INDEX = struct.Struct("<BQHI")
+"""Opcode, length, channel id, bytes of entries; entries of (log time u64, offset u64) follow."""
+
+
+def message(channel_id: int, sequence: int, log_time: int, publish_time: int, data: bytes) -> bytes:
+    """Return a Message record."""
+    head = MESSAGE.pack(Opcode.MESSAGE, MESSAGE_BODY_HEAD + len(data), channel_id,
+                        sequence & 0xFFFF_FFFF, log_time, publish_time)
+    return head + data
+
+
+def chunk(records: bytes, *, stored: bytes, compression: str, crc: int, start: int, end: int) -> bytes:
+    """Return a Chunk record.
+
+    Args:
+        records: The records as they are.
+        stored: The same as they are stored.
+        compression: "" or "zstd".
+        crc: CRC-32 of `records`.
+        start: Least log time.
+        end: Greatest log time.
+    """
+    name = compression.encode()
+    length = _CHUNK.size - FRAME.size + 4 + len(name) + 8 + len(stored)
+    return b"".join((
+        _CHUNK.pack(Opcode.CHUNK, length, start, end, len(records), crc),
+        struct.pack("<I", len(name)), name, struct.pack("<Q", len(stored)), stored,
+    ))  # fmt: skip
+
+
+def message_index(channel_id: int, log_times: NDArray[np.int64], offsets: NDArray[np.int64]) -> bytes:
+    """Return a MessageIndex record: where, in the uncompressed chunk, that channel's messages lie."""
+    entries = np.column_stack((log_times, offsets)).astype("<u8").tobytes()
+    return _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel_id, len(entries)) + entries
+
+
+def record(*records: McapRecord) -> bytes:
+    """Return the bytes of records that the mcap library writes."""
+    builder = RecordBuilder()
+    for one in records:
+        one.write(builder)
+    data: bytes = builder.end()
+    return data
+
+
+def read_record(kind: type[Any], body: bytes | memoryview) -> Any:
+    """Return the record of that class which the mcap library reads from a body.
+
+    Raises:
+        ValueError: The body is not such a record.
+    """
+    from io import BytesIO
+
+    from mcap.data_stream import ReadDataStream
+
+    try:
+        return kind.read(ReadDataStream(BytesIO(body)))
+    except Exception as error:  # the library's readers raise whatever they meet
+        raise ValueError(f"not a {kind.__name__} record: {type(error).__name__} {error}") from error

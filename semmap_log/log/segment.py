@@ -1,0 +1,190 @@
+"""A segment being written: from its head to its footer."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections import Counter
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from semmap_log.log import records as mcap
+from semmap_log.log.chunks import BuiltChunk
+from semmap_log.log.disk import sync_folder, write_all
+from semmap_log.log.form import (
+    INDEX_METADATA,
+    LIBRARY,
+    LOG_METADATA,
+    PROFILE,
+    TEMPORARY_SUFFIX,
+    Topic,
+    floor_map_topic,
+    offered_qos,
+    topics,
+)
+from semmap_log.log.header import SegmentHeader, index_metadata
+from semmap_log.messages import schema_text, type_hash
+
+
+def channel_record(topic: Topic) -> Channel:
+    """Return the MCAP Channel of a topic."""
+    return Channel(
+        id=topic.channel_id,
+        topic=topic.topic,
+        message_encoding="cdr",
+        metadata={
+            "offered_qos_profiles": offered_qos(topic.durability),
+            "topic_type_hash": type_hash(topic.ros_type),
+        },
+        schema_id=topic.schema_id,
+    )
+
+
+@cache
+def schema_records() -> tuple[Schema, ...]:
+    """Return the Schemas of every segment, ids ascending."""
+    by_id = {topic.schema_id: topic.ros_type for topic in topics()}
+    return tuple(
+        Schema(id=number, name=name, encoding="ros2msg", data=schema_text(name).encode())
+        for number, name in sorted(by_id.items())
+    )
+
+
+@cache
+def _schema_and_channel_bytes() -> bytes:
+    return mcap.record(*schema_records(), *(channel_record(topic) for topic in topics()))
+
+
+class SegmentWriter:
+    """A segment under a temporary name, until `install` gives it its own.
+
+    Every method but `abandon` may raise OSError; after that the file's end is unknown, and the
+    object must only be abandoned.
+    """
+
+    def __init__(self, path: Path, header: SegmentHeader) -> None:
+        """Begin a segment in `path`'s folder: write its head."""
+        self.path = path
+        self.header = header
+        self.size = 0
+        self.chunk_indexes: list[ChunkIndex] = []
+        self.levels: set[int] = {0}
+        self._spans: list[tuple[int, int]] = []
+        self.counts: Counter[int] = Counter()
+        self._metadata: list[MetadataIndex] = []
+        self._crc = 0
+        self._temporary: Path | None = path.with_name(
+            f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}"
+        )
+        self._fd = os.open(
+            self._temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
+            0o644,
+        )
+        start = mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
+        self._write(start)
+        self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
+        self._write(_schema_and_channel_bytes())
+
+    def add(self, chunk: BuiltChunk, *, levels: frozenset[int] | set[int] = frozenset()) -> None:
+        """Append a chunk, after the channels of levels that are new to this segment: one write."""
+        new = sorted(levels - self.levels)
+        channels = mcap.record(*(channel_record(floor_map_topic(level)) for level in new))
+        offset = self.size + len(channels)
+        self._write(channels + chunk.data if channels else chunk.data)
+        self.levels.update(new)
+        self.chunk_indexes.append(chunk.index_at(offset))
+        self._spans.append((chunk.least_happened_ns, chunk.greatest_happened_ns))
+        self.counts.update(chunk.counts)
+
+    def sync(self) -> None:
+        """Return once all that was added survives a power cut."""
+        os.fdatasync(self._fd)
+
+    def install(self) -> None:
+        """Give the file its name, in place of any file that has it; survives a power cut."""
+        assert self._temporary is not None
+        os.fsync(self._fd)
+        os.replace(self._temporary, self.path)
+        self._temporary = None
+        sync_folder(self.path.parent)
+
+    def close(self) -> None:
+        """Write index, summary and footer, and sync."""
+        least, greatest = zip(*self._spans, strict=True) if self._spans else ((), ())
+        self._write_metadata(INDEX_METADATA, mcap.record(index_metadata(least, greatest)))
+        self._write(mcap.record(DataEnd(data_section_crc=self._crc)))
+        self._write(self._summary())
+        os.fsync(self._fd)
+        os.close(self._fd)
+        self._fd = -1
+
+    def abandon(self) -> None:
+        """Let go of the file as it is; one that was never installed is removed."""
+        if self._fd >= 0:
+            with suppress(OSError):
+                os.close(self._fd)
+            self._fd = -1
+        if self._temporary is not None:
+            with suppress(OSError):
+                self._temporary.unlink()
+            self._temporary = None
+
+    def _write(self, data: bytes) -> None:
+        write_all(self._fd, data)
+        self._crc = zlib.crc32(data, self._crc)
+        self.size += len(data)
+
+    def _write_metadata(self, name: str, data: bytes) -> None:
+        self._metadata.append(MetadataIndex(length=len(data), name=name, offset=self.size))
+        self._write(data)
+
+    def _summary(self) -> bytes:
+        """Return everything behind DataEnd: summary, summary offsets, footer, magic."""
+        channels = [channel_record(topic) for topic in topics()]
+        channels += [channel_record(floor_map_topic(n)) for n in sorted(self.levels - {0})]
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(channels),
+            channel_message_counts=dict(sorted(self.counts.items())),
+            chunk_count=len(self.chunk_indexes),
+            message_count=self.counts.total(),
+            message_end_time=max((c.message_end_time for c in self.chunk_indexes), default=0),
+            message_start_time=min((c.message_start_time for c in self.chunk_indexes), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=len(schema_records()),
+        )
+        groups: list[tuple[Opcode, list[McapRecord]]] = [
+            (Opcode.SCHEMA, list(schema_records())),
+            (Opcode.CHANNEL, list(channels)),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, list(self.chunk_indexes)),
+            (Opcode.METADATA_INDEX, list(self._metadata)),
+        ]
+        summary, offsets = b"", b""
+        for opcode, group in groups:
+            if group:
+                data = mcap.record(*group)
+                offset = SummaryOffset(group_opcode=opcode, group_start=self.size + len(summary),
+                                       group_length=len(data))  # fmt: skip
+                summary += data
+                offsets += mcap.record(offset)
+        footer = Footer(summary_start=self.size, summary_offset_start=self.size + len(summary),
+                        summary_crc=0)  # fmt: skip
+        everything = summary + offsets + mcap.record(footer)
+        crc = zlib.crc32(everything[:-4])
+        return everything[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC

@@ -1,0 +1,28 @@
+"""Message texts (package semmap_msgs) and the codec, event <-> CDR bytes.
+
+The only room that knows CDR. The `.msg` texts are the definition; layouts are derived from them.
+"""
+
+from semmap_log.messages.codec import (
+    OBJECT_KINDS,
+    batch_of,
+    decode,
+    encode,
+    fixed_layout,
+    ros_type,
+)
+from semmap_log.messages.layout import PACKAGE, Layout, layout, message_text
+from semmap_log.messages.typestore import (
+    OCCUPANCY_GRID,
+    deserialize,
+    schema_text,
+    serialize,
+    type_hash,
+    type_name,
+)
+
+__all__ = [
+    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "batch_of", "decode", "deserialize",
+    "encode", "fixed_layout", "layout", "message_text", "ros_type", "schema_text", "serialize",
+    "type_hash", "type_name",
+]  # fmt: skip

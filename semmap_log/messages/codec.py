@@ -1,0 +1,165 @@
+"""Event <-> CDR bytes, one at a time; and events -> columns without a log, for tests and feeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from semmap_log.doors import DoorId
+from semmap_log.events import (
+    KINDS,
+    DoorAnnotated,
+    Event,
+    EventBatch,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    event_of,
+)
+from semmap_log.messages.layout import Layout, layout
+from semmap_log.messages.typestore import OCCUPANCY_GRID, deserialize, serialize, type_name
+
+OBJECT_KINDS: frozenset[int] = frozenset(
+    kind.kind for kind in (DoorAnnotated, LevelAdded, FloorMap, LogExported)
+)
+"""Kinds with text or arrays, read as objects; all others are read as columns."""
+
+
+def ros_type(kind: int) -> str:
+    """Return the ROS 2 type that carries events of that kind."""
+    cls = KINDS[kind - 1]
+    return OCCUPANCY_GRID if cls is FloorMap else type_name(cls.__name__)
+
+
+@cache
+def fixed_layout(kind: int) -> Layout:
+    """Return the layout of a kind of fixed size."""
+    return layout(KINDS[kind - 1].__name__)
+
+
+def encode(event: Event, happened_ns: int) -> bytes:
+    """Return the CDR bytes of an event; `happened_ns` stamps the header of a FloorMap."""
+    if event.kind not in OBJECT_KINDS:
+        fixed = fixed_layout(event.kind)
+        return fixed.pack(*[getattr(event, name) for name in fixed.fields])
+    if isinstance(event, FloorMap):
+        return _encode_floor_map(event, happened_ns)
+    if isinstance(event, DoorAnnotated):
+        return serialize(ros_type(event.kind), salt=_salt(event.salt), door_id=event.door_id,
+                         key=event.key, value=event.value)
+    if isinstance(event, LevelAdded):
+        return serialize(ros_type(event.kind), level=event.level, name=event.name,
+                         elevation=event.elevation)
+    assert isinstance(event, LogExported)
+    return serialize(ros_type(event.kind), format=event.format, file_name=event.file_name,
+                     at_ns=event.at_ns)
+
+
+def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
+    """Return the event that these CDR bytes hold.
+
+    Args:
+        kind: `Event.kind`.
+        data: The CDR bytes.
+        happened_ns: When it happened.
+        level: The level of a FloorMap, which its channel tells.
+
+    Raises:
+        ValueError: The bytes are not such an event.
+    """
+    if kind not in OBJECT_KINDS:
+        fixed = fixed_layout(kind)
+        if len(data) != fixed.dtype.itemsize:
+            raise ValueError(f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}")
+        return event_of(kind, fixed.unpack(data), happened_ns)
+    message = deserialize(ros_type(kind), data)
+    cls = KINDS[kind - 1]
+    if cls is FloorMap:
+        return _decode_floor_map(message, happened_ns, level)
+    if cls is DoorAnnotated:
+        return DoorAnnotated(happened_ns=happened_ns, door_id=DoorId(message.door_id),
+                             key=message.key, value=message.value, salt=bytes(message.salt))
+    if cls is LevelAdded:
+        return LevelAdded(happened_ns=happened_ns, level=message.level, name=message.name,
+                          elevation=message.elevation)
+    return LogExported(happened_ns=happened_ns, format=message.format,
+                       file_name=message.file_name, at_ns=message.at_ns)
+
+
+def batch_of(
+    events: Iterable[Event], *, first_number: int = 0, recorded_ns: Sequence[int] | None = None
+) -> EventBatch:
+    """Return events as columns, numbered from `first_number` on.
+
+    Args:
+        events: Events; where `happened_ns` is None, the recorded time stands in.
+        first_number: Number of the first.
+        recorded_ns: Recorded time of each; default: 0, 1, 2 …
+    """
+    listed = list(events)
+    recorded = np.asarray(range(len(listed)) if recorded_ns is None else recorded_ns, np.int64)
+    happened = np.array([
+        known if (known := event.happened_ns) is not None else recorded[i]
+        for i, event in enumerate(listed)
+    ], np.int64)  # fmt: skip
+    kinds = np.array([event.kind for event in listed], np.uint8)
+    columns: dict[int, np.ndarray[Any, np.dtype[np.void]]] = {}
+    objects: dict[int, list[Event]] = {}
+    for kind in np.unique(kinds).tolist():
+        chosen = [i for i, event in enumerate(listed) if event.kind == kind]
+        if kind in OBJECT_KINDS:
+            objects[kind] = [
+                decode(kind, encode(listed[i], int(happened[i])), int(happened[i]),
+                       getattr(listed[i], "level", 0))
+                for i in chosen
+            ]  # fmt: skip
+        else:
+            data = b"".join(encode(listed[i], int(happened[i])) for i in chosen)
+            columns[kind] = np.frombuffer(data, fixed_layout(kind).dtype)
+    numbers = np.arange(first_number, first_number + len(listed), dtype=np.int64)
+    return EventBatch(numbers, kinds, happened, recorded, columns, objects)
+
+
+def _salt(salt: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    return np.frombuffer(salt or bytes(16), np.uint8)
+
+
+def _encode_floor_map(event: FloorMap, happened_ns: int) -> bytes:
+    from semmap_log.messages.typestore import typestore
+
+    types = typestore().types
+    stamp = types["builtin_interfaces/msg/Time"](
+        sec=min(happened_ns // 10**9, 2**31 - 1), nanosec=happened_ns % 10**9
+    )
+    height, width = event.cells.shape
+    half = event.origin_theta / 2
+    origin = types["geometry_msgs/msg/Pose"](
+        position=types["geometry_msgs/msg/Point"](x=event.origin_x, y=event.origin_y, z=0.0),
+        orientation=types["geometry_msgs/msg/Quaternion"](
+            x=0.0, y=0.0, z=math.sin(half), w=math.cos(half)
+        ),
+    )
+    info = types["nav_msgs/msg/MapMetaData"](
+        map_load_time=stamp, resolution=event.resolution, width=width, height=height, origin=origin
+    )
+    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="map")
+    cells = np.ascontiguousarray(event.cells).reshape(-1)
+    return serialize(OCCUPANCY_GRID, header=header, info=info, data=cells)
+
+
+def _decode_floor_map(message: Any, happened_ns: int | None, level: int) -> FloorMap:
+    info = message.info
+    turn = info.origin.orientation
+    return FloorMap(
+        happened_ns=happened_ns,
+        level=level,
+        resolution=info.resolution,
+        origin_x=info.origin.position.x,
+        origin_y=info.origin.position.y,
+        origin_theta=2 * math.atan2(turn.z, turn.w),
+        cells=message.data.reshape(info.height, info.width),
+    )

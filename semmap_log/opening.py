@@ -1,0 +1,84 @@
+"""How a log is made and opened."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from semmap_log.door_log import DoorLog
+from semmap_log.door_log_writer import DoorLogWriter
+from semmap_log.log.clock import Clock
+from semmap_log.log.header import LogInfo
+from semmap_log.log.writer import Entropy, create_log, open_for_append
+from semmap_log.moments import zone
+
+_LOCALTIME = Path("/etc/localtime")
+
+
+def create(
+    path: str | Path,
+    *,
+    tz: str | None = None,
+    building: str = "",
+    robot: str = "",
+    clock: Clock | None = None,
+    entropy: Entropy = os.urandom,
+) -> DoorLogWriter:
+    """Make a new log and open it for writing.
+
+    Args:
+        path: A folder that does not exist, or is empty.
+        tz: IANA zone in which times without an offset are read and shown; default: the machine's.
+        building: Its name.
+        robot: The robot's name.
+        clock: Where times come from; default: the machine.
+        entropy: Where ids come from; seed it to get the same bytes again.
+
+    Raises:
+        LogExistsError: There is something there already.
+        MomentError: No such zone.
+    """
+    timezone = tz or machine_zone()
+    zone(timezone)
+    info = LogInfo(entropy(16).hex(), timezone, building, robot)
+    return DoorLogWriter(create_log(Path(path), info, clock=clock, entropy=entropy))
+
+
+def append(
+    path: str | Path, *, clock: Clock | None = None, entropy: Entropy = os.urandom
+) -> DoorLogWriter:
+    """Open a log for writing; what a crash left unfinished is put in order first.
+
+    Raises:
+        NotALogError: There is none at that path.
+        LogLockedError: Another process is writing.
+        LogAccessError: It is on a read-only place.
+    """
+    return DoorLogWriter(open_for_append(Path(path), clock=clock, entropy=entropy))
+
+
+def read(path: str | Path) -> DoorLog:
+    """Open a log for reading.
+
+    Raises:
+        NotALogError: There is none at that path.
+    """
+    return DoorLog(path)
+
+
+def machine_zone() -> str:
+    """Return the machine's IANA zone; UTC where it does not say."""
+    named = os.environ.get("TZ", "").lstrip(":")
+    try:
+        target = os.readlink(_LOCALTIME)
+    except OSError:
+        target = ""
+    linked = target.partition("zoneinfo/")[2]
+    for name in (named, linked):
+        if name:
+            try:
+                zone(name)
+            except ValueError:
+                continue
+            return name
+    return "UTC"

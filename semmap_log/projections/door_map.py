@@ -1,0 +1,340 @@
+"""The door database as a fold: every field of a door keeps the value with the greatest stamp.
+
+A stamp is (happened time, event number); an event that claims to have happened after it was
+recorded counts from its recorded time. Since each field is a last-writer-wins register, the fold
+commutes: late events, batches of any size and a keyframe plus its tail all give the same state.
+(Shapiro et al., "Conflict-free Replicated Data Types", 2011: LWW-Register.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    EventBatch,
+    FloorMap,
+    LevelAdded,
+)
+
+Array = NDArray[Any]
+
+STATE_VERSION = 1
+"""Of the arrays that `to_arrays` gives; another version's keyframes are not used."""
+
+REGISTERS: Mapping[str, Mapping[str, str]] = {
+    "added": {},
+    "removed": {},
+    "pose": {"level": "u2", "x": "f8", "y": "f8", "theta": "f8"},
+    "width": {"width": "f8"},
+    "state": {"state": "u1"},
+    "prob_open": {"prob_open": "f8"},
+    "prob_closed": {"prob_closed": "f8"},
+}
+"""Register -> its values and their numpy types; each also has `_happened_ns` and `_event`."""
+
+_CHANGED = {
+    "pose": Changed.POSE, "width": Changed.WIDTH, "state": Changed.STATE,
+    "prob_open": Changed.PROB_OPEN, "prob_closed": Changed.PROB_CLOSED,
+}  # fmt: skip
+
+NEVER = -1
+"""The event number of a register that nothing has set."""
+
+Stamp = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class _Writes:
+    """What some events of a batch write to one register."""
+
+    register: str
+    positions: NDArray[np.intp]
+    """Of the events in the batch."""
+    door_ids: Array
+    values: Mapping[str, Array]
+
+
+class DoorMapState:
+    """The state of the fold: a column for each value and each stamp, a row for each door.
+
+    Doors that were removed keep their row: their stamps must still beat late events.
+    """
+
+    def __init__(self) -> None:
+        self.event = -1
+        """The greatest event number folded in."""
+        self.latest_happened_ns = 0
+        self.used_door_ids: set[int] = set()
+        self._row_of: dict[int, int] = {}
+        self._columns = _new_columns(0)
+        self._annotations: dict[int, dict[str, tuple[Stamp, str]]] = {}
+        self._levels: dict[int, tuple[Stamp, str, float]] = {}
+        self._floor_maps: dict[int, Stamp] = {}
+
+    def apply(self, batch: EventBatch) -> None:
+        """Fold a batch in."""
+        if not len(batch):
+            return
+        self.event = max(self.event, int(batch.number.max()))
+        happened = batch.folds_ns
+        self.latest_happened_ns = max(self.latest_happened_ns, int(happened.max()))
+        self.note_used_ids(batch)
+        self._touch(batch)
+        for writes in _writes_of(batch):
+            self._write(writes, happened, batch.number)
+        self._apply_objects(batch, happened)
+
+    def note_used_ids(self, batch: EventBatch) -> None:
+        """Remember the ids that the batch gives away; retracted events count here, too."""
+        if DoorAdded in batch:
+            self.used_door_ids.update(batch[DoorAdded]["door_id"].tolist())
+
+    def is_present(self, door_id: int) -> bool:
+        """Tell whether the door is in the map."""
+        row = self._row_of.get(door_id)
+        if row is None:
+            return False
+        return bool(self._columns["added_event"][row] >= 0 > self._columns["removed_event"][row])
+
+    def is_placed(self, door_id: int) -> bool:
+        """Tell whether the door has a place on the floor."""
+        row = self._row_of.get(door_id)
+        return row is not None and not np.isnan(self._columns["x"][row])
+
+    def known_levels(self) -> set[int]:
+        """Return the numbers of the levels that have a name or a floor map."""
+        return set(self._levels) | set(self._floor_maps)
+
+    def stamp(self, door_id: int, register: str) -> Stamp | None:
+        """Return (happened, number) of what a register of a door holds; None: never set."""
+        row = self._row_of.get(door_id)
+        if row is None or self._columns[f"{register}_event"][row] == NEVER:
+            return None
+        columns = self._columns
+        happened = int(columns[f"{register}_happened_ns"][row])
+        return happened, int(columns[f"{register}_event"][row])
+
+    def door_map(self, *, at_ns: int | None = None, known_at_ns: int | None = None) -> DoorMap:
+        """Return the doors that are in the map, as values; the moments are only written on it."""
+        n = len(self._row_of)
+        columns = {name: column[:n] for name, column in self._columns.items()}
+        here = np.flatnonzero((columns["added_event"] >= 0) & (columns["removed_event"] < 0))
+        here = here[np.argsort(columns["door_id"][here])]
+        rows = {name: column[here].tolist() for name, column in columns.items()}
+        doors = {}
+        for i, door_id in enumerate(rows["door_id"]):
+            doors[DoorId(door_id)] = Door(
+                door_id=DoorId(door_id),
+                level=rows["level"][i],
+                x=rows["x"][i],
+                y=rows["y"][i],
+                theta=rows["theta"][i],
+                width=rows["width"][i],
+                state=DoorState(rows["state"][i]),
+                prob_open=rows["prob_open"][i],
+                prob_closed=rows["prob_closed"][i],
+                last_seen_ns=rows["state_happened_ns"][i],
+                last_event=rows["last_event"][i],
+                annotations=self._annotations_of(
+                    door_id, (rows["added_happened_ns"][i], rows["added_event"][i])
+                ),
+            )
+        return DoorMap(
+            doors=MappingProxyType(doors),
+            levels=MappingProxyType(self._level_map()),
+            event=self.event,
+            at_ns=at_ns,
+            known_at_ns=known_at_ns,
+        )
+
+    def to_arrays(self) -> dict[str, Any]:
+        """Return the whole state as arrays and lists, doors ascending: the same for equal states."""
+        n = len(self._row_of)
+        order = np.argsort(self._columns["door_id"][:n])
+        arrays: dict[str, Any] = {
+            name: np.ascontiguousarray(column[:n][order]) for name, column in self._columns.items()
+        }
+        arrays["event"] = self.event
+        arrays["latest_happened_ns"] = self.latest_happened_ns
+        arrays["used_door_ids"] = np.array(sorted(self.used_door_ids), np.uint32)
+        texts = [
+            (door_id, key, value, *stamp)
+            for door_id, said in sorted(self._annotations.items())
+            for key, (stamp, value) in sorted(said.items())
+        ]
+        names = ("door_id", "key", "value", "happened_ns", "event")
+        arrays |= {f"annotation_{name}": [t[i] for t in texts] for i, name in enumerate(names)}
+        numbers = sorted(self._levels.keys() | self._floor_maps.keys())
+        nameless = ((0, NEVER), "", np.nan)
+        named = [self._levels.get(number, nameless) for number in numbers]
+        drawn = [self._floor_maps.get(number, (0, NEVER)) for number in numbers]
+        arrays["level_number"] = numbers
+        arrays["level_name"] = [name for _, name, _ in named]
+        arrays["level_elevation"] = [elevation for _, _, elevation in named]
+        arrays["level_happened_ns"] = [stamp[0] for stamp, _, _ in named]
+        arrays["level_event"] = [stamp[1] for stamp, _, _ in named]
+        arrays["floor_map_happened_ns"] = [stamp[0] for stamp in drawn]
+        arrays["floor_map_event"] = [stamp[1] for stamp in drawn]
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> DoorMapState:
+        """Return the state that `to_arrays` gave."""
+        state = cls()
+        state.event = int(arrays["event"])
+        state.latest_happened_ns = int(arrays["latest_happened_ns"])
+        state.used_door_ids = set(np.asarray(arrays["used_door_ids"]).tolist())
+        state._columns = {name: np.array(arrays[name]) for name in _new_columns(0)}
+        door_ids = state._columns["door_id"].tolist()
+        state._row_of = {door_id: row for row, door_id in enumerate(door_ids)}
+        for door_id, key, value, happened, event in zip(
+            *(arrays[f"annotation_{name}"] for name in
+              ("door_id", "key", "value", "happened_ns", "event")), strict=True,
+        ):  # fmt: skip
+            said = state._annotations.setdefault(int(door_id), {})
+            said[str(key)] = ((int(happened), int(event)), str(value))
+        for i, number in enumerate(np.asarray(arrays["level_number"]).tolist()):
+            if arrays["level_event"][i] != NEVER:
+                stamp = (int(arrays["level_happened_ns"][i]), int(arrays["level_event"][i]))
+                state._levels[number] = (
+                    stamp, str(arrays["level_name"][i]), float(arrays["level_elevation"][i])
+                )  # fmt: skip
+            if arrays["floor_map_event"][i] != NEVER:
+                state._floor_maps[number] = (
+                    int(arrays["floor_map_happened_ns"][i]), int(arrays["floor_map_event"][i])
+                )  # fmt: skip
+        return state
+
+    def _annotations_of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
+        said = self._annotations.get(door_id, {})
+        return MappingProxyType({
+            key: value for key, (stamp, value) in sorted(said.items()) if value and stamp > added
+        })  # fmt: skip
+
+    def _level_map(self) -> dict[int, Level]:
+        levels = {}
+        for number in sorted(self._levels.keys() | self._floor_maps.keys()):
+            _, name, elevation = self._levels.get(number, (None, None, np.nan))
+            drawn = self._floor_maps.get(number)
+            levels[number] = Level(number, name or None, elevation, drawn[1] if drawn else None)
+        return levels
+
+    def _rows(self, door_ids: Array) -> NDArray[np.intp]:
+        """Return the row of each door, making new ones where needed."""
+        unique, inverse = np.unique(door_ids, return_inverse=True)
+        rows = np.empty(len(unique), np.intp)
+        for i, door_id in enumerate(unique.tolist()):
+            row = self._row_of.get(door_id)
+            if row is None:
+                row = self._row_of[door_id] = len(self._row_of)
+                self._grow(row + 1)
+                self._columns["door_id"][row] = door_id
+            rows[i] = row
+        return rows[inverse]
+
+    def _grow(self, size: int) -> None:
+        have = len(self._columns["door_id"])
+        if size > have:
+            more = _new_columns(max(16, have))  # doubles, so that adding doors stays linear
+            self._columns = {
+                name: np.concatenate([column, more[name]]) for name, column in self._columns.items()
+            }
+
+    def _touch(self, batch: EventBatch) -> None:
+        """Note, for each door, the last event about it, whatever that sets."""
+        door_ids = batch.door_ids()
+        about = door_ids != 0
+        if about.any():
+            rows = self._rows(door_ids[about])
+            np.maximum.at(self._columns["last_event"], rows, batch.number[about])
+
+    def _write(self, writes: _Writes, happened: Array, numbers: Array) -> None:
+        rows = self._rows(writes.door_ids)
+        happened, numbers = happened[writes.positions], numbers[writes.positions]
+        order = np.lexsort((numbers, happened, rows))
+        last = order[np.append(np.diff(rows[order]) != 0, True)]
+        rows, happened, numbers = rows[last], happened[last], numbers[last]
+        stored_ns = self._columns[f"{writes.register}_happened_ns"]
+        stored_event = self._columns[f"{writes.register}_event"]
+        newer = (happened > stored_ns[rows]) | (
+            (happened == stored_ns[rows]) & (numbers > stored_event[rows])
+        )
+        rows, chosen = rows[newer], last[newer]
+        stored_ns[rows] = happened[newer]
+        stored_event[rows] = numbers[newer]
+        for name, values in writes.values.items():
+            self._columns[name][rows] = values[chosen]
+
+    def _apply_objects(self, batch: EventBatch, happened: Array) -> None:
+        for kind in (DoorAnnotated, LevelAdded, FloorMap):
+            if kind not in batch:
+                continue
+            positions = batch.where(kind)
+            stamps = zip(happened[positions].tolist(), batch.number[positions].tolist(), strict=True)
+            for event, stamp in zip(batch.objects[kind.kind], stamps, strict=True):
+                if isinstance(event, DoorAnnotated):
+                    said = self._annotations.setdefault(int(event.door_id), {})
+                    if event.key not in said or stamp > said[event.key][0]:
+                        said[event.key] = (stamp, event.value)
+                elif isinstance(event, LevelAdded):
+                    if event.level not in self._levels or stamp > self._levels[event.level][0]:
+                        self._levels[event.level] = (stamp, event.name, event.elevation)
+                elif isinstance(event, FloorMap):
+                    drawn = self._floor_maps.get(event.level)
+                    if drawn is None or stamp > drawn:
+                        self._floor_maps[event.level] = stamp
+
+
+def _new_columns(n: int) -> dict[str, Array]:
+    columns: dict[str, Array] = {"door_id": np.zeros(n, "u4"), "last_event": np.full(n, -1, "i8")}
+    for register, values in REGISTERS.items():
+        for name, dtype in values.items():
+            columns[name] = np.full(n, np.nan if dtype == "f8" else 0, dtype)
+        columns[f"{register}_happened_ns"] = np.full(n, -1, "i8")
+        columns[f"{register}_event"] = np.full(n, NEVER, "i8")
+    return columns
+
+
+def _writes_of(batch: EventBatch) -> Iterator[_Writes]:
+    """Yield what the batch writes, register by register."""
+    if DoorAdded in batch:
+        rows, where = batch[DoorAdded], batch.where(DoorAdded)
+        for register in REGISTERS:
+            if register != "removed":
+                yield _Writes(register, where, rows["door_id"], _values(rows, register))
+    if DoorUpdated in batch:
+        rows, where = batch[DoorUpdated], batch.where(DoorUpdated)
+        for register, bit in _CHANGED.items():
+            set_ = (rows["changed"] & int(bit)) != 0
+            if set_.any():
+                chosen = rows[set_]
+                yield _Writes(register, where[set_], chosen["door_id"], _values(chosen, register))
+    if DoorRemoved in batch:
+        yield _Writes("removed", batch.where(DoorRemoved), batch[DoorRemoved]["door_id"], {})
+    if DoorObserved in batch:
+        rows = batch[DoorObserved]
+        yield _Writes("state", batch.where(DoorObserved), rows["door_id"], _values(rows, "state"))
+    if DoorPassed in batch:
+        rows, where = batch[DoorPassed], batch.where(DoorPassed)
+        through = rows["passed"]
+        opened = np.full(int(np.count_nonzero(through)), int(DoorState.OPEN), "u1")
+        if len(opened):
+            yield _Writes("state", where[through], rows["door_id"][through], {"state": opened})
+
+
+def _values(rows: NDArray[np.void], register: str) -> dict[str, Array]:
+    return {name: rows[name] for name in REGISTERS[register]}

@@ -1,0 +1,95 @@
+"""Who changed what, when, why: events side by side with the notes of their commits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from semmap_log.doors import DoorId
+from semmap_log.events import DoorEvent, Event, EventBatch
+from semmap_log.projections.retraction import Retractions
+
+
+class Said(Protocol):
+    """A commit's note, as far as history shows it."""
+
+    @property
+    def actor(self) -> str: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def correlation(self) -> str: ...
+
+
+class Noted(Protocol):
+    """A commit, as far as history needs it."""
+
+    @property
+    def last_event(self) -> int: ...
+    @property
+    def command_id(self) -> bytes: ...
+    @property
+    def note(self) -> Said: ...
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryEntry:
+    """One event, with who and why."""
+
+    number: int
+    event: Event
+    happened_ns: int
+    """As given; it may lie after `recorded_ns` if a clock was wrong."""
+    recorded_ns: int
+    actor: str = ""
+    source: str = ""
+    reason: str = ""
+    correlation: str = ""
+    command_id: bytes = b""
+    retracted: bool = False
+
+    @property
+    def kind(self) -> str:
+        """The event's kind, such as `DoorObserved`."""
+        return type(self.event).__name__
+
+    @property
+    def door_id(self) -> DoorId | None:
+        """The door it is about; None: about none."""
+        return self.event.door_id if isinstance(self.event, DoorEvent) else None
+
+
+def history(
+    batches: Iterable[EventBatch], commits: Iterable[Noted], retractions: Retractions
+) -> Iterator[HistoryEntry]:
+    """Yield the events of the batches with what their commits say.
+
+    Args:
+        batches: Events, numbers ascending; gaps allowed.
+        commits: All commits from the first event on, in order.
+        retractions: What is hidden; it is shown here, and marked.
+    """
+    following = iter(commits)
+    commit = next(following, None)
+    for batch in batches:
+        hidden = retractions.hidden(batch).tolist()
+        for recorded, retracted in zip(batch, hidden, strict=True):
+            while commit is not None and commit.last_event < recorded.number:
+                commit = next(following, None)
+            assert commit is not None, "every event belongs to a commit"
+            note = commit.note
+            yield HistoryEntry(
+                number=recorded.number,
+                event=recorded.event,
+                happened_ns=recorded.happened_ns,
+                recorded_ns=recorded.recorded_ns,
+                actor=note.actor,
+                source=note.source,
+                reason=note.reason,
+                correlation=note.correlation,
+                command_id=commit.command_id,
+                retracted=retracted,
+            )

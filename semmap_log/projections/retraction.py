@@ -1,0 +1,41 @@
+"""Which events are hidden: Retracted events, folded into ranges of event numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.events import EventBatch, Retracted
+
+
+class Retractions:
+    """Ranges of event numbers that were taken back; a retraction itself is never hidden."""
+
+    def __init__(self) -> None:
+        self._ranges: list[tuple[int, int]] = []
+
+    def apply(self, batch: EventBatch) -> None:
+        """Fold a batch in."""
+        if Retracted in batch:
+            rows = batch[Retracted]
+            self._ranges += zip(rows["first_event"].tolist(), rows["last_event"].tolist(),
+                                strict=True)
+
+    def __bool__(self) -> bool:
+        return bool(self._ranges)
+
+    @property
+    def first_event(self) -> int:
+        """The least event number hidden (0 if none is)."""
+        return min((first for first, _ in self._ranges), default=0)
+
+    def hidden(self, batch: EventBatch) -> NDArray[np.bool_]:
+        """Return, for each event of a batch, whether it is hidden."""
+        hidden = np.zeros(len(batch), np.bool_)
+        for first, last in self._ranges:
+            hidden |= (batch.number >= first) & (batch.number <= last)
+        return hidden & (batch.kind != Retracted.kind)
+
+    def visible(self, batch: EventBatch) -> EventBatch:
+        """Return the events of a batch that are not hidden."""
+        return batch.select(~self.hidden(batch)) if self._ranges else batch

@@ -1,0 +1,70 @@
+"""Log + projection + a moment -> state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from semmap_log.events import EventBatch
+from semmap_log.log.reader import LogReader, Progress
+from semmap_log.projections.door_map import DoorMapState
+
+
+class Projection(Protocol):
+    """A pure fold: a user's own is a class with this method."""
+
+    def apply(self, batch: EventBatch) -> None:
+        """Fold a batch in; batches come in the order of event numbers."""
+
+
+P = TypeVar("P", bound=Projection)
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """Which events count. Every bound is inclusive; None: no bound."""
+
+    at_ns: int | None = None
+    """Happened by then: what was true, with all that is known."""
+    known_at_ns: int | None = None
+    """Recorded by then, whole commits: what was known. With `at_ns`: bitemporal."""
+    event: int | None = None
+    """Up to that event number."""
+
+    def limit(self, reader: LogReader) -> int | None:
+        """Return the greatest event number that counts; None: all."""
+        limits = [] if self.event is None else [self.event]
+        if self.known_at_ns is not None:
+            limits.append(reader.event_known_at(self.known_at_ns))
+        return min(limits, default=None)
+
+
+def fold(
+    reader: LogReader, projection: P, scope: Scope = Scope(), *, progress: Progress | None = None
+) -> P:
+    """Fold the events of a scope into a projection, in place, and return it."""
+    for batch in visible_batches(reader, scope, progress=progress):
+        projection.apply(batch)
+    return projection
+
+
+def replay(reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None) -> DoorMapState:
+    """Return the door map of a scope."""
+    return fold(reader, DoorMapState(), scope, progress=progress)
+
+
+def visible_batches(
+    reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None
+) -> Iterator[EventBatch]:
+    """Yield the events of a scope, without those retracted by what is known in it."""
+    limit = scope.limit(reader)
+    if limit is not None and limit < 0:
+        return
+    retractions = reader.retractions(limit=limit)
+    for batch in reader.batches(limit=limit, progress=progress):
+        visible = retractions.visible(batch)
+        if scope.at_ns is not None:
+            visible = visible.select(visible.folds_ns <= scope.at_ns)
+        if len(visible):
+            yield visible
