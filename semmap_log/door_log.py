@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from semmap_log.commands import resolve_door
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import MomentError
-from semmap_log.events import Event, EventBatch, FloorMap, RecordedEvent
+from semmap_log.events import Event, EventBatch, FloorMap, RecordedEvent, Retracted
 from semmap_log.log.commits import Commit
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
@@ -166,6 +166,21 @@ class DoorLog:
         )  # fmt: skip
         return history(batches, self.commits(), self.reader.retractions())
 
+    def entry(self, number: int) -> HistoryEntry:
+        """Return one event with who did it and why.
+
+        Raises:
+            LogError: There is no such event.
+        """
+        recorded = self.event(number)
+        note, command_id = self.reader.said_about(number)
+        hidden = any(first <= number <= last for first, last in self.reader.retractions().ranges)
+        return HistoryEntry(
+            number, recorded.event, recorded.happened_ns, recorded.recorded_ns,
+            note.actor, note.source, note.reason, note.correlation, command_id,
+            retracted=hidden and not isinstance(recorded.event, Retracted),
+        )  # fmt: skip
+
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
 
@@ -202,6 +217,17 @@ class DoorLog:
             UnknownDoorError: None, or more than one.
         """
         return resolve_door(door, self.replay())
+
+    def resolve_ever(self, door: str | int) -> DoorId:
+        """Return the door of that id, name, or level/name; by its id a removed one, too.
+
+        Raises:
+            UnknownDoorError: There is none, and never was.
+        """
+        state = replay(self.reader)
+        if str(door).isdecimal() and int(door) in state.used_door_ids:
+            return DoorId(int(door))
+        return resolve_door(door, state.door_map())
 
     def moment(self, time: Time) -> Moment:
         """Return what a time means in this log.

@@ -23,6 +23,8 @@ from semmap_log.events import (
     DoorRequested,
     DoorUpdated,
     Event,
+    PatrolFinished,
+    PatrolStarted,
     RobotPose,
 )
 from semmap_log.log.commits import Commit, Note
@@ -96,7 +98,6 @@ class DoorLogWriter(DoorLog):
         note: Note = Note(),
         command_id: bytes | None = None,
         sync: bool = True,
-        everywhere: bool = False,
     ) -> Appended:
         """Append events as one commit, all or none; waiting robot poses go before them.
 
@@ -105,7 +106,6 @@ class DoorLogWriter(DoorLog):
             note: Who, with what, why.
             command_id: 16 bytes; a command that is stored already is not stored again.
             sync: Durable on return; otherwise once `sync` has returned.
-            everywhere: Look for the command in the whole log, not only in its last 10,000 commits.
 
         Raises:
             CommandError: The map forbids an event; nothing is written.
@@ -113,7 +113,7 @@ class DoorLogWriter(DoorLog):
         """
         with self._mutex:
             if command_id is not None:
-                known = self._writer.find(command_id, everywhere=everywhere)
+                known = self._writer.find(command_id)
                 if known is not None:
                     return Appended(known, repeated=True)
             self._is_stale = True
@@ -123,6 +123,16 @@ class DoorLogWriter(DoorLog):
             )  # fmt: skip
             self._poses = []
             return Appended(commit)
+
+    def find_command(self, command_id: bytes, *, everywhere: bool = False) -> Commit | None:
+        """Return the commit that a command became, if it is stored.
+
+        Args:
+            command_id: 16 bytes.
+            everywhere: Look in the whole log, not only in its last 10,000 commits or so.
+        """
+        with self._mutex:
+            return self._writer.find(command_id, everywhere=everywhere)
 
     def sync(self) -> None:
         """Return once every commit so far survives a power cut."""
@@ -271,6 +281,26 @@ class DoorLogWriter(DoorLog):
                            happened_ns=self._happened(about))  # fmt: skip
         return self._commit([event], about)
 
+    def start_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
+        """Record that a round began; return its number, one more than the last one's."""
+        with self._mutex:
+            number = self._last_patrol(PatrolStarted) + 1
+            event = PatrolStarted(patrol=number, happened_ns=self._happened(about))
+            return self._commit([event], about), number
+
+    def finish_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
+        """Record that the round that began last is over; return its number.
+
+        Raises:
+            CommandError: No round is under way.
+        """
+        with self._mutex:
+            number = self._last_patrol(PatrolStarted)
+            if number <= self._last_patrol(PatrolFinished):
+                raise CommandError("no patrol round is under way; first: patrol LOG start.")
+            event = PatrolFinished(patrol=number, happened_ns=self._happened(about))
+            return self._commit([event], about), number
+
     def robot_pose(self, pose: RobotPose) -> None:
         """Keep a pose for the next commit; if none comes within a second, it gets its own."""
         with self._mutex:
@@ -332,6 +362,11 @@ class DoorLogWriter(DoorLog):
         if moment.event is not None:
             raise MomentError("when it happened is a time, not an event number.")
         return moment.ns
+
+    def _last_patrol(self, kind: type[PatrolStarted] | type[PatrolFinished]) -> int:
+        """Return the greatest round number of that kind of event; 0: none."""
+        batches = self.batches(kinds=[kind])
+        return max((int(batch[kind]["patrol"].max()) for batch in batches), default=0)
 
     def _added_by(self, commit: Commit) -> DoorId:
         """Return the door that a commit, stored before, has added."""

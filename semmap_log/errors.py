@@ -16,6 +16,7 @@
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
     │   └── CorruptLogError         damage, with file and offset
     ├── FormatError                 a foreign file that cannot be read, with file and line
+    ├── OutputError                 a file that could not be written; what was there is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
@@ -110,6 +111,10 @@ class FormatError(SemmapError, ValueError):
         super().__init__("\n".join(shown))
         self.path = path
         self.problems = lines
+
+
+class OutputError(SemmapError, OSError):
+    """A file could not be written; what had that name before is still whole."""
 
 
 class MissingExtraError(SemmapError, ImportError):

@@ -61,9 +61,7 @@ def read_building(path: Path, *, level: str | None = None, resolution: float = 0
         if plan.walls
     ]
     levels = [Level(number, storey.name, storey.elevation_m) for number, storey in numbered]
-    return DoorTable(
-        path, tuple(doors), tuple(levels), tuple(maps), tuple(_lifts(root)), has_states=False
-    )
+    return DoorTable(path, tuple(doors), tuple(levels), tuple(maps), tuple(_lifts(root)))
 
 
 def _in_pixels(root: Mapping, problems: Problems) -> bool:

@@ -24,8 +24,10 @@ class TableDoor:
     y: float
     theta: float
     width: float
-    state: DoorState = DoorState.UNKNOWN
+    state: DoorState | None = None
+    """None: the file does not say."""
     prob_open: float = NAN
+    """NaN: the file does not say."""
     prob_closed: float = NAN
     annotations: Mapping[str, str] = field(default_factory=dict)
 
@@ -43,5 +45,3 @@ class DoorTable:
     """What the file holds and the log cannot, in words."""
     warnings: tuple[str, ...] = ()
     """What was read, but perhaps not as meant."""
-    has_states: bool = True
-    """False: the format says where doors are, not how they stand."""

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import stat
+import zlib
+from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
 from semmap_log.errors import FormatError
 
 MIB = 2**20
+GZIP_MAGIC = b"\x1f\x8b"
 
 
 def read_capped(path: Path, *, most_bytes: int) -> bytes:
@@ -47,16 +52,44 @@ def open_regular(path: Path) -> BinaryIO:
     return os.fdopen(descriptor, "rb")
 
 
-def decode_utf8(data: bytes, path: Path) -> str:
-    """Return the text without its byte order mark.
+def text_lines(path: Path, *, most_bytes: int) -> Iterator[str]:
+    """Yield the file's lines with their ends, one at a time; a gzip file's are unpacked.
+
+    Raises:
+        FormatError: The file cannot be read, or a line is not UTF-8 or longer than `most_bytes`.
+    """
+    with open_regular(path) as raw:
+        is_gzip = raw.read(2) == GZIP_MAGIC
+        raw.seek(0)
+        file: BinaryIO | gzip.GzipFile = gzip.GzipFile(fileobj=raw) if is_gzip else raw
+        for number in count(1):
+            try:
+                line = file.readline(most_bytes + 1)
+            except (OSError, EOFError, zlib.error) as error:
+                raise FormatError(path, [(number, f"cannot be read on: {error}")]) from None
+            if len(line) > most_bytes:
+                problem = f"expected lines of at most {most_bytes:,} bytes; this one is longer"
+                raise FormatError(path, [(number, problem)])
+            if not line:
+                return
+            yield decode_utf8(line, path, first_line=number)
+
+
+def decode_utf8(data: bytes, path: Path, *, first_line: int = 1) -> str:
+    """Return the text, without a byte order mark at the file's start.
+
+    Args:
+        data: The bytes.
+        path: For messages.
+        first_line: The number of the first line in `data`.
 
     Raises:
         FormatError: It is not UTF-8; names the line.
     """
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig" if first_line == 1 else "utf-8")
     except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
+        line = first_line + data.count(b"\n", 0, error.start)
         problem = f"expected UTF-8 text, got byte 0x{data[error.start]:02x}; save the file as UTF-8"
         raise FormatError(path, [(line, problem)]) from None
 

@@ -22,6 +22,11 @@ class Problems:
         if len(self.found) < MOST_KEPT:
             self.found.append((line, text))
 
+    @property
+    def is_full(self) -> bool:
+        """True once it is not worth reading on."""
+        return len(self.found) >= MOST_KEPT
+
     def raise_any(self) -> None:
         """Raise what was found.
 

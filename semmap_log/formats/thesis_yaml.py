@@ -151,10 +151,10 @@ class _Reader:
             fields.refuse(key, "a number from 0 to 1")
         return value
 
-    def state(self, fields: Fields) -> DoorState:
+    def state(self, fields: Fields) -> DoorState | None:
         node = fields.mapping.entries.get("status")
         if node is None:
-            return DoorState.UNKNOWN
+            return None
         if isinstance(node, Scalar) and node.text in STATES:
             return STATES[node.text]
         self.warnings.append(

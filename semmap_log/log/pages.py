@@ -52,6 +52,12 @@ class Page:
         """The fixed fields of each record, as MESSAGE_DTYPE."""
         return heads_of(self.records, self.offsets)
 
+    @property
+    def levels(self) -> set[int]:
+        """Levels whose floor map is here."""
+        channels = np.unique(self.heads["channel_id"])
+        return set((channels[channels >= FLOOR_MAP_CHANNEL] - FLOOR_MAP_CHANNEL).tolist())
+
     def events(self) -> EventBatch:
         """Return its events as columns.
 

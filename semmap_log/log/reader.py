@@ -11,7 +11,7 @@ from semmap_log.events import EventBatch, RecordedEvent, Retracted
 from semmap_log.log import keyframes
 from semmap_log.log.bag_metadata import statistics_of
 from semmap_log.log.chunks import ChunkDamage, StoredChunk
-from semmap_log.log.commits import Commit
+from semmap_log.log.commits import Commit, Note
 from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.header import LogInfo
 from semmap_log.log.pages import Page
@@ -26,8 +26,8 @@ Progress = Callable[[int, int], None]
 class LogReader:
     """A log as it was when it was opened, or last refreshed."""
 
-    def __init__(self, folder: Path) -> None:
-        """Open the log in that folder.
+    def __init__(self, folder: Path, *, only: Path | None = None) -> None:
+        """Open the log in that folder, or only one segment of it.
 
         Raises:
             NotALogError: There is none.
@@ -35,13 +35,14 @@ class LogReader:
             LogAccessError: A segment cannot be read.
         """
         self.folder = folder
+        self._only = only
         self._known: dict[tuple[str, int, int], Segment] = {}
         self.segments: list[Segment] = []
         self.refresh()
 
     def refresh(self) -> None:
         """Take in what was written since; closed segments that are known are not read again."""
-        paths = segment_paths(self.folder)
+        paths = [self._only] if self._only else segment_paths(self.folder)
         known: dict[tuple[str, int, int], Segment] = {}
         for path in paths:
             status = path.stat()
@@ -153,7 +154,7 @@ class LogReader:
                 known = batch.number[batch.recorded_ns <= known_at_ns]
                 if len(known):
                     found = int(known[-1])
-                    return self._end_of_commit(segment, i, found)
+                    return self._commit_of(segment, i, found).last_event
         return found
 
     def event(self, number: int) -> RecordedEvent:
@@ -162,15 +163,31 @@ class LogReader:
         Raises:
             LogError: There is none.
         """
+        segment, i = self._chunk_of(number)
+        batch = _page(segment, [read_chunk(segment, segment.chunks[i])]).events()
+        (recorded,) = batch.select(batch.number == number)
+        return recorded
+
+    def said_about(self, number: int) -> tuple[Note, bytes]:
+        """Return the note and the command id of the commit that holds an event.
+
+        Raises:
+            LogError: There is no such event.
+        """
+        commit = self._commit_of(*self._chunk_of(number), number)
+        return commit.note, commit.command_id
+
+    def _chunk_of(self, number: int) -> tuple[Segment, int]:
+        """Return the segment and the place of the chunk that holds an event."""
         behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
         for segment in reversed(self.segments[:behind]):
             first = bisect_right(segment.chunks, number, key=lambda c: _first_number(segment, c))
-            for chunk in reversed(segment.chunks[:first]):
-                batch = _page(segment, [read_chunk(segment, chunk)]).events()
+            for i in reversed(range(first)):
+                batch = _page(segment, [read_chunk(segment, segment.chunks[i])]).events()
                 if len(batch) and batch.number[-1] < number:
                     break
-                for recorded in batch.select(batch.number == number):
-                    return recorded
+                if len(batch):
+                    return segment, i
         raise LogError(f"{self.folder}: there is no event {number}.")
 
     def retractions(self, *, limit: int | None = None) -> Retractions:
@@ -197,12 +214,12 @@ class LogReader:
         stored = _page(segment, [read_chunk(segment, segment.chunks[0])]).keyframes()
         return keyframes.decode(stored[0]) if stored else None
 
-    def _end_of_commit(self, segment: Segment, first_chunk: int, event: int) -> int:
-        """Return the last event of the commit that holds `event`, looking from a chunk on."""
+    def _commit_of(self, segment: Segment, first_chunk: int, event: int) -> Commit:
+        """Return the commit that holds `event`, looking from a chunk on."""
         for chunk in segment.chunks[first_chunk:]:
             for commit in _page(segment, [read_chunk(segment, chunk)]).commits():
                 if commit.last_event >= event:
-                    return commit.last_event
+                    return commit
         raise CorruptLogError(segment.path, 0, f"event {event} belongs to no commit")
 
 

@@ -6,10 +6,9 @@ any moment. Chunk times and message indexes are made anew from the messages, nev
 
 from __future__ import annotations
 
-from semmap_log.events import FloorMap
 from semmap_log.log.chunks import build_chunk
 from semmap_log.log.disk import replace_file
-from semmap_log.log.form import FLOOR_MAP_CHANNEL, TORN_SUFFIX, kind_of_channel
+from semmap_log.log.form import TORN_SUFFIX
 from semmap_log.log.pages import Page
 from semmap_log.log.reader import read_chunk
 from semmap_log.log.scan import Segment
@@ -25,10 +24,8 @@ def reopened(segment: Segment) -> SegmentWriter:
         for chunk in segment.chunks:
             records = bytes(read_chunk(segment, chunk))
             page = Page(records, segment.header.first_event)
-            channels = set(page.heads["channel_id"].tolist())
-            levels = {c - FLOOR_MAP_CHANNEL for c in channels if kind_of_channel(c) == FloorMap.kind}
             built = build_chunk(records, page.offsets, compression=chunk.compression)
-            writer.add(built, levels=levels)
+            writer.add(built, levels=page.levels)
     except BaseException:
         writer.abandon()
         raise

@@ -88,11 +88,11 @@ class SegmentWriter:
         self.counts: Counter[int] = Counter()
         self._metadata: list[MetadataIndex] = []
         self._crc = 0
-        self._temporary: Path | None = path.with_name(
+        self.temporary: Path | None = path.with_name(
             f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}"
         )
         self._fd = os.open(
-            self._temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
+            self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
             0o644,
         )
         start = mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
@@ -117,10 +117,11 @@ class SegmentWriter:
 
     def install(self) -> None:
         """Give the file its name, in place of any file that has it; survives a power cut."""
-        assert self._temporary is not None
-        os.fsync(self._fd)
-        os.replace(self._temporary, self.path)
-        self._temporary = None
+        assert self.temporary is not None
+        if self._fd >= 0:
+            os.fsync(self._fd)
+        os.replace(self.temporary, self.path)
+        self.temporary = None
         sync_folder(self.path.parent)
 
     def close(self) -> None:
@@ -139,10 +140,10 @@ class SegmentWriter:
             with suppress(OSError):
                 os.close(self._fd)
             self._fd = -1
-        if self._temporary is not None:
+        if self.temporary is not None:
             with suppress(OSError):
-                self._temporary.unlink()
-            self._temporary = None
+                self.temporary.unlink()
+            self.temporary = None
 
     def _write(self, data: bytes) -> None:
         write_all(self._fd, data)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from semmap_log.doors import DoorId
-from semmap_log.events import DoorEvent, Event, EventBatch
+from semmap_log.events import DoorEvent, Event, EventBatch, RecordedEvent
 from semmap_log.projections.retraction import Retractions
 
 
@@ -50,6 +50,11 @@ class HistoryEntry:
     correlation: str = ""
     command_id: bytes = b""
     retracted: bool = False
+
+    @property
+    def recorded(self) -> RecordedEvent:
+        """The event without who and why."""
+        return RecordedEvent(self.number, self.recorded_ns, self.event)
 
     @property
     def kind(self) -> str:

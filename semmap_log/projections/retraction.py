@@ -12,30 +12,31 @@ class Retractions:
     """Ranges of event numbers that were taken back; a retraction itself is never hidden."""
 
     def __init__(self) -> None:
-        self._ranges: list[tuple[int, int]] = []
+        self.ranges: list[tuple[int, int]] = []
+        """(first, last) event number of each, inclusive."""
 
     def apply(self, batch: EventBatch) -> None:
         """Fold a batch in."""
         if Retracted in batch:
             rows = batch[Retracted]
-            self._ranges += zip(rows["first_event"].tolist(), rows["last_event"].tolist(),
+            self.ranges += zip(rows["first_event"].tolist(), rows["last_event"].tolist(),
                                 strict=True)
 
     def __bool__(self) -> bool:
-        return bool(self._ranges)
+        return bool(self.ranges)
 
     @property
     def first_event(self) -> int:
         """The least event number hidden (0 if none is)."""
-        return min((first for first, _ in self._ranges), default=0)
+        return min((first for first, _ in self.ranges), default=0)
 
     def hidden(self, batch: EventBatch) -> NDArray[np.bool_]:
         """Return, for each event of a batch, whether it is hidden."""
         hidden = np.zeros(len(batch), np.bool_)
-        for first, last in self._ranges:
+        for first, last in self.ranges:
             hidden |= (batch.number >= first) & (batch.number <= last)
         return hidden & (batch.kind != Retracted.kind)
 
     def visible(self, batch: EventBatch) -> EventBatch:
         """Return the events of a batch that are not hidden."""
-        return batch.select(~self.hidden(batch)) if self._ranges else batch
+        return batch.select(~self.hidden(batch)) if self.ranges else batch

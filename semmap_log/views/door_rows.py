@@ -6,7 +6,7 @@ of it into the rows at which its state, its line and its probabilities become so
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,7 @@ from semmap_log.events import (
     EventBatch,
 )
 
-Changes = NDArray[np.void]
+Changes = NDArray[Any]
 """Rows of `CHANGE`."""
 
 CHANGE = np.dtype([
@@ -37,6 +37,8 @@ CHANGE = np.dtype([
 ])  # fmt: skip
 """An event about a door; `sets` are the bits of `Changed`, the values outside them mean nothing."""
 
+VALUES = ("level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed")
+
 PROBABILITIES = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)
 PLACE = int(Changed.POSE | Changed.WIDTH)
 
@@ -44,6 +46,8 @@ Stamp = tuple[int, int]
 """(folds_ns, number): the order in which events count."""
 ALWAYS: Stamp = (-1, -1)
 NEVER: Stamp = (2**63 - 1, 2**63 - 1)
+
+NO_STATE = 255
 
 
 def changes_of(batch: EventBatch) -> Changes:
@@ -53,6 +57,27 @@ def changes_of(batch: EventBatch) -> Changes:
         return np.empty(0, CHANGE)
     changes = np.concatenate(parts)
     return changes[np.argsort(changes["number"])]
+
+
+def opening_changes(
+    doors: Iterable[Door], *, folds_ns: int, number: int, recorded_ns: int
+) -> Changes:
+    """Return one row a door that sets all of it to what it is: how a recording begins in midst."""
+    listed = list(doors)
+    opening = np.zeros(len(listed), CHANGE)
+    opening["kind"], opening["sets"] = DoorAdded.kind, int(ALL_CHANGED)
+    opening["folds_ns"], opening["number"] = folds_ns, number
+    opening["recorded_ns"] = recorded_ns
+    for name in ("door_id", *VALUES):
+        opening[name] = [getattr(door, name) for door in listed]
+    return opening
+
+
+def by_door(changes: Changes) -> Iterator[Changes]:
+    """Yield each door's rows, doors ascending, rows in the order they came."""
+    if len(changes):
+        ordered = changes[np.argsort(changes["door_id"], kind="stable")]
+        yield from np.split(ordered, np.flatnonzero(np.diff(ordered["door_id"])) + 1)
 
 
 def sorted_by_stamp(changes: Changes) -> Changes:
@@ -73,7 +98,7 @@ def _part(batch: EventBatch, kind: type[Event], fill: Callable[[Changes, Any], N
 
 
 def _fill_values(part: Changes, rows: Any) -> None:  # noqa: ANN401 - a structured numpy array
-    for name in ("level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed"):
+    for name in VALUES:
         part[name] = rows[name]
 
 
@@ -97,7 +122,7 @@ def _fill_passed(part: Changes, rows: Any) -> None:  # noqa: ANN401
     part["state"] = int(DoorState.OPEN)
 
 
-def _fill_removed(part: Changes, rows: Any) -> None:  # noqa: ANN401, ARG001
+def _fill_removed(part: Changes, rows: Any) -> None:  # noqa: ANN401
     """A removal sets nothing; its kind says it all."""
 
 
@@ -144,23 +169,19 @@ class DoorPicture:
 class DoorFold:
     """Follows one door and remembers only its last values."""
 
-    def __init__(self, life: Life, door: Door | None = None, *, repeats: bool = False) -> None:
-        """Start from a door as it was before the first event to come, or from nothing.
+    def __init__(self, life: Life, *, repeats: bool = False) -> None:
+        """Start before the door's first row.
 
         Args:
             life: Events outside it draw nothing.
-            door: The door before the first event; None: not in the map by then.
             repeats: Keep the state changes that only repeat the state.
         """
         self._life = life
         self._repeats = repeats
         self._last = np.zeros(1, CHANGE)
-        self._has_state = door is not None
+        self._last["state"] = NO_STATE
         for name in ("x", "y", "theta", "width", "prob_open", "prob_closed"):
             self._last[name] = np.nan
-        if door is not None:
-            for name in ("level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed"):
-                self._last[name] = getattr(door, name)
 
     def take(self, changes: Changes) -> DoorPicture:
         """Return what the next events draw; they come in the order in which they count."""
@@ -174,10 +195,9 @@ class DoorFold:
         if not len(setting):
             return setting
         states = setting["state"]
-        differs = np.append(not self._has_state or states[0] != self._last["state"][0],
-                            states[1:] != states[:-1]) | self._repeats  # fmt: skip
-        self._last["state"], self._has_state = states[-1], True
-        return setting[differs]
+        differs = np.append(states[0] != self._last["state"][0], states[1:] != states[:-1])
+        self._last["state"] = states[-1]
+        return setting[differs | self._repeats]
 
     def _take_places(self, changes: Changes) -> Changes:
         placed = changes[(changes["sets"] & PLACE) != 0]
@@ -204,7 +224,7 @@ class DoorFold:
 
 
 def late_rows(changes: Changes) -> NDArray[np.bool_]:
-    """Tell which rows, in the order in which they count, the log learnt after one that counts later.
+    """Tell which rows, in the order in which they count, were recorded after one that counts later.
 
     By the order of recording they never set anything: the later one had won before they came.
     """

@@ -34,18 +34,21 @@ LIFT: Point = (43.07, -7.43)
 HOME: Point = (54.79, -10.80)
 """The charger tinyRobot_1_charger on level 2."""
 
-PORTALS = {
-    "L1_clinic_a", "L1_clinic_b", "L1_left_inner", "L1_right_inner", "L1_fire_door_west",
-    "L2_clinic_a", "L2_clinic_b", "m", "L2_right_inner",
-}  # fmt: skip
-"""Doors that the robot goes through; they open when it asks."""
-
 DOOR_CAMERA = Sensor("door_camera", accuracy_open=0.97, accuracy_closed=0.95)
 
 MANAGER, NURSE = "facility manager", "ward nurse"
 
-WORKDAY_ROUNDS = (0, 2, 4, *range(6, 21), 22)
-WEEKEND_ROUNDS = (0, 3, 6, 8, 10, 12, 14, 16, 18, 20, 22)
+FIRE_DOOR, FIRE_DOOR_BUILT = "L1_fire_door_west", (2, "09:00")
+WALLED_UP, WALLED_UP_AT = "L1_left_counsel_4", (4, "16:00")
+
+PORTALS = {
+    "L1_clinic_a", "L1_clinic_b", "L1_left_inner", "L1_right_inner", FIRE_DOOR,
+    "L2_clinic_a", "L2_clinic_b", "m", "L2_right_inner",
+}  # fmt: skip
+"""Doors that the robot goes through; they open when it asks."""
+
+WORKDAY_ROUNDS = (0, 3, *range(6, 20), 21)
+WEEKEND_ROUNDS = (0, 4, 7, 9, 11, 13, 15, 17, 19, 22)
 
 
 def tell(plan: Sequence[Event], monday_ns: int, rng: random.Random) -> Journal:
@@ -59,7 +62,9 @@ def tell(plan: Sequence[Event], monday_ns: int, rng: random.Random) -> Journal:
     world = World.from_plan(plan, monday_ns)
     fire_door = _fire_door(max(world.doors) + 1)
     world.doors[fire_door.door_id] = fire_door
-    world.names[fire_door.door_id] = "L1_fire_door_west"
+    world.names[fire_door.door_id] = FIRE_DOOR
+    world.built_ns[fire_door.door_id] = world.moment(*FIRE_DOOR_BUILT)
+    world.gone_ns[world.named(WALLED_UP)] = world.moment(*WALLED_UP_AT)
     for door_id, name in world.names.items():
         world.habits[door_id] = habit_of(name, rng)
         world.truths[door_id] = live(
@@ -71,7 +76,7 @@ def tell(plan: Sequence[Event], monday_ns: int, rng: random.Random) -> Journal:
     journal.add(survey_ns, *plan, actor="survey", source="clinic.building.yaml",
                 reason="first import of the building")  # fmt: skip
     _people(world, journal, fire_door, rng)
-    _rounds(world, journal, fire_door.door_id, rng)
+    _rounds(world, journal, rng)
     journal.hold_back(world.moment(3, "14:00"), world.moment(3, "15:10"), ROBOT)
     journal.settle()
     _second_thoughts(world, journal)
@@ -116,9 +121,9 @@ def _people(world: World, journal: Journal, fire_door: DoorAdded, rng: random.Ra
         actor=MANAGER, reason="the plan calls it m",
     )  # fmt: skip
     journal.add(
-        world.moment(2, "09:00"),
+        world.moment(*FIRE_DOOR_BUILT),
         fire_door,
-        DoorAnnotated(door_id=fire_door.door_id, key="name", value="L1_fire_door_west"),
+        DoorAnnotated(door_id=fire_door.door_id, key="name", value=FIRE_DOOR),
         DoorAnnotated(door_id=fire_door.door_id, key="kind", value="double_hinged"),
         actor=MANAGER, reason="new fire door in the western corridor",
     )  # fmt: skip
@@ -133,8 +138,8 @@ def _people(world: World, journal: Journal, fire_door: DoorAdded, rng: random.Ra
         actor=MANAGER, reason="moved and widened for wheelchairs",
     )  # fmt: skip
     journal.add(
-        world.moment(4, "16:00"),
-        DoorRemoved(door_id=world.named("L1_left_counsel_4")),
+        world.moment(*WALLED_UP_AT),
+        DoorRemoved(door_id=world.named(WALLED_UP)),
         actor=MANAGER, reason="walled up: rooms 3 and 4 became one",
     )  # fmt: skip
     _set(world, journal, "L1_clinic_b", DoorState.OFFLINE, (5, "10:00"), minutes=150,
@@ -164,8 +169,8 @@ def _set(
     journal.add(start_ns + 12 * 10**9, update, actor=actor, reason=reason)
 
 
-def _rounds(world: World, journal: Journal, fire_door: DoorId, rng: random.Random) -> None:
-    """Let the robot go its rounds, every hour by day and every other by night."""
+def _rounds(world: World, journal: Journal, rng: random.Random) -> None:
+    """Let the robot go its rounds: hourly on working days, a few at night and at the weekend."""
     portals = {door_id for door_id, name in world.names.items() if name in PORTALS}
     routes = {
         level: FloorRoutes(
@@ -177,17 +182,12 @@ def _rounds(world: World, journal: Journal, fire_door: DoorId, rng: random.Rando
         ROBOT, world=world, routes=routes, home=HOME, home_level=LEVEL_2,
         lift={LEVEL_1: LIFT, LEVEL_2: LIFT}, sensor=DOOR_CAMERA, journal=journal, rng=rng,
     )  # fmt: skip
-    not_yet = robot.doors.pop(fire_door)
     upper, lower = (
         _stops(world, routes[level], level, start) for level, start in ((2, HOME), (1, LIFT))
     )
     for number, (day, hour) in enumerate(_schedule(), start=1):
         starts_ns = world.moment(day, f"{hour}:00") + round(rng.uniform(15, 240)) * 10**9
         robot.now_ns = max(starts_ns, robot.now_ns + 5 * 60 * 10**9)
-        if robot.now_ns > world.moment(2, "09:00"):
-            robot.doors.setdefault(fire_door, not_yet)
-        if robot.now_ns > world.moment(4, "16:00"):
-            robot.doors.pop(world.named("L1_left_counsel_4"), None)
         stops = [*upper, *lower] if number % 2 else [*reversed(upper), *reversed(lower)]
         if not (day < 5 and 6 <= hour <= 18):
             outside = world.named("L1_wc_1")  # behind the main entrance, which is locked soon
@@ -212,12 +212,10 @@ def _stops(world: World, routes: FloorRoutes, level: int, start: Point) -> list[
     seen_from = {
         point: door.door_id
         for door in world.doors.values()
-        if door.level == level and world.names[door.door_id] != "L1_fire_door_west"
+        if door.level == level and world.names[door.door_id] != FIRE_DOOR
         and (point := routes.viewpoint(door, start)) is not None
     }  # fmt: skip
-    return [
-        Stop(level, point, seen_from[point]) for point in routes.tour(start, list(seen_from))
-    ]
+    return [Stop(level, point, seen_from[point]) for point in routes.tour(start, list(seen_from))]
 
 
 def _second_thoughts(world: World, journal: Journal) -> None:

@@ -72,10 +72,9 @@ def doors_at(journal: Sequence[Entry], moment: Moment) -> list[State]:
         for number in range(event.first_event, event.last_event + 1)
     }
     doors: dict[int, State] = {}
-    for when, number, event in sorted(
-        ((min(_happened(event), recorded_ns), number, event) for number, recorded_ns, event in known),
-        key=lambda item: item[:2],
-    ):
+    # Nothing counts as having happened after it was recorded.
+    stamped = [(min(_happened(event), at_ns), number, event) for number, at_ns, event in known]
+    for when, number, event in sorted(stamped, key=lambda item: item[:2]):
         if number not in hidden and (moment.at_ns is None or when <= moment.at_ns):
             _apply(doors, when, event)
     return [doors[door_id] for door_id in sorted(doors)]

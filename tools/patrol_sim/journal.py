@@ -21,7 +21,7 @@ class Entry:
 
     recorded_ns: int
     events: tuple[Event, ...]
-    note: Note = Note()
+    note: Note
 
 
 class Journal(list[Entry]):
@@ -95,14 +95,13 @@ class SimulatedClock:
 
 def write(
     path: Path, journal: Sequence[Entry], *, tz: str, robot: str, building: str,
-    rng: random.Random, progress: Callable[[Iterable[Entry]], Iterable[Entry]],
+    rng: random.Random, progress: Callable[[Sequence[Entry]], Iterable[Entry]],
 ) -> None:  # fmt: skip
     """Make a log of the journal: same journal and same `rng`, same bytes."""
     clock = SimulatedClock(journal[0].recorded_ns, rng.randbytes(16))
-    log = sl.create(
-        path, tz=tz, robot=robot, building=building, clock=clock, entropy=rng.randbytes
-    )
+    log = sl.create(path, tz=tz, robot=robot, building=building, clock=clock, entropy=rng.randbytes)
     with log:
         for entry in progress(journal):
             clock.now_ns = entry.recorded_ns
-            log.append(entry.events, note=entry.note)
+            log.append(entry.events, note=entry.note, sync=False)
+        log.sync()

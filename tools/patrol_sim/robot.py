@@ -80,7 +80,7 @@ class Stop:
 
 
 class Robot:
-    """One robot on its rounds. It knows the doors in `doors`, and no truth but what it sees."""
+    """One robot on its rounds. It knows where the doors are; how they stand it has to look."""
 
     def __init__(
         self, name: str, *, world: World, routes: Mapping[int, FloorRoutes], home: Point,
@@ -88,7 +88,6 @@ class Robot:
         rng: random.Random,
     ) -> None:  # fmt: skip
         self.name = name
-        self.doors = dict(world.doors)
         self._world, self._routes, self._lift = world, routes, lift
         self._home, self._home_level = home, home_level
         self._sensor, self._journal, self._rng = sensor, journal, rng
@@ -107,9 +106,7 @@ class Robot:
         self._write_pose()
         self._commit(PatrolStarted(patrol=number), reason=name)
         for stop in stops:
-            if stop.door_id is not None and stop.door_id not in self.doors:
-                continue
-            if self._go(stop.level, stop.point):
+            if self._is_there(stop) and self._go(stop.level, stop.point):
                 self._visit(stop)
         self._go_home()
         self._write_pose()
@@ -117,10 +114,13 @@ class Robot:
 
     def _visit(self, stop: Stop) -> None:
         """Do what there is to do at a stop, and send it to the log."""
-        if stop.door_id is not None:
+        if stop.door_id is not None and self._is_there(stop):
             self._look(stop.door_id)
         self._wait(stop.stay_s)
         self._commit()
+
+    def _is_there(self, stop: Stop) -> bool:
+        return stop.door_id is None or self._world.exists(stop.door_id, self.now_ns)
 
     def _go_home(self) -> None:
         """Drive home; where a door does not let it, it asks again and again."""
@@ -138,7 +138,11 @@ class Robot:
             self._ride(level)
         routes = self._routes[level]
         while (way := routes.way(self._point, target, self._shut)) is not None:
-            crossings = routes.crossings(way, self.doors)
+            crossings = [
+                crossing
+                for crossing in routes.crossings(way)
+                if self._world.exists(crossing.door_id, self.now_ns)
+            ]
             if not crossings:
                 self._drive(way)
                 return True
@@ -186,7 +190,7 @@ class Robot:
 
     def _look(self, door_id: DoorId) -> None:
         """Turn to the door and write down how it stands; look twice at what is news."""
-        door = self.doors[door_id]
+        door = self._world.doors[door_id]
         middle_x = door.x + math.cos(door.theta) * door.width / 2
         middle_y = door.y + math.sin(door.theta) * door.width / 2
         self._turn(math.atan2(middle_y - self._point[1], middle_x - self._point[0]))
@@ -241,12 +245,10 @@ class Robot:
         x, y = (round((value + self._rng.gauss(0, 0.02)) * 1024) / 1024 for value in self._point)
         theta = round(self._theta * 1024) / 1024
         self._posed, self._posed_theta = self._point, self._theta
-        self._note(
-            RobotPose(
-                level=self._level, x=x, y=y, theta=theta,
-                sd_xy=SD_XY_M, sd_theta=SD_THETA_RAD,
-            )  # fmt: skip
+        pose = RobotPose(
+            level=self._level, x=x, y=y, theta=theta, sd_xy=SD_XY_M, sd_theta=SD_THETA_RAD
         )
+        self._note(pose)
 
     def _note(self, event: Event) -> None:
         """Keep what happens now for the next commit."""
@@ -277,8 +279,10 @@ def _piece(way: Sequence[Point], start_m: float, end_m: float) -> list[Point]:
         low, high = max(start_m - along_m, 0.0), min(end_m - along_m, length_m)
         if low <= high and length_m > 0:
             for gone in (low, high):
-                point = (a[0] + (b[0] - a[0]) * gone / length_m,
-                         a[1] + (b[1] - a[1]) * gone / length_m)
+                point = (
+                    a[0] + (b[0] - a[0]) * gone / length_m,
+                    a[1] + (b[1] - a[1]) * gone / length_m,
+                )
                 if not piece or piece[-1] != point:
                     piece.append(point)
         along_m += length_m

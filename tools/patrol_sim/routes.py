@@ -24,6 +24,8 @@ RADIUS_M = 0.2
 """The middle of the robot keeps this far from cells that a wall touches."""
 SHY_M = 0.8
 """Nearer to a wall than this, a metre costs up to three: the robot likes the middle."""
+MOST_TREES = 150
+"""Kept in memory, half a MB each; those with shut portals go first."""
 VIEW_M = (1.2, 1.0, 1.5, 0.8)
 """Distances from which the robot looks at a door, best first."""
 
@@ -77,10 +79,10 @@ class FloorRoutes:
         middle = [self._point(cell) for cell in self._straightened(cells)]
         return [source, *middle[1:-1], target]
 
-    def crossings(self, way: Sequence[Point], doors: Iterable[DoorId]) -> list[Crossing]:
-        """Return where the way goes through any of those doors, in order."""
+    def crossings(self, way: Sequence[Point]) -> list[Crossing]:
+        """Return where the way goes through portals, in order."""
         found, along_m = [], 0.0
-        lines = {door_id: _ends(self._doors[door_id]) for door_id in self._portals & set(doors)}
+        lines = {door_id: _ends(self._doors[door_id]) for door_id in self._portals}
         for start, end in pairwise(way):
             length = math.dist(start, end)
             for door_id, line in lines.items():
@@ -114,6 +116,8 @@ class FloorRoutes:
     def _tree(self, target: Point, shut: frozenset[DoorId]) -> _Tree:
         key = (self._cell(target), shut & self._portals)
         if key not in self._trees:
+            if len(self._trees) >= MOST_TREES:
+                self._trees = {kept: tree for kept, tree in self._trees.items() if not kept[1]}
             cost = self._cost.copy()
             for door_id in key[1]:
                 cost[self._line(self._doors[door_id], cost.shape)] = math.inf
@@ -258,9 +262,7 @@ def _between(start: Point, end: Point, steps: int) -> Iterator[Point]:
 
 def _crossed_at(a: Point, b: Point, c: Point, d: Point) -> float | None:
     """Return the share of the way from a to b at which it crosses the line c-d; None: nowhere."""
-    ab, cd, ac = (
-        (end[0] - start[0], end[1] - start[1]) for start, end in ((a, b), (c, d), (a, c))
-    )
+    ab, cd, ac = ((end[0] - start[0], end[1] - start[1]) for start, end in ((a, b), (c, d), (a, c)))
     turn = ab[0] * cd[1] - ab[1] * cd[0]
     if turn == 0:
         return None

@@ -21,6 +21,10 @@ class World:
     names: dict[DoorId, str]
     truths: dict[DoorId, DoorTruth] = field(default_factory=dict)
     habits: dict[DoorId, Habit] = field(default_factory=dict)
+    built_ns: dict[DoorId, int] = field(default_factory=dict)
+    """When doors came that the plan does not have."""
+    gone_ns: dict[DoorId, int] = field(default_factory=dict)
+    """When doors were walled up."""
 
     @classmethod
     def from_plan(cls, plan: Iterable[Event], monday_ns: int) -> World:
@@ -46,6 +50,10 @@ class World:
         """Return the moment of a clock time such as 07:45 on a day of the week, 0 = Monday."""
         hours, minutes = map(int, clock.split(":"))
         return self.monday_ns + (day * 24 + hours) * HOUR_NS + minutes * 60 * 10**9
+
+    def exists(self, door_id: DoorId, at_ns: int) -> bool:
+        """Tell whether the door was there then."""
+        return self.built_ns.get(door_id, 0) <= at_ns < self.gone_ns.get(door_id, at_ns + 1)
 
     def state(self, door_id: DoorId, at_ns: int) -> DoorState:
         """Return how the door really stands; MOVING in the seconds around a change."""

@@ -1,0 +1,72 @@
+"""`add`: a door comes into the map."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import AsJson, LogPath, print_json, takes_about
+from semmap_log.cli.geometry import POINT_METAVAR, line_of
+from semmap_log.door_log_writer import About
+
+
+@takes_about
+def run(
+    log: LogPath,
+    *,
+    x: Annotated[float | None, typer.Option(help="Start of the door's line, metres.")] = None,
+    y: Annotated[float | None, typer.Option(help="Start of the door's line, metres.")] = None,
+    theta: Annotated[float | None, typer.Option(help="Its direction, radians.")] = None,
+    width: Annotated[float | None, typer.Option(help="Its length, metres.")] = None,
+    start: Annotated[
+        str | None, typer.Option("--from", metavar=POINT_METAVAR, help="Start of the line …")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option("--to", metavar=POINT_METAVAR, help="… and its end.")
+    ] = None,
+    level: Annotated[
+        str | None, typer.Option(help="Level, by number or name; needed if there are several.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="What people call it.")] = "",
+    state: Annotated[str, typer.Option(help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE.")] = "UNKNOWN",
+    prob_open: Annotated[float | None, typer.Option(help="P(open), 0..1.")] = None,
+    prob_closed: Annotated[float | None, typer.Option(help="P(closed), 0..1.")] = None,
+    door_id: Annotated[
+        int | None, typer.Option("--id", help="Its id; default: the next free one.")
+    ] = None,
+    as_json: AsJson = False,
+    about: About,
+) -> None:
+    """Add a door; prints its id.
+
+    Without a place it is an unplaced door: it has a history and is drawn nowhere.
+
+    \b
+    Examples:
+      semmap-log add office --x 2 --y 1.5 --theta 0 --width 0.9 --name front
+      semmap-log add office --from 2,1.5 --to 2.9,1.5 --state closed --actor survey
+      semmap-log add office --name "reed contact 7"
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.cli.states import state_of
+    from semmap_log.commands import resolve_level
+
+    line = line_of(x, y, theta, width, start, end)
+    given = [math.nan if value is None else value for value in (line.x, line.y, line.theta, line.width)]
+    with sl.append(log) as opened:
+        added = opened.add_door(
+            x=given[0], y=given[1], theta=given[2], width=given[3],
+            level=resolve_level(level, opened.state.door_map()),
+            name=name,
+            state=state_of(state),
+            prob_open=math.nan if prob_open is None else prob_open,
+            prob_closed=math.nan if prob_closed is None else prob_closed,
+            door_id=None if door_id is None else sl.DoorId(door_id),
+            **about,
+        )  # fmt: skip
+    if as_json:
+        print_json({"door_id": added})
+    else:
+        typer.echo(added)

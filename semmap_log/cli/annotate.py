@@ -1,0 +1,38 @@
+"""`annotate`: something is said about a door in words."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.door_log_writer import About
+
+
+@takes_about
+def run(
+    log: LogPath,
+    door: DoorName,
+    key: Annotated[str, typer.Argument(metavar="KEY", help="name, rooms, kind, or your own.")],
+    value: Annotated[
+        str, typer.Argument(metavar="VALUE", help="What is said; an empty text takes it back.")
+    ],
+    *,
+    as_json: AsJson = False,
+    about: About,
+) -> None:
+    """Say something about a door: its name, the rooms it joins, its kind.
+
+    \b
+    Examples:
+      semmap-log annotate office 3 name front
+      semmap-log annotate office front rooms "lobby,corridor"
+      semmap-log annotate office front rooms ""
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.cli.outcome import tell
+
+    with sl.append(log) as opened:
+        appended = opened.annotate(door, key, value, **about)
+    tell(appended, as_json=as_json)

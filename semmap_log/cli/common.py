@@ -1,0 +1,186 @@
+"""What all verbs share: arguments, output for people and for machines, progress, errors."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from semmap_log.door_log_writer import About
+    from semmap_log.log.reader import Progress
+
+LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")]
+DoorName = Annotated[
+    str, typer.Argument(metavar="DOOR", help="A door's id, its name, or level/name.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document, for machines.")]
+At = Annotated[
+    str | None,
+    typer.Option("--at", metavar="TIME", help="What was true then, with all known today."),
+]
+KnownAt = Annotated[
+    str | None,
+    typer.Option("--known-at", metavar="TIME", help="Only what had been recorded by then."),
+]
+UpToEvent = Annotated[
+    int | None, typer.Option("--event", metavar="N", help="Only events up to this number.")
+]
+Since = Annotated[
+    str | None, typer.Option("--since", metavar="TIME", help="From then on (happened time).")
+]
+Until = Annotated[
+    str | None, typer.Option("--until", metavar="TIME", help="Before then (happened time).")
+]
+
+TIMES_HELP = """\b
+Times: 2026-03-01T14:02 (the log's zone), …Z or …+01:00, @1772373720,
+2h ago, yesterday 14:00, now (counted from the log's end), event:1234."""
+
+PROGRESS_AFTER_S = 1.0
+"""Shorter work needs no bar."""
+
+
+def console() -> Console:
+    """Return stdout for tables: 80 columns and no colours where it is not a terminal."""
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 80
+    return Console(width=width, highlight=False)
+
+
+def say(text: str) -> None:
+    """Tell the person something that is not the verb's output."""
+    typer.echo(text, err=True)
+
+
+def print_json(value: Any) -> None:
+    """Print a value as one JSON document."""
+    typer.echo(json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2))
+
+
+def print_json_list(values: Iterator[dict[str, Any]]) -> None:
+    """Print a list as one JSON document, an item a line, without holding it in memory."""
+    opening = "["
+    for value in values:
+        typer.echo(f"{opening}\n{json.dumps(value, ensure_ascii=False, allow_nan=False)}", nl=False)
+        opening = ","
+    typer.echo("[]" if opening == "[" else "\n]")
+
+
+@contextmanager
+def progress(doing: str, unit: str = "bytes") -> Iterator[Progress | None]:
+    """Hand out a callback (done, in all) that draws a bar on stderr once the work takes a second.
+
+    Args:
+        doing: What is going on, such as `Reading`.
+        unit: Of the numbers; `bytes` are shown as MB.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    started = time.monotonic()
+    bar: Any = None
+    task: Any = None
+
+    def show(done: int, total: int) -> None:
+        nonlocal bar, task
+        if bar is None and time.monotonic() - started > PROGRESS_AFTER_S:
+            bar = _bar(unit)
+            bar.start()
+            task = bar.add_task(doing, total=total)
+        if bar is not None:
+            bar.update(task, completed=done, total=total)
+
+    try:
+        yield show
+    finally:
+        if bar is not None:
+            bar.stop()
+
+
+def _bar(unit: str) -> Any:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        DownloadColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    amount = DownloadColumn() if unit == "bytes" else MofNCompleteColumn()
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), amount, TimeRemainingColumn(),
+        console=Console(stderr=True), transient=True,
+    )  # fmt: skip
+
+
+_ABOUT = {
+    "at": Annotated[
+        str | None, typer.Option("--at", metavar="TIME", help="When it happened; default: now.")
+    ],
+    "actor": Annotated[str, typer.Option("--actor", help="Who did it.")],
+    "source": Annotated[str, typer.Option("--source", help="Which sensor, robot or file.")],
+    "reason": Annotated[str, typer.Option("--reason", help="Why.")],
+    "correlation": Annotated[str, typer.Option("--correlation", help="What it belongs to.")],
+    "command_id": Annotated[
+        str,
+        typer.Option("--command-id", metavar="HEX",
+                     help="32 hex digits: the same command, sent again, is stored once."),
+    ],
+}
+
+
+def takes_about(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb the options of every command (when, who, why); it gets them as `about`."""
+
+    @wraps(command)
+    def verb(**values: Any) -> None:
+        about: About = {
+            "at": values.pop("at"),
+            "actor": values.pop("actor"),
+            "source": values.pop("source"),
+            "reason": values.pop("reason"),
+            "correlation": values.pop("correlation"),
+            "command_id": _command_id(values.pop("command_id")),
+        }
+        command(**values, about=about)
+
+    own = inspect.signature(command, eval_str=True).parameters
+    asked = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint,
+                          default=None if name == "at" else "")
+        for name, hint in _ABOUT.items()
+    ]  # fmt: skip
+    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+                  for p in own.values() if p.name != "about"]  # fmt: skip
+    verb.__signature__ = inspect.Signature([*parameters, *asked])  # type: ignore[attr-defined]
+    verb.__annotations__ = {p.name: p.annotation for p in [*parameters, *asked]}
+    del verb.__wrapped__  # type: ignore[attr-defined]  # or its own signature would be read
+    return verb
+
+
+def _command_id(text: str) -> bytes | None:
+    if not text:
+        return None
+    try:
+        command_id = bytes.fromhex(text)
+    except ValueError:
+        command_id = b""
+    if len(command_id) != 16:
+        raise typer.BadParameter(f"expected 32 hexadecimal digits, got {text!r}",
+                                 param_hint="--command-id")  # fmt: skip
+    return command_id

@@ -1,0 +1,48 @@
+"""`export`: the state or the events as a file for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import At, KnownAt, LogPath, UpToEvent, say
+
+
+def run(
+    log: LogPath,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The file; its name tells the format.")],
+    *,
+    at: At = None,
+    known_at: KnownAt = None,
+    event: UpToEvent = None,
+    default_prob: Annotated[
+        float | None,
+        typer.Option("--default-prob", metavar="P",
+                     help="Thesis YAML: the probability of doors that have none."),
+    ] = None,
+) -> None:
+    """Write a file, whole or not at all; an old file of that name is replaced at once.
+
+    \b
+    Formats, by the file's name:
+      .yaml    the thesis's door database, as its server loads it
+      .csv     timestamp,door,state,accuracy: every state that was set or seen
+      .jsonl   every event, as `import` and `record` take it
+      .rrd     a recording for the rerun viewer
+
+    \b
+    Examples:
+      semmap-log export office doors.yaml --default-prob 0.5
+      semmap-log export office before.yaml --at "yesterday 14:00"
+      semmap-log export office events.jsonl
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.exporting import export
+
+    opened = sl.read(log)
+    done = export(opened, out, opened.scope(at, known_at, event), default_prob=default_prob)
+    for text in done.left_out:
+        say(f"left out: {text}")
+    say(f"{out}: {done.what}.")

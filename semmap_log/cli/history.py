@@ -1,0 +1,69 @@
+"""`history`: who changed what, when, why."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import (
+    AsJson,
+    LogPath,
+    Since,
+    Until,
+    console,
+    print_json_list,
+)
+
+
+def run(
+    log: LogPath,
+    door: Annotated[
+        str | None, typer.Argument(metavar="[DOOR]", help="Only events about this door.")
+    ] = None,
+    *,
+    since: Since = None,
+    until: Until = None,
+    recorded: Annotated[
+        bool, typer.Option("--recorded", help="The range is of recorded time.")
+    ] = False,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option("--kind", metavar="KIND", help="Only this kind, such as DoorObserved."),
+    ] = None,
+    last: Annotated[
+        int | None, typer.Option("--last", "-n", min=1, metavar="N", help="Only the last N.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the events of the log, or of one door: what, when, who, why.
+
+    The range is half-open: since <= time < until. Retracted events are shown, and marked.
+
+    \b
+    Examples:
+      semmap-log history office front
+      semmap-log history office --since yesterday --kind DoorUpdated
+      semmap-log history office -n 20 --json
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.events import KIND_BY_NAME
+    from semmap_log.formats.door_json import entry_to_json
+    from semmap_log.views.tables import history_table
+
+    for name in kind or []:
+        if name not in KIND_BY_NAME:
+            known = ", ".join(KIND_BY_NAME)
+            raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
+    opened = sl.read(log)
+    entries = opened.history(
+        None if door is None else opened.resolve_ever(door), since, until, recorded=recorded,
+        kinds=[KIND_BY_NAME[name] for name in kind] if kind else None,
+    )  # fmt: skip
+    if last is not None:
+        entries = iter(deque(entries, maxlen=last))
+    if as_json:
+        print_json_list(entry_to_json(entry) for entry in entries)
+    else:
+        console().print(history_table(entries, tz=opened.info.timezone))

@@ -1,0 +1,46 @@
+"""`init`: a new log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import LogPath, say
+
+
+def run(
+    log: LogPath,
+    *,
+    tz: Annotated[
+        str | None,
+        typer.Option("--tz", metavar="ZONE",
+                     help="IANA zone of times without an offset; default: the machine's."),
+    ] = None,
+    building: Annotated[str, typer.Option("--building", help="The building's name.")] = "",
+    robot: Annotated[str, typer.Option("--robot", help="The robot's name.")] = "",
+    floor_map: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.YAML", help="A map_server map: the floor plan."),
+    ] = None,
+) -> None:
+    """Make a new log.
+
+    \b
+    Examples:
+      semmap-log init office
+      semmap-log init depot --map depot.yaml --tz Europe/Vienna --robot tug1
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.formats.map_server import read_map
+
+    floor = None if floor_map is None else read_map(floor_map)
+    with sl.create(log, tz=tz, building=building, robot=robot) as made:
+        if floor is not None and floor_map is not None:
+            made.append([floor], note=sl.Note(source=floor_map.name))
+        said = "as asked" if tz else "the machine's zone; another: --tz ZONE"
+        say(f"{log}: a new log; times are in {made.info.timezone} ({said}).")
+        if floor is not None:
+            height, width = floor.cells.shape
+            say(f"Floor plan: {width} x {height} cells of {floor.resolution:.3g} m.")

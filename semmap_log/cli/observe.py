@@ -1,0 +1,56 @@
+"""`observe`: a sensor saw a door."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.door_log_writer import About
+
+
+@takes_about
+def run(
+    log: LogPath,
+    door: DoorName,
+    state: Annotated[str, typer.Argument(metavar="STATE", help="What was seen, such as open.")],
+    *,
+    accuracy: Annotated[
+        float, typer.Option(help="P(the sensor reads right), 0.5..1, for open and closed alike.")
+    ] = 1.0,
+    accuracy_open: Annotated[
+        float | None, typer.Option(help="P(reads open when it is open), if it differs.")
+    ] = None,
+    accuracy_closed: Annotated[
+        float | None, typer.Option(help="P(reads closed when it is closed), if it differs.")
+    ] = None,
+    opening: Annotated[float | None, typer.Option(help="How far it stands open, 0..1.")] = None,
+    as_json: AsJson = False,
+    about: About,
+) -> None:
+    """Record a sighting: it sets the door's state, and is evidence for its probabilities.
+
+    \b
+    Examples:
+      semmap-log observe office front open
+      semmap-log observe office L1/coe_door closed --accuracy 0.9 --source lidar
+      semmap-log observe office 3 open --at 2026-03-01T14:02
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.cli.outcome import tell
+    from semmap_log.cli.states import state_of
+
+    seen = state_of(state)
+    with sl.append(log) as opened:
+        appended = opened.observe(
+            door,
+            seen,
+            accuracy=accuracy,
+            accuracy_open=accuracy_open,
+            accuracy_closed=accuracy_closed,
+            opening=math.nan if opening is None else opening,
+            **about,
+        )
+    tell(appended, as_json=as_json)

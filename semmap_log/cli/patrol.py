@@ -1,0 +1,47 @@
+"""`patrol`: a round begins or ends."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import AsJson, LogPath, takes_about
+from semmap_log.door_log_writer import About
+
+
+class Phase(str, Enum):
+    """What the round does."""
+
+    start = "start"
+    finish = "finish"
+
+
+@takes_about
+def run(
+    log: LogPath,
+    phase: Annotated[Phase, typer.Argument(help="What the round does now.")],
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="The round's name.")] = "",
+    *,
+    as_json: AsJson = False,
+    about: About,
+) -> None:
+    """Mark the start or the end of a patrol round; rounds are numbered from 1 on.
+
+    \b
+    Examples:
+      semmap-log patrol office start "evening round" --actor tug1
+      semmap-log patrol office finish
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.cli.outcome import tell
+
+    if name:
+        about["reason"] = f"{name}: {about['reason']}" if about["reason"] else name
+    with sl.append(log) as opened:
+        if phase is Phase.start:
+            appended, number = opened.start_patrol(**about)
+        else:
+            appended, number = opened.finish_patrol(**about)
+    tell(appended, as_json=as_json, patrol=number)

@@ -1,0 +1,66 @@
+"""`record`: events as they happen."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import LogPath, say
+
+
+def run(
+    log: LogPath,
+    *,
+    ack: Annotated[
+        bool,
+        typer.Option("--ack", help="Answer each line once it is durable, with its event number."),
+    ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Stop at the first bad line, instead of skipping it.")
+    ] = False,
+) -> None:
+    """Record events from standard input, one JSON object a line, until it ends or Ctrl-C.
+
+    Each line is one commit; a door is its door_id or its name. A bad line is reported with its
+    number and skipped; then the exit code is 1. Exit code 0 means that every line is stored.
+
+    \b
+    A line is a kind with its fields (happened, actor, source, reason may be left out):
+      {"kind": "DoorObserved", "door": "front", "state": "OPEN", "accuracy": 0.9}
+      {"kind": "RobotPose", "x": 1.0, "y": 2.0, "theta": 0.0}
+
+    \b
+    Examples:
+      my_door_detector | semmap-log record office
+      semmap-log record office --ack < events.jsonl
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.live.event_lines import Answer, LineRecorder
+
+    def answer(one: Answer) -> None:
+        if one.error:
+            say(f"semmap-log: line {one.line}: {one.error}")
+        if ack:
+            said = {"line": one.line, **({"error": one.error} if one.error else {"event": one.event})}
+            sys.stdout.write(json.dumps(said, ensure_ascii=False) + "\n")
+            sys.stdout.flush()
+
+    with sl.append(log) as opened:
+        recorder = LineRecorder(opened, answer, strict=strict)
+
+        def stop(_number: int, _frame: object) -> None:
+            recorder.stopping = True
+
+        signal.signal(signal.SIGINT, stop)
+        signal.signal(signal.SIGTERM, stop)
+        if sys.stdin.isatty():
+            say("Reading events from the keyboard, one JSON object a line; Ctrl-D ends.")
+        recorder.run(sys.stdin.fileno())
+    say(f"{log}: {recorder.recorded} events recorded"
+        + (f", {recorder.refused} lines refused" if recorder.refused else "") + ".")  # fmt: skip
+    if recorder.refused:
+        raise typer.Exit(1)

@@ -1,0 +1,22 @@
+"""`remove`: a door leaves the map."""
+
+from __future__ import annotations
+
+from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.door_log_writer import About
+
+
+@takes_about
+def run(log: LogPath, door: DoorName, *, as_json: AsJson = False, about: About) -> None:
+    """Take a door out of the map; its history stays, its id is never used again.
+
+    \b
+    Example:
+      semmap-log remove office 3 --actor survey --reason "walled up"
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.cli.outcome import tell
+
+    with sl.append(log) as opened:
+        appended = opened.remove_door(door, **about)
+    tell(appended, as_json=as_json)

@@ -1,0 +1,51 @@
+"""`replay`: the door map at a moment."""
+
+from __future__ import annotations
+
+from semmap_log.cli.common import (
+    AsJson,
+    At,
+    KnownAt,
+    LogPath,
+    UpToEvent,
+    console,
+    print_json,
+    progress,
+)
+
+
+def run(
+    log: LogPath,
+    *,
+    at: At = None,
+    known_at: KnownAt = None,
+    event: UpToEvent = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the doors as they were at a moment; without one, as they are now.
+
+    --at is what was true then, with all that is known today; --known-at is what the robot
+    believed then; both together are bitemporal.
+
+    \b
+    Times: 2026-03-01T14:02 (the log's zone), …Z, @1772373720, 2h ago,
+    yesterday 14:00, now (counted from the log's end), event:1234.
+
+    \b
+    Examples:
+      semmap-log replay office
+      semmap-log replay office --at "yesterday 14:00"
+      semmap-log replay office --known-at 2026-03-01T14:02 --json
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.formats.door_json import door_map_to_json
+    from semmap_log.views.tables import door_table
+
+    opened = sl.read(log)
+    with progress("Reading") as told:
+        door_map = opened.replay(at, known_at, event, progress=told)
+    if as_json:
+        print_json(door_map_to_json(door_map))
+        return
+    now_ns = door_map.at_ns or door_map.known_at_ns or opened.end_ns()
+    console().print(door_table(door_map, now_ns=now_ns, tz=opened.info.timezone))

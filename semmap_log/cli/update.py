@@ -1,0 +1,65 @@
+"""`update`: fields of a door are set."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.cli.geometry import POINT_METAVAR, line_of
+from semmap_log.door_log_writer import About
+
+
+@takes_about
+def run(
+    log: LogPath,
+    door: DoorName,
+    *,
+    x: Annotated[float | None, typer.Option(help="Start of the door's line, metres.")] = None,
+    y: Annotated[float | None, typer.Option(help="Start of the door's line, metres.")] = None,
+    theta: Annotated[float | None, typer.Option(help="Its direction, radians.")] = None,
+    width: Annotated[float | None, typer.Option(help="Its length, metres.")] = None,
+    start: Annotated[
+        str | None, typer.Option("--from", metavar=POINT_METAVAR, help="Start of the line …")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option("--to", metavar=POINT_METAVAR, help="… and its end.")
+    ] = None,
+    level: Annotated[str | None, typer.Option(help="Level, by number or name.")] = None,
+    state: Annotated[
+        str | None, typer.Option(help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE.")
+    ] = None,
+    prob_open: Annotated[float | None, typer.Option(help="P(open), 0..1.")] = None,
+    prob_closed: Annotated[float | None, typer.Option(help="P(closed), 0..1.")] = None,
+    as_json: AsJson = False,
+    about: About,
+) -> None:
+    """Set fields of a door; what is not given stays as it is.
+
+    \b
+    Examples:
+      semmap-log update office front --state closed --actor porter --reason "locked up"
+      semmap-log update office 3 --x 2.1 --y 1.5
+      semmap-log update office 3 --prob-open 0.3 --prob-closed 0.7
+    """  # noqa: D301
+    import semmap_log as sl
+    from semmap_log.cli.outcome import tell
+    from semmap_log.cli.states import state_of
+    from semmap_log.commands import resolve_level
+
+    line = line_of(x, y, theta, width, start, end)
+    fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)
+    if all(value is None for value in fields):
+        raise typer.BadParameter("nothing to set: give at least one of the fields (--help)")
+    with sl.append(log) as opened:
+        appended = opened.update_door(
+            door,
+            x=line.x, y=line.y, theta=line.theta, width=line.width,
+            level=None if level is None else resolve_level(level, opened.state.door_map()),
+            state=None if state is None else state_of(state),
+            prob_open=prob_open,
+            prob_closed=prob_closed,
+            **about,
+        )  # fmt: skip
+    tell(appended, as_json=as_json)

@@ -1,0 +1,147 @@
+"""The main job in one go, on a shipped recording: record, replay, export, look."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import semmap_log as sl
+from semmap_log.door_log import DoorLog
+from semmap_log.door_log_writer import DoorLogWriter
+from semmap_log.doors import DoorMap
+from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
+from semmap_log.exporting import export
+from semmap_log.formats.event_json import event_to_json
+from semmap_log.live.event_lines import Answer, LineRecorder
+from semmap_log.log.commits import Note
+from semmap_log.projections.history import HistoryEntry
+
+RECORDING = "office"
+
+
+@dataclass(frozen=True, slots=True)
+class Demo:
+    """What the demo made."""
+
+    folder: Path
+    log: Path
+    yaml: Path
+    rrd: Path | None
+    """None: rerun is not installed."""
+    rrd_problem: str
+    copied: int
+    """Events copied from the recording's first part."""
+    recorded: int
+    """Events recorded live."""
+    moments: tuple[DoorMap, DoorMap, DoorMap]
+    """The door map at the end of the first part, in the middle of the second, and at the end."""
+
+
+def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) -> Demo:
+    """Make a log from the shipped recording, as a patrol would, and look at it from all sides.
+
+    Args:
+        folder: Where to; a folder that does not exist, or is empty.
+        tell: Told in words what goes on.
+
+    Raises:
+        LogExistsError: There is something in the folder already.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise LogExistsError(
+            f"{folder}: there is something here already; name another folder: "
+            "semmap-log demo OTHER"
+        )
+    source = sl.read(shipped_recording(RECORDING))
+    history = [entry for entry in source.history() if not entry.retracted]
+    half = _middle(history)
+    path = folder / RECORDING
+    info = source.info
+    with sl.create(path, tz=info.timezone, building=info.building, robot=info.robot) as log:
+        tell(f"{path}: a new log; copying the first {half} events of the recording into it")
+        _copy(log, history[:half])
+        tell(f"recording the other {len(history) - half}, one JSON line each, as `record` does")
+        recorded = _record(log, history[half:])
+    made = sl.read(path)
+    moments = [history[i].happened_ns for i in (half - 1, (half + len(history)) // 2, -1)]
+    first, middle, last = (made.replay(at=ns) for ns in moments)
+    yaml = folder / "doors.yaml"
+    export(made, yaml, default_prob=0.5)
+    tell(f"{yaml}: the door database in the thesis's form")
+    rrd, problem = _rrd(made, folder / f"{RECORDING}.rrd")
+    return Demo(folder, path, yaml, rrd, problem, half, recorded, (first, middle, last))
+
+
+def shipped_recording(name: str) -> Path:
+    """Return the folder of a recording that comes with this package.
+
+    Raises:
+        NotALogError: It is not there: the package was installed without its recordings.
+    """
+    package = Path(__file__).parent
+    for folder in (package / "recordings", package.parent / "recordings"):
+        if (folder / name).is_dir():
+            return folder / name
+    raise NotALogError(f"the recording {name!r} is not here; install semmap-log from its sources.")
+
+
+def _middle(history: list[HistoryEntry]) -> int:
+    """Return where the second half begins, at the border of a commit."""
+    half = len(history) // 2
+    while half < len(history) and history[half].command_id == history[half - 1].command_id:
+        half += 1
+    return half
+
+
+def _copy(log: DoorLogWriter, entries: list[HistoryEntry]) -> None:
+    """Append events commit by commit, with their notes, synced once at the end."""
+    start = 0
+    for i in range(1, len(entries) + 1):
+        if i == len(entries) or entries[i].command_id != entries[start].command_id:
+            first = entries[start]
+            note = Note(first.actor, first.source, first.reason, first.correlation)
+            log.append([entry.event for entry in entries[start:i]], note=note, sync=False)
+            start = i
+    log.sync()
+
+
+def _record(log: DoorLogWriter, entries: list[HistoryEntry]) -> int:
+    """Feed events as JSON lines through a pipe to what `record` runs."""
+    reading, writing = os.pipe()
+
+    def feed() -> None:
+        with os.fdopen(writing, "w", encoding="utf-8") as pipe:
+            for entry in entries:
+                said = {"actor": entry.actor, "reason": entry.reason}
+                pipe.write(json.dumps(event_to_json(entry.event, note=said)) + "\n")
+
+    problems: list[str] = []
+
+    def answer(one: Answer) -> None:
+        if one.error:
+            problems.append(f"line {one.line}: {one.error}")
+
+    recorder = LineRecorder(log, answer)
+    feeder = threading.Thread(target=feed, daemon=True)
+    feeder.start()
+    try:
+        recorder.run(reading)
+    finally:
+        os.close(reading)
+        feeder.join()
+    assert not problems, problems
+    return recorder.recorded
+
+
+def _rrd(log: DoorLog, path: Path) -> tuple[Path | None, str]:
+    from semmap_log.views.rerun_recording import save_rrd
+
+    try:
+        save_rrd(log, path)
+    except MissingExtraError as error:
+        return None, str(error)
+    return path, ""

@@ -1,0 +1,146 @@
+"""What a file of JSON lines means for a log as it stands: its events, as they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from semmap_log.doors import DoorId
+from semmap_log.errors import FormatError, UnknownDoorError
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    DoorUpdated,
+    Event,
+    Retracted,
+)
+from semmap_log.formats.event_json_reader import DoorLookup, ParsedLine, parse_event_line
+from semmap_log.formats.files import text_lines
+from semmap_log.formats.importing import ImportPlan, Present
+from semmap_log.formats.problems import Problems, shown
+from semmap_log.formats.strict_json import MOST_LINE_BYTES
+
+
+def plan_event_lines(path: Path, present: Present, *, tz: str) -> ImportPlan:
+    """Return the events of a file of JSON lines, gzipped or not, for one commit.
+
+    A line may name a door of the log, or one that an earlier line added and named. Retractions
+    that were exported from a log are left out: their numbers are of that log's events.
+
+    Args:
+        path: The file; blank lines are skipped.
+        present: What the log holds.
+        tz: IANA zone of times without an offset.
+
+    Raises:
+        FormatError: The file cannot be read, or a line is wrong; names the lines.
+    """
+    planner = _LinePlanner(path, present, tz)
+    for number, text in enumerate(text_lines(path, most_bytes=MOST_LINE_BYTES), start=1):
+        if text.strip():
+            planner.read(number, text)
+        if planner.problems.is_full:
+            break
+    planner.problems.raise_any()
+    return planner.plan()
+
+
+class _LinePlanner:
+    """Reads line after line, and knows the doors as they are after each."""
+
+    def __init__(self, path: Path, present: Present, tz: str) -> None:
+        self.path = path
+        self.tz = tz
+        self.problems = Problems(path)
+        self.lookup = DoorLookup(self.resolve, self.next_id, self.level_of)
+        self.events: list[Event] = []
+        self.left_out: list[str] = []
+        self.noted = 0
+        self.door_map = present.door_map
+        self.used_ids = set(present.used_ids)
+        self.free_id = present.next_id
+        self.levels = {door.door_id: door.level for door in present.door_map.doors.values()}
+        self.names = {door.door_id: door.name or "" for door in present.door_map.doors.values()}
+
+    def plan(self) -> ImportPlan:
+        warnings = [f"{self.noted} lines say who or why: an import is one commit, with one note"]
+        return ImportPlan(
+            self.events,
+            count=len(self.events),
+            summary=(f"events: {len(self.events):,}",),
+            left_out=tuple(self.left_out),
+            warnings=tuple(warnings) if self.noted else (),
+        )
+
+    def read(self, number: int, text: str) -> None:
+        try:
+            line = parse_event_line(
+                text, tz=self.tz, lookup=self.lookup, path=self.path, line=number
+            )
+            self.take(line, number)
+        except FormatError as error:
+            self.problems.add(number, error.problems[0].removeprefix(f"{self.path}:{number}: "))
+
+    def take(self, line: ParsedLine, number: int) -> None:
+        event = line.event
+        if isinstance(event, Retracted) and line.number is not None:
+            self.left_out.append(
+                f"line {number}: Retracted, as it numbers the events of the log "
+                "that it was exported from"
+            )
+            return
+        if isinstance(event, DoorEvent):
+            self.check(event, number)
+            self.learn(event)
+        self.noted += bool(line.actor or line.source or line.reason or line.correlation)
+        self.events.append(event)
+
+    def check(self, event: DoorEvent, number: int) -> None:
+        door_id = event.door_id
+        if isinstance(event, DoorAdded) and door_id in self.levels:
+            self.problems.add(
+                number,
+                f"door {door_id} is there already; leave door_id out to add "
+                "it with the next free one",
+            )
+        elif isinstance(event, DoorAdded) and door_id in self.used_ids:
+            self.problems.add(
+                number,
+                f"door {door_id} was removed, and an id is never used twice; "
+                "leave door_id out to add it with the next free one",
+            )
+        elif not isinstance(event, DoorAdded) and door_id not in self.used_ids:
+            self.problems.add(
+                number, f"expected a door of the log or of an earlier line, got door_id {door_id}"
+            )
+
+    def learn(self, event: DoorEvent) -> None:
+        self.used_ids.add(event.door_id)
+        self.free_id = max(self.free_id, DoorId(event.door_id + 1))
+        if isinstance(event, DoorAdded) or (
+            isinstance(event, DoorUpdated) and Changed.POSE in event.changed
+        ):
+            self.levels[event.door_id] = event.level
+        if isinstance(event, DoorAnnotated) and event.key == "name":
+            self.names[event.door_id] = event.value
+
+    # What the reader of a line asks
+
+    def resolve(self, text: str) -> DoorId:
+        found = [
+            door_id
+            for door_id, name in self.names.items()
+            if name
+            and text in (name, f"{self.door_map.level_name(self.levels.get(door_id, 0))}/{name}")
+        ]
+        if len(found) != 1:
+            many = f"{len(found)} doors have" if found else "no door has"
+            raise UnknownDoorError(f"door: {many} the name {shown(text)}")
+        return found[0]
+
+    def next_id(self) -> DoorId:
+        return self.free_id
+
+    def level_of(self, door_id: DoorId) -> int:
+        return self.levels.get(door_id, 0)

@@ -1,0 +1,175 @@
+"""Foreign files into a log: each is one commit, whole or not at all, and only once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from semmap_log.commands import resolve_level
+from semmap_log.door_log_writer import DoorLogWriter
+from semmap_log.doors import DoorId
+from semmap_log.errors import FormatError
+from semmap_log.events import Event, FloorMap
+from semmap_log.formats.building import read_building
+from semmap_log.formats.door_csv import read_door_csv
+from semmap_log.formats.door_table import DoorTable
+from semmap_log.formats.importing import ImportPlan, Present, plan_doors
+from semmap_log.formats.importing_lines import plan_event_lines
+from semmap_log.formats.importing_sightings import plan_sightings
+from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.log.commits import Note
+from semmap_log.log.reader import Progress
+
+READABLE = "*.building.yaml (Open-RMF), .yaml (the thesis's), .csv, .csv.gz, .jsonl, .jsonl.gz"
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """How a file is to be taken."""
+
+    level: str | None = None
+    """Building: only this level. Other files: the level of their doors; None: the only one."""
+    windows: Path | None = None
+    """CSV: when the states are known at all."""
+    tz: str | None = None
+    """CSV, JSON lines: zone of times without an offset; None: the log's."""
+    update: bool = False
+    renumber: bool = False
+    at_ns: int | None = None
+    """When it happened, where the file does not say; None: when it is recorded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What became of a file."""
+
+    plan: ImportPlan
+    first_event: int | None
+    """None: nothing was written, since the log holds all of it."""
+    known_before: bool = False
+    """This very file was imported before."""
+
+
+def import_file(
+    log: DoorLogWriter,
+    path: Path,
+    options: ImportOptions = ImportOptions(),
+    *,
+    note: Note = Note(),
+    progress: Progress | None = None,
+) -> Imported:
+    """Import a file as one commit.
+
+    Args:
+        log: Where to.
+        path: Its name tells its format.
+        options: How to take it.
+        note: Who and why; the source is the file's name unless given.
+        progress: Told (events written, events in all).
+
+    Raises:
+        FormatError: The file cannot be read, or is of no known format.
+        CommandError: The map forbids it.
+    """
+    plan_of = _planner(path)
+    command_id = None
+    if not (options.update or options.renumber):
+        command_id = _command_id(path, options)
+        known = log.find_command(command_id, everywhere=True)
+        if known is not None:
+            return Imported(ImportPlan((), 0), None, known_before=True)
+    plan = plan_of(log, path, options)
+    if plan.count == 0:
+        return Imported(plan, None)
+    if not note.source:
+        note = replace(note, source=path.name)
+    appended = log.append(_told(plan.events, plan.count, progress), note=note, command_id=command_id)
+    return Imported(plan, appended.commit.last_event - plan.count + 1)
+
+
+Planner = Callable[[DoorLogWriter, Path, ImportOptions], ImportPlan]
+
+
+def _planner(path: Path) -> Planner:
+    name = path.name.lower().removesuffix(".gz")
+    if name.endswith((".building.yaml", ".building.yml")):
+        return _plan_building
+    if name.endswith((".yaml", ".yml")):
+        return _plan_thesis_yaml
+    if name.endswith(".csv"):
+        return _plan_csv
+    if name.endswith((".jsonl", ".ndjson")):
+        return _plan_event_lines
+    raise FormatError(path, f"its name tells no format that can be imported; known are {READABLE}.")
+
+
+def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    table = read_building(path, level=options.level)
+    return _plan_table(log, table, options)
+
+
+def _plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    table = read_thesis_yaml(path)
+    level = resolve_level(options.level, log.state.door_map())
+    placed = tuple(replace(door, level=level) for door in table.doors)
+    return _plan_table(log, replace(table, doors=placed), options)
+
+
+def _plan_table(log: DoorLogWriter, table: DoorTable, options: ImportOptions) -> ImportPlan:
+    return plan_doors(table, _present(log), update=options.update, renumber=options.renumber,
+                      at_ns=options.at_ns)  # fmt: skip
+
+
+def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    zone = options.tz or log.info.timezone
+    sightings = read_door_csv(path, windows=options.windows, tz=zone)
+    door_map = log.state.door_map()
+    level = None if options.level is None else resolve_level(options.level, door_map)
+    return plan_sightings(sightings, _present(log), level=level)
+
+
+def _plan_event_lines(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    return plan_event_lines(path, _present(log), tz=options.tz or log.info.timezone)
+
+
+def _present(log: DoorLogWriter) -> Present:
+    """Return what the log holds, as the planners need it."""
+    door_map = log.state.door_map()
+    maps = {}
+    for number, level in door_map.levels.items():
+        if level.floor_map_event is not None:
+            event = log.event(level.floor_map_event).event
+            assert isinstance(event, FloorMap)
+            maps[number] = event
+    used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
+    return Present(door_map, used, maps)
+
+
+def _command_id(path: Path, options: ImportOptions) -> bytes:
+    """Return an id that is the same for the same bytes taken in the same way."""
+    whole = hashlib.sha256(f"import {options.level} {options.tz} {options.at_ns}".encode())
+    for file in (path, options.windows):
+        if file is not None:
+            whole.update(_digest(file))
+    return whole.digest()[:16]
+
+
+def _digest(path: Path) -> bytes:
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while block := file.read(2**20):
+                digest.update(block)
+    except OSError as error:
+        raise FormatError(path, f"cannot be read: {error.strerror}.") from error
+    return digest.digest()
+
+
+def _told(events: Iterable[Event], count: int, progress: Progress | None) -> Iterator[Event]:
+    """Pass the events on, and tell how many there were."""
+    for done, event in enumerate(events, start=1):
+        yield event
+        if progress is not None and done % 1000 == 0:
+            progress(done, count)

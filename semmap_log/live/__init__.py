@@ -1,0 +1,1 @@
+"""The log while it happens: each way in from the outside world is one file here."""

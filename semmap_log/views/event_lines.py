@@ -1,0 +1,133 @@
+"""Events as lines of text: when, which door, what; who and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from semmap_log.doors import DoorState
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorEvent,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    EventBatch,
+    Retracted,
+    RobotPose,
+)
+from semmap_log.views.door_rows import Stamp
+from semmap_log.views.drawable import drawable
+from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.scene import Scene
+
+if TYPE_CHECKING:
+    from semmap_log.log.commits import Commit
+
+INFO, WARN, DEBUG = "INFO", "WARN", "DEBUG"
+"""INFO: the map is another than before; WARN: look here; DEBUG: it stayed as it was."""
+
+LAST_NUMBER = 2**63
+
+
+@dataclass(frozen=True, slots=True)
+class EventLine:
+    """One event in words."""
+
+    number: int
+    folds_ns: int
+    recorded_ns: int
+    kind: int
+    importance: str
+    """INFO, WARN or DEBUG."""
+    text: str
+    state: DoorState | None
+    """The state that the event gives to its door, for the line's colour; None: none."""
+
+
+class EventLines:
+    """Puts events into words; remembers each door's state, to tell changes from repeats."""
+
+    def __init__(self, scene: Scene, commits: Iterable[Commit]) -> None:
+        self._scene = scene
+        self._notes = _Notes(commits)
+        self._states: dict[int, tuple[int, DoorState]] = {
+            door_id: (-1, door.before.state)
+            for door_id, door in scene.doors.items()
+            if door.before is not None
+        }
+
+    def of(self, batch: EventBatch) -> Iterator[EventLine]:
+        """Yield a line for each event but the robot's poses; batches come in order."""
+        told = batch.select(batch.kind != RobotPose.kind)
+        folds_ns = told.folds_ns
+        times = np.datetime_as_string(folds_ns.astype("M8[ns]"), unit="s").tolist()
+        for recorded, t, time in zip(told, folds_ns.tolist(), times, strict=True):
+            event, number = recorded.event, recorded.number
+            importance, said, state = self._what(event, (t, number))
+            text = f"{time.replace('T', ' ')}  {said}{self._notes.of(number)}"
+            yield EventLine(number, t, recorded.recorded_ns, event.kind, importance, text, state)
+
+    def _what(self, event: Event, stamp: Stamp) -> tuple[str, str, DoorState | None]:
+        """Return importance, words and state."""
+        said = words_of(event)
+        if not isinstance(event, DoorEvent):
+            return WARN if isinstance(event, Retracted) else INFO, said, None
+        door = self._scene.doors.get(event.door_id)
+        if door is None:
+            return DEBUG, f"door {event.door_id}  {said} (not in the map)", None
+        said = f"{door.label}  {said}"
+        if not (isinstance(event, DoorRemoved) or door.life.added <= stamp < door.life.removed):
+            return DEBUG, f"{said} (not in the map then)", None
+        state = state_told_by(event)
+        return self._importance(event, state, stamp), said, state
+
+    def _importance(self, event: DoorEvent, state: DoorState | None, stamp: Stamp) -> str:
+        is_news = self._remember(event, state, stamp)
+        match event:
+            case DoorRemoved() | DoorPassed(passed=False):
+                return WARN
+            case DoorObserved() | DoorPassed():
+                return INFO if is_news else DEBUG
+            case DoorUpdated():
+                more = event.changed & (Changed.POSE | Changed.WIDTH)
+                return INFO if is_news or more else DEBUG
+            case _:
+                return INFO
+
+    def _remember(self, event: DoorEvent, state: DoorState | None, stamp: Stamp) -> bool:
+        """Keep the door's state; return whether it is another than before."""
+        if state is None:
+            return False
+        latest_ns, known = self._states.get(event.door_id, (-1, None))
+        if stamp[0] < latest_ns:
+            return isinstance(event, DoorAdded)  # a late event: the map has moved on
+        self._states[event.door_id] = stamp[0], state
+        return state != known
+
+
+class _Notes:
+    """Who and why, from the commits, for event numbers that only ascend."""
+
+    def __init__(self, commits: Iterable[Commit]) -> None:
+        self._commits = iter(commits)
+        self._end = 0
+        self._text = ""
+
+    def of(self, number: int) -> str:
+        """Return the note of that event's commit, as the tail of a line; empty: none."""
+        while number >= self._end:
+            commit = next(self._commits, None)
+            if commit is None:
+                self._end, self._text = LAST_NUMBER, ""
+            else:
+                self._end = commit.first_event + commit.count
+                parts = [part for part in (commit.note.actor, commit.note.reason) if part]
+                self._text = f"  · {drawable(': '.join(parts))}" if parts else ""
+        return self._text

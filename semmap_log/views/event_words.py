@@ -1,0 +1,111 @@
+"""What an event says, in a few words, without the time and the door's name."""
+
+from __future__ import annotations
+
+import math
+
+from semmap_log.doors import DoorState
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
+from semmap_log.views.drawable import drawable
+
+
+def words_of(event: Event) -> str:
+    """Return what happened, such as `seen OPEN (90 %)`."""
+    match event:
+        case DoorAdded():
+            place = "" if not math.isnan(event.x) else " without a place"
+            return f"added{place}, {event.state.name}{_probabilities(event)}"
+        case DoorUpdated():
+            return _update(event)
+        case DoorRemoved():
+            return "removed from the map"
+        case DoorObserved():
+            return f"seen {event.state.name}{_accuracy(event)}{_opening(event)}"
+        case DoorRequested():
+            return f"asked to be {event.state.name}"
+        case DoorPassed():
+            waited = "" if math.isnan(event.waited_s) else f" after {event.waited_s:.0f} s"
+            return f"passed{waited}" if event.passed else f"given up{waited}"
+        case PatrolStarted():
+            return f"patrol {event.patrol} started"
+        case PatrolFinished():
+            return f"patrol {event.patrol} finished"
+        case RobotPose():
+            return f"robot at {event.x:.2f}, {event.y:.2f}"
+        case Retracted():
+            return f"events {event.first_event} to {event.last_event} taken back"
+        case DoorAnnotated():
+            return f"{drawable(event.key)} = {drawable(event.value)}"
+        case LevelAdded():
+            return f"level {event.level} is called {drawable(event.name)}"
+        case FloorMap():
+            rows, columns = event.cells.shape
+            return f"floor plan of level {event.level}: {columns} x {rows} cells"
+        case LogExported():
+            return f"exported as {drawable(event.format)}: {drawable(event.file_name)}"
+        case _:
+            raise TypeError(f"no words for {type(event).__name__}")
+
+
+def state_told_by(event: Event) -> DoorState | None:
+    """Return the state that an event gives to its door; None: it leaves the state alone."""
+    match event:
+        case DoorAdded() | DoorObserved():
+            return event.state
+        case DoorUpdated() if event.changed & Changed.STATE:
+            return event.state
+        case DoorPassed() if event.passed:
+            return DoorState.OPEN
+        case _:
+            return None
+
+
+def _update(event: DoorUpdated) -> str:
+    said = []
+    if event.changed & Changed.STATE:
+        said.append(f"set to {event.state.name}")
+    if event.changed & Changed.POSE:
+        said.append(f"moved to {event.x:.2f}, {event.y:.2f}")
+    if event.changed & Changed.WIDTH:
+        said.append(f"width {event.width:.2f} m")
+    if event.changed & Changed.PROB_OPEN:
+        said.append(f"P(open) = {event.prob_open:.2f}")
+    if event.changed & Changed.PROB_CLOSED:
+        said.append(f"P(closed) = {event.prob_closed:.2f}")
+    return ", ".join(said)
+
+
+def _probabilities(event: DoorAdded) -> str:
+    said = "" if math.isnan(event.prob_open) else f", P(open) = {event.prob_open:.2f}"
+    return said + (
+        "" if math.isnan(event.prob_closed) else f", P(closed) = {event.prob_closed:.2f}"
+    )
+
+
+def _accuracy(event: DoorObserved) -> str:
+    """Return how far the sensor is to be trusted, where it is not without fault."""
+    to_open, to_closed = event.accuracy_open, event.accuracy_closed
+    if to_open == to_closed:
+        return "" if to_open == 1 else f" ({to_open:.0%})"
+    return f" (open {to_open:.0%}, closed {to_closed:.0%})"
+
+
+def _opening(event: DoorObserved) -> str:
+    return "" if math.isnan(event.opening) else f", {event.opening:.0%} of the way"

@@ -1,0 +1,175 @@
+"""How the viewer lays a recording out: plans over curves on the left, lanes over text on the right.
+
+Rerun calls its blueprint types unstable; so all of them are used here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from semmap_log.doors import DoorId
+from semmap_log.views.palette import Palette
+from semmap_log.views.rerun_robot import track_path
+from semmap_log.views.rerun_rows import EVENT, HAPPENED, RECORDED, entity
+from semmap_log.views.rerun_sdk import rr, rrb
+from semmap_log.views.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
+
+MOST_CURVES = 8
+MOST_LANES = 16
+"""With more doors than this, a tab of the liveliest stands before that of all doors."""
+
+DAY_NS = 86_400 * 10**9
+WHOLE_SPAN_NS = 2 * DAY_NS
+"""Up to this length lanes and curves show all of it; beyond, a window around the cursor."""
+WINDOW_BEFORE_NS = 3 * DAY_NS // 2
+WINDOW_AFTER_NS = DAY_NS // 2
+
+TRACK_NS = 30 * 60 * 10**9
+TRACK_EVENTS = 400
+PLAYBACK_SPEED = 600.0
+"""Ten minutes a second."""
+
+View = Any
+"""Rerun is untyped to us."""
+
+
+def layout(
+    scene: Scene, palette: Palette, *, chosen: Sequence[DoorId] | None, level: int | None
+) -> Any:  # noqa: ANN401
+    """Return the blueprint of a recording.
+
+    Args:
+        scene: What the recording shows.
+        palette: Its colours.
+        chosen: Doors that were asked for; None: those that change most get the curves.
+        level: The level whose plan is in front; None: the one with most doors.
+    """
+    left = rrb.Vertical(*_plans_and_curves(scene, palette, chosen, level), row_shares=[7, 3])
+    right = rrb.Vertical(_lanes(scene), _event_log(), row_shares=[3, 2])
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[5, 3]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=HAPPENED,
+            playback_speed=PLAYBACK_SPEED,
+            play_state="following",
+        ),
+    )
+
+
+def liveliest(scene: Scene, most: int) -> list[SceneDoor]:
+    """Return the doors whose state changed most often, the liveliest first."""
+    doors = sorted(scene.doors.values(), key=lambda door: (-door.state_changes, door.door_id))
+    return doors[:most]
+
+
+def _plans_and_curves(
+    scene: Scene, palette: Palette, chosen: Sequence[DoorId] | None, level: int | None
+) -> list[View]:
+    levels = list(scene.levels.values())
+    numbers = [each.level for each in levels]
+    busiest = max(levels, key=lambda each: each.doors).level
+    front = numbers.index(level if level in numbers else busiest)
+    plans = rrb.Tabs(*(_plan(each, palette) for each in levels), active_tab=front)
+    curves = _curves(scene, chosen)
+    return [plans] if curves is None else [plans, curves]
+
+
+def _plan(level: SceneLevel, palette: Palette) -> View:
+    bounds = level.bounds
+    overrides = {entity(track_path(level)): [_recent_track()]} if level.has_robot else {}
+    return rrb.Spatial2DView(
+        origin="/",
+        contents=[f"+ {entity(level.path)}/**"],
+        name="Floor plan" if level.path == (ROOT,) else level.name,
+        background=[*palette.background, 255],
+        # The view's y runs down, and the level is mirrored into it.
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[bounds.low_x, bounds.high_x], y_range=[-bounds.high_y, -bounds.low_y]
+        ),
+        overrides=overrides,
+    )
+
+
+def _recent_track() -> Any:  # noqa: ANN401
+    """Return the range of segments that make up the track behind the robot."""
+    here = rrb.TimeRangeBoundary.cursor_relative()
+    back = {
+        HAPPENED: rrb.TimeRangeBoundary.cursor_relative(seconds=-TRACK_NS / 1e9),
+        RECORDED: rrb.TimeRangeBoundary.cursor_relative(seconds=-TRACK_NS / 1e9),
+        EVENT: rrb.TimeRangeBoundary.cursor_relative(seq=-TRACK_EVENTS),
+    }
+    return rrb.VisibleTimeRanges(
+        [rr.VisibleTimeRange(timeline, start=start, end=here) for timeline, start in back.items()]
+    )
+
+
+def _curves(scene: Scene, chosen: Sequence[DoorId] | None) -> View | None:
+    """Return a tab of curves a door; None where no door has probabilities."""
+    if chosen is None:
+        doors = liveliest(scene, len(scene.doors))
+    else:
+        doors = [scene.doors[door_id] for door_id in chosen if door_id in scene.doors]
+    given = [door for door in doors if door.has_probabilities][:MOST_CURVES]
+    if not given:
+        return None
+    return rrb.Tabs(*(_curve(door, scene) for door in given), name="Probabilities", active_tab=0)
+
+
+def _curve(door: SceneDoor, scene: Scene) -> View:
+    return rrb.TimeSeriesView(
+        origin=entity(door.path),
+        contents=["$origin"],
+        name=door.path[-1],
+        axis_x=_time_axis(scene),
+        axis_y=rrb.ScalarAxis(range=(-0.03, 1.03), zoom_lock=True),
+        plot_legend=rrb.PlotLegend(corner="LeftTop"),
+    )
+
+
+def _lanes(scene: Scene) -> View:
+    everything = _lane_view(scene, "Door states", [f"+ /{ROOT}/**"])
+    if len(scene.doors) <= MOST_LANES:
+        return everything
+    paths = [f"+ {entity(door.path)}" for door in liveliest(scene, MOST_LANES)]
+    few = _lane_view(scene, f"{MOST_LANES} liveliest doors", paths)
+    every = _lane_view(scene, f"All {len(scene.doors)} doors", [f"+ /{ROOT}/**"])
+    return rrb.Tabs(few, every, active_tab=0)
+
+
+def _lane_view(scene: Scene, name: str, contents: list[str]) -> View:
+    return rrb.StateTimelineView(
+        origin=f"/{ROOT}", name=name, contents=contents, time_view=_time_axis(scene)
+    )
+
+
+def _time_axis(scene: Scene) -> Any:  # noqa: ANN401
+    """Return the axis that lanes and curves share."""
+    edge = rrb.TimeRangeBoundary
+    if scene.span_ns <= WHOLE_SPAN_NS:
+        room_ns = max(scene.span_ns // 50, 10**9)
+        start = edge.absolute(time=scene.first_ns - room_ns)
+        end = edge.absolute(time=scene.last_ns + room_ns)
+    else:
+        start = edge.cursor_relative(seconds=-WINDOW_BEFORE_NS / 1e9)
+        end = edge.cursor_relative(seconds=WINDOW_AFTER_NS / 1e9)
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
+
+
+def _event_log() -> View:
+    return rrb.TextLogView(
+        origin=f"/{EVENTS}",
+        name="Event log (UTC)",
+        # The time is in the text: a column for it cannot be made wide enough to be read.
+        columns=rrb.TextLogColumns(
+            timeline_columns=[rrb.encodings.TimelineColumn(HAPPENED, visible=False)],
+            text_log_columns=[
+                rrb.encodings.TextLogColumn("LogLevel"),
+                rrb.encodings.TextLogColumn("Body"),
+            ],
+        ),
+        rows=rrb.TextLogRows(filter_by_log_level=["WARN", "INFO"]),
+    )

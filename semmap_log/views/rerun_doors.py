@@ -1,0 +1,182 @@
+"""Doors into a rerun recording: each is one entity with its line, its lane and its curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from semmap_log.doors import DoorState
+from semmap_log.events import DoorRemoved
+from semmap_log.views.door_rows import (
+    Changes,
+    DoorFold,
+    by_door,
+    late_rows,
+    opening_changes,
+    sorted_by_stamp,
+    strips_of,
+)
+from semmap_log.views.palette import Palette
+from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter, rgba
+from semmap_log.views.rerun_sdk import rr
+from semmap_log.views.scene import Scene, SceneDoor
+
+MOST_WAITING_ROWS = 2**18
+"""In all doors together, some 20 MB: then every door is written, however few its rows are."""
+
+MOST_LABELS = 40
+"""On a level with more doors the labels would lie on each other; there, hovering shows them."""
+
+LINE_UI_POINTS = 2.5
+STATE_NAMES = np.array([state.name for state in DoorState])
+
+
+class DoorsWriter:
+    """Hands each change to its door, and sees to it that not too many wait."""
+
+    def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
+        self._tracks = {
+            int(door_id): _DoorTrack(writer, door, palette) for door_id, door in scene.doors.items()
+        }
+        for track in self._tracks.values():
+            doors_beside = max(scene.levels[level].doors for level in track.door.levels)
+            track.write_style(show_label=doors_beside <= MOST_LABELS)
+        self.take(
+            opening_changes(
+                [door.before for door in scene.doors.values() if door.before is not None],
+                folds_ns=scene.first_ns,
+                number=scene.first_number - 1,
+                recorded_ns=scene.first_recorded_ns - 1,
+            )
+        )
+
+    def take(self, changes: Changes) -> None:
+        """Take the next changes, in order of their numbers."""
+        for rows in by_door(changes):
+            if (track := self._tracks.get(int(rows["door_id"][0]))) is not None:
+                track.take(rows)
+        in_order = [t for t in self._tracks.values() if not t.door.has_late_events]
+        if sum(track.rows_waiting for track in in_order) > MOST_WAITING_ROWS:
+            for track in in_order:
+                track.write()
+
+    def finish(self) -> None:
+        """Write what still waits."""
+        for track in self._tracks.values():
+            track.write()
+
+
+class _DoorTrack:
+    """Lets a door's changes wait until they make a good chunk, then writes them.
+
+    A door with late events waits for the end: only then is the order known in which they count.
+    """
+
+    def __init__(self, writer: RowWriter, door: SceneDoor, palette: Palette) -> None:
+        self.door = door
+        self.rows_waiting = 0
+        self._waiting: list[Changes] = []
+        self._writer = writer
+        self._colours = rgba([palette.of_state(state) for state in DoorState])
+        self._fold = DoorFold(door.life, repeats=door.has_late_events)
+        self._level: int | None = None
+
+    def take(self, changes: Changes) -> None:
+        self._waiting.append(changes)
+        self.rows_waiting += len(changes)
+        if self.rows_waiting >= MOST_ROWS and not self.door.has_late_events:
+            self.write()
+
+    def write(self) -> None:
+        if not self._waiting:
+            return
+        changes = np.concatenate(self._waiting)
+        self._waiting, self.rows_waiting = [], 0
+        if self.door.has_late_events:
+            changes = sorted_by_stamp(changes)
+        picture = self._fold.take(changes)
+        self._write_states(picture.state_changes)
+        self._write_lines(picture.placements)
+        self._write_curves(picture.probabilities)
+        self._write_removal(changes)
+
+    def write_style(self, *, show_label: bool) -> None:
+        """Write what holds at all times: label, colours of the states, look of the curves."""
+        line = rr.LineStrips2D.from_fields(
+            radii=rr.Radius.ui_points(LINE_UI_POINTS),
+            labels=[self.door.label],
+            show_labels=show_label,
+            draw_order=10.0,
+        )
+        for path in self.door.levels.values():
+            self._writer.static(path, line)
+        self._writer.static(
+            self.door.path,
+            rr.StateConfiguration(
+                values=STATE_NAMES.tolist(),
+                labels=[name.capitalize() for name in STATE_NAMES.tolist()],
+                colors=self._colours,
+            ),
+        )
+        if self.door.has_probabilities:
+            self._writer.static(
+                self.door.path,
+                rr.SeriesLines(
+                    names=["P(open)", "P(closed)"],
+                    colors=self._colours[[DoorState.OPEN, DoorState.CLOSED]],
+                    widths=[2.0, 1.0],
+                    interpolation_mode="StepAfter",
+                ),
+            )
+
+    def _write_states(self, changes: Changes) -> None:
+        def colours(part: Changes) -> Sequence[Any]:
+            return list(rr.LineStrips2D.columns(colors=self._colours[part["state"]]))
+
+        def colours_and_lane(part: Changes) -> Sequence[Any]:
+            lane = rr.StateChange.columns(state=STATE_NAMES[part["state"]].tolist())
+            return [*colours(part), *lane]
+
+        late = self._late(changes)
+        for path in self.door.levels.values():
+            columns = colours_and_lane if path == self.door.path else colours
+            self._writer.rows(path, changes, columns, late=late)
+
+    def _write_lines(self, placements: Changes) -> None:
+        placed = placements[np.isfinite(placements["x"]) & np.isfinite(placements["width"])]
+        late = self._late(placed)
+        for level, path in self.door.levels.items():
+            here = placed["level"] == level
+            self._writer.rows(
+                path, placed[here],
+                lambda part: rr.LineStrips2D.columns(strips=strips_of(part)), late=late[here],
+            )  # fmt: skip
+            left = ~here & (np.append(self._level, placed["level"])[:-1] == level)
+            self._writer.rows(path, placed[left], _no_line, late=late[left])
+        if len(placed):
+            self._level = int(placed["level"][-1])
+
+    def _write_curves(self, given: Changes) -> None:
+        def points(part: Changes) -> Sequence[Any]:
+            both = np.stack([part["prob_open"], part["prob_closed"]], -1)
+            return list(rr.Scalars.columns(scalars=both))
+
+        self._writer.rows(self.door.path, given, points, late=self._late(given))
+
+    def _write_removal(self, changes: Changes) -> None:
+        removal = changes[changes["kind"] == DoorRemoved.kind]
+        for path in self.door.levels.values():
+            self._writer.clear(path, removal)
+
+    def _late(self, changes: Changes) -> np.ndarray:
+        if self.door.has_late_events and len(changes):
+            return late_rows(changes)
+        return np.zeros(len(changes), np.bool_)
+
+
+def _no_line(part: Changes) -> Sequence[Any]:
+    """Return rows without any line: the door is on another level from there on."""
+    nothing = rr.LineStrips2D.from_fields(strips=[]).as_component_batches()
+    return [batch.partition([0] * len(part)) for batch in nothing]

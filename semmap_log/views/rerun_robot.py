@@ -1,0 +1,131 @@
+"""The robot into a rerun recording: an arrow where it is, and its track behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.events import EventBatch, RobotPose
+from semmap_log.views.palette import Palette, packed
+from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter
+from semmap_log.views.rerun_sdk import rr
+from semmap_log.views.scene import EntityPath, Scene, SceneLevel
+
+GAP_NS = 600 * 10**9
+"""A robot unseen for longer did not drive the straight line between the two poses."""
+
+ARROW_SHARE = 0.03
+"""Length of the arrow, as a share of the level's longer side."""
+SHORTEST_ARROW_M = 0.6
+
+POSE = np.dtype([
+    ("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"),
+    ("level", "u2"), ("x", "f8"), ("y", "f8"), ("theta", "f8"),
+    ("from_level", "i4"), ("from_ns", "i8"), ("from_x", "f8"), ("from_y", "f8"),
+])  # fmt: skip
+"""A pose, and the one before it; `from_level` is -1 for the first."""
+
+Poses = NDArray[np.void]
+
+
+class RobotWriter:
+    """Lets poses wait until they make a good chunk, then writes them."""
+
+    def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
+        self._writer = writer
+        self._levels = [level for level in scene.levels.values() if level.has_robot]
+        self._waiting: list[Poses] = []
+        self._rows_waiting = 0
+        self._last = np.zeros(1, POSE)
+        self._last["level"] = 0
+        self._has_last = False
+        for level in self._levels:
+            self._write_style(level, palette)
+
+    def take(self, batch: EventBatch) -> None:
+        """Take the poses of the next batch, in order of their numbers."""
+        if RobotPose in batch:
+            self._waiting.append(_poses_of(batch))
+            self._rows_waiting += len(self._waiting[-1])
+        if self._rows_waiting >= MOST_ROWS:
+            self.finish()
+
+    def finish(self) -> None:
+        """Write what still waits."""
+        if not self._waiting:
+            return
+        poses = np.concatenate(self._waiting)
+        self._waiting, self._rows_waiting = [], 0
+        self._link(poses)
+        for level in self._levels:
+            self._write_level(level, poses)
+
+    def _link(self, poses: Poses) -> None:
+        """Fill in where each pose came from."""
+        before = np.concatenate([self._last, poses[:-1]])
+        poses["from_level"], poses["from_ns"] = before["level"], before["folds_ns"]
+        poses["from_x"], poses["from_y"] = before["x"], before["y"]
+        if not self._has_last:
+            poses["from_level"][0] = -1
+        self._last, self._has_last = poses[-1:].copy(), True
+
+    def _write_style(self, level: SceneLevel, palette: Palette) -> None:
+        self._writer.static(
+            _pose_path(level),
+            rr.Arrows2D.from_fields(
+                colors=packed(palette.robot), radii=rr.Radius.ui_points(3.0), draw_order=30.0
+            ),
+        )
+        self._writer.static(
+            track_path(level),
+            rr.LineStrips2D.from_fields(
+                colors=packed(palette.robot, 0x90), radii=rr.Radius.ui_points(1.0), draw_order=5.0
+            ),
+        )
+
+    def _write_level(self, level: SceneLevel, poses: Poses) -> None:
+        arrow_m = max(SHORTEST_ARROW_M, ARROW_SHARE * level.bounds.longest_side_m)
+        here, came_from_here = (poses[name] == level.level for name in ("level", "from_level"))
+        self._writer.rows(_pose_path(level), poses[here], lambda part: _arrows(part, arrow_m))
+        self._writer.clear(_pose_path(level), poses[came_from_here & ~here])
+        apart_ns = poses["folds_ns"] - poses["from_ns"]
+        drove = here & came_from_here & (apart_ns >= 0) & (apart_ns <= GAP_NS)
+        self._writer.rows(track_path(level), poses[drove], _segments)
+
+
+def track_path(level: SceneLevel) -> EntityPath:
+    """Return the entity of the robot's track on a level."""
+    return (*level.path, "robot", "track")
+
+
+def _pose_path(level: SceneLevel) -> EntityPath:
+    return (*level.path, "robot", "pose")
+
+
+def _poses_of(batch: EventBatch) -> Poses:
+    where, rows = batch.where(RobotPose), batch[RobotPose]
+    poses = np.zeros(len(where), POSE)
+    poses["number"] = batch.number[where]
+    poses["folds_ns"] = batch.folds_ns[where]
+    poses["recorded_ns"] = batch.recorded_ns[where]
+    for name in ("level", "x", "y", "theta"):
+        poses[name] = rows[name]
+    return poses
+
+
+def _arrows(poses: Poses, length_m: float) -> Sequence[Any]:
+    heading = np.stack([np.cos(poses["theta"]), np.sin(poses["theta"])], -1) * length_m
+    # The arrow stands on the robot, not before it.
+    origins = np.stack([poses["x"], poses["y"]], -1) - heading / 2
+    columns = rr.Arrows2D.columns(
+        origins=origins.astype(np.float32), vectors=heading.astype(np.float32)
+    )
+    return list(columns)
+
+
+def _segments(poses: Poses) -> Sequence[Any]:
+    ends = [np.stack([poses[f"{side}x"], poses[f"{side}y"]], -1) for side in ("from_", "")]
+    return list(rr.LineStrips2D.columns(strips=np.stack(ends, 1).astype(np.float32)))

@@ -1,0 +1,237 @@
+"""The first pass over a log: what a recording of it will show.
+
+Names, lifetimes and bounds must be known before the first row is drawn: a door may get its name
+long after its first event, and a late event may tell that it had been removed. The pass keeps a few
+numbers a door, whatever the log's length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semmap_log.doors import Door, DoorId
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorRemoved,
+    EventBatch,
+    RobotPose,
+)
+from semmap_log.views.door_rows import (
+    ALWAYS,
+    NEVER,
+    PROBABILITIES,
+    Changes,
+    Life,
+    Stamp,
+    by_door,
+    changes_of,
+    opening_changes,
+    strips_of,
+)
+from semmap_log.views.drawable import drawable, has_letters, path_part, unique_parts
+from semmap_log.views.excerpt import Excerpt
+from semmap_log.views.scene import (
+    ROOT,
+    Bounds,
+    EntityPath,
+    Scene,
+    SceneDoor,
+    SceneLevel,
+    bounds_of_floor,
+)
+
+
+def survey(excerpt: Excerpt) -> Scene:
+    """Return what a recording of that part of a log has to show."""
+    before = excerpt.before()
+    pass_ = _Pass(before.doors)
+    for batch in excerpt.batches():
+        pass_.take(batch)
+    levels = _levels(excerpt, pass_)
+    first_ns = pass_.first_ns if excerpt.since_ns is None else excerpt.since_ns
+    return Scene(
+        doors=_doors(pass_, levels),
+        levels=levels,
+        events=pass_.events,
+        first_ns=first_ns,
+        last_ns=max(first_ns, pass_.last_ns),
+        first_number=pass_.first_number,
+        first_recorded_ns=pass_.first_recorded_ns,
+    )
+
+
+@dataclass(slots=True)
+class _Found:
+    """What the pass knows of a door."""
+
+    before: Door | None = None
+    added: Stamp = NEVER
+    removed: Stamp = NEVER
+    name: str = ""
+    name_stamp: Stamp = ALWAYS
+    levels: dict[int, Stamp] = field(default_factory=dict)
+    """Level -> when the door was last put there."""
+    state: int | None = None
+    state_changes: int = 0
+    has_probabilities: bool = False
+    latest: Stamp = ALWAYS
+    has_late_events: bool = False
+
+    def take(self, changes: Changes) -> None:
+        """Take this door's rows, in order of their numbers."""
+        stamps = list(zip(changes["folds_ns"].tolist(), changes["number"].tolist(), strict=True))
+        goes_on = stamps[0] >= self.latest and bool((np.diff(changes["folds_ns"]) >= 0).all())
+        self.has_late_events |= not goes_on
+        self.latest = max(self.latest, *stamps)
+        for row in np.flatnonzero(changes["kind"] == DoorAdded.kind).tolist():
+            self.added = stamps[row]
+        for row in np.flatnonzero(changes["kind"] == DoorRemoved.kind).tolist():
+            self.removed = stamps[row]
+        for row in np.flatnonzero((changes["sets"] & int(Changed.POSE)) != 0).tolist():
+            level = int(changes["level"][row])
+            self.levels[level] = max(stamps[row], self.levels.get(level, ALWAYS))
+        self._count_states(changes["state"][(changes["sets"] & int(Changed.STATE)) != 0])
+        given = changes[(changes["sets"] & PROBABILITIES) != 0]
+        self.has_probabilities |= bool(
+            np.isfinite(given["prob_open"]).any() or np.isfinite(given["prob_closed"]).any()
+        )
+
+    def _count_states(self, states: np.ndarray) -> None:
+        if len(states):
+            self.state_changes += int(self.state is not None and states[0] != self.state)
+            self.state_changes += int(np.count_nonzero(states[1:] != states[:-1]))
+            self.state = int(states[-1])
+
+    @property
+    def last_level(self) -> int:
+        """The level it was put on last."""
+        return max(self.levels, key=lambda level: self.levels[level], default=0)
+
+
+class _Pass:
+    """What is gathered over all batches."""
+
+    def __init__(self, before: Mapping[DoorId, Door]) -> None:
+        self.doors = {door_id: _Found(door, name=door.name or "")
+                      for door_id, door in before.items()}  # fmt: skip
+        self.bounds: dict[int, Bounds] = {}
+        self.robot_levels: set[int] = set()
+        self.events = 0
+        self.first_ns = self.last_ns = 0
+        self.first_number = self.first_recorded_ns = 0
+        self._take_changes(opening_changes(before.values(), folds_ns=-1, number=-1, recorded_ns=-1))
+
+    def take(self, batch: EventBatch) -> None:
+        folds_ns = batch.folds_ns
+        if not self.events:
+            self.first_number = int(batch.number[0])
+            self.first_recorded_ns = int(batch.recorded_ns[0])
+            self.first_ns = int(folds_ns[0])
+        self.events += len(batch)
+        self.first_ns = min(self.first_ns, int(folds_ns.min()))
+        self.last_ns = max(self.last_ns, int(folds_ns.max()))
+        self._take_changes(changes_of(batch))
+        self._take_poses(batch)
+        self._take_names(batch)
+
+    def _take_changes(self, changes: Changes) -> None:
+        for rows in by_door(changes):
+            self.doors.setdefault(DoorId(int(rows["door_id"][0])), _Found()).take(rows)
+        placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
+        for level in np.unique(placed["level"]).tolist():
+            # Where only the pose is set, the width is not at hand: its end may lie in the margin.
+            strips = strips_of(placed[placed["level"] == level]).reshape(-1, 2)
+            self._stretch(level, strips[:, 0], strips[:, 1])
+
+    def _take_poses(self, batch: EventBatch) -> None:
+        if RobotPose not in batch:
+            return
+        poses = batch[RobotPose]
+        for level in np.unique(poses["level"]).tolist():
+            self.robot_levels.add(level)
+            here = poses[poses["level"] == level]
+            self._stretch(level, here["x"], here["y"])
+
+    def _take_names(self, batch: EventBatch) -> None:
+        if DoorAnnotated not in batch:
+            return
+        where = batch.where(DoorAnnotated)
+        stamps = zip(batch.folds_ns[where].tolist(), batch.number[where].tolist(), strict=True)
+        for event, stamp in zip(batch.objects[DoorAnnotated.kind], stamps, strict=True):
+            assert isinstance(event, DoorAnnotated)
+            door = self.doors.setdefault(event.door_id, _Found())
+            if event.key == "name" and stamp > door.name_stamp:
+                door.name, door.name_stamp = event.value, stamp
+
+    def _stretch(self, level: int, x: np.ndarray, y: np.ndarray) -> None:
+        self.bounds[level] = self.bounds.get(level, Bounds()).around(x, y)
+
+
+def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
+    """Return the levels with something on them; where there is one, its path is just `/map`."""
+    at_ns = excerpt.last_ns()
+    known = excerpt.log.replay(at=at_ns).levels
+    there = [door for door in pass_.doors.values() if door.added != NEVER]
+    used = {level for door in there for level in door.levels} | pass_.robot_levels
+    if excerpt.doors is None:
+        used |= {n for n, level in known.items() if level.floor_map_event is not None}
+    numbers = sorted(used) or [0]
+    names = {n: level.name or "" for n, level in known.items()}
+    parts = unique_parts((n, names.get(n) or str(n)) for n in numbers)
+    levels = {}
+    for n in numbers:
+        floor = excerpt.log.floor_map(n, at=at_ns)
+        bounds = pass_.bounds.get(n, Bounds())
+        if floor is not None:
+            bounds = bounds.including(bounds_of_floor(floor))
+        levels[n] = SceneLevel(
+            level=n,
+            name=drawable(names.get(n) or f"Level {n}"),
+            path=(ROOT,) if len(numbers) == 1 else (ROOT, parts[n]),
+            floor=floor,
+            bounds=bounds.framed(),
+            doors=sum(door.last_level == n for door in there),
+            has_robot=n in pass_.robot_levels,
+        )
+    return levels
+
+
+def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, SceneDoor]:
+    """Return the doors that are in the map at some time, ids ascending."""
+    there = {i: door for i, door in sorted(pass_.doors.items()) if door.added != NEVER}
+    parts: dict[int, str] = {}
+    for n, level in levels.items():
+        parts |= unique_parts((i, _short(door.name, level)) for i, door in there.items()
+                              if door.last_level == n)  # fmt: skip
+    return {i: _scene_door(i, found, parts[i], levels) for i, found in there.items()}
+
+
+def _scene_door(
+    door_id: DoorId, found: _Found, part: str, levels: Mapping[int, SceneLevel]
+) -> SceneDoor:
+    paths: dict[int, EntityPath] = {
+        n: (*levels[n].path, "doors", part) for n in sorted(found.levels or {0: ALWAYS})
+    }
+    return SceneDoor(
+        door_id=door_id,
+        label=drawable(found.name) if has_letters(found.name) else f"door {door_id}",
+        path=paths[found.last_level],
+        levels=paths,
+        life=Life(found.added, found.removed),
+        before=found.before,
+        state_changes=found.state_changes,
+        has_probabilities=found.has_probabilities,
+        has_late_events=found.has_late_events,
+    )
+
+
+def _short(name: str, level: SceneLevel) -> str:
+    """Return the name without the level in front, which its path tells already."""
+    part, prefix = path_part(name), level.path[-1]
+    rest = part[len(prefix) :].lstrip("._-")
+    return rest if part.startswith(prefix) and rest and len(level.path) > 1 else part

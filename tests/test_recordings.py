@@ -1,0 +1,220 @@
+"""The recordings that ship: what a replay of them gives, what is in them, how they are remade."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zstandard
+from mcap.reader import make_reader
+
+import semmap_log as sl
+from semmap_log.doors import Door
+from semmap_log.events import KINDS, DoorObserved, RobotPose
+from semmap_log.moments import format_utc
+
+ROOT = Path(__file__).resolve().parent.parent
+RECORDINGS = ROOT / "recordings"
+NAMES = ("office", "clinic_week")
+
+MADE_WITH_ZSTD = (1, 5, 7)
+"""Another version may pack the floor plans into other bytes."""
+
+
+def expected(name: str) -> list[dict[str, Any]]:
+    return json.loads((RECORDINGS / f"{name}.expected.json").read_text())
+
+
+def number(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def as_json(door: Door) -> dict[str, Any]:
+    return {
+        "door_id": door.door_id, "name": door.name, "level": door.level,
+        "x": door.x, "y": door.y, "theta": door.theta, "width": door.width,
+        "state": door.state.name,
+        "prob_open": number(door.prob_open), "prob_closed": number(door.prob_closed),
+        "last_seen": None if door.last_seen_ns is None else format_utc(door.last_seen_ns),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "moment"),
+    [
+        pytest.param(name, moment, id=f"{name}: {moment['about']}")
+        for name in NAMES
+        for moment in expected(name)
+    ],
+)
+def test_replay_gives_the_expected_state(name: str, moment: dict[str, Any]) -> None:
+    """
+    At every moment that ships, a replay gives the doors that the tool folded by hand.
+    """
+    log = sl.read(RECORDINGS / name)
+
+    state = log.replay(at=moment["at"], known_at=moment["known_at"], event=moment["event"])
+
+    assert moment["doors"] == [as_json(door) for door in state.doors.values()]
+
+
+def test_moments_tell_states_apart() -> None:
+    """
+    The moments are worth asking for: no two of a recording have the same doors.
+    """
+    for name in NAMES:
+        states = [json.dumps(moment["doors"]) for moment in expected(name)]
+
+        assert len(states) == len(set(states))
+
+
+def kinds_in(name: str) -> Counter[str]:
+    counts: Counter[str] = Counter()
+    for batch in sl.read(RECORDINGS / name).batches(retracted=True):
+        numbers, times = np.unique(batch.kind, return_counts=True)
+        for kind, count in zip(numbers.tolist(), times.tolist(), strict=True):
+            counts[KINDS[kind - 1].__name__] += count
+    return counts
+
+
+def test_office_is_small_and_has_one_of_everything() -> None:
+    """
+    The office can be checked by hand, and shows each kind of event but those of later chapters.
+    """
+    counts = kinds_in("office")
+
+    assert sum(counts.values()) < 300
+    assert set(counts) == {kind.__name__ for kind in KINDS} - {"DoorRemoved", "LogExported"}
+
+
+def test_clinic_week_holds_what_readme_says() -> None:
+    """
+    The clinic's events, kind by kind: a changed simulation must be remade and told in the README.
+    """
+    counts = kinds_in("clinic_week")
+
+    assert sum(counts.values()) >= 50_000
+    assert counts == CLINIC_WEEK
+
+
+CLINIC_WEEK = Counter()
+
+
+@pytest.mark.parametrize(("name", "most_bytes"), [("office", 100_000), ("clinic_week", 6_000_000)])
+def test_size(name: str, most_bytes: int) -> None:
+    """
+    Recordings stay small enough for a repository.
+    """
+    assert sum(path.stat().st_size for path in (RECORDINGS / name).iterdir()) <= most_bytes
+
+
+def test_clinic_sensor_has_two_accuracies() -> None:
+    """
+    Every sighting of the clinic carries how often its sensor reads open and closed doors right.
+    """
+    log = sl.read(RECORDINGS / "clinic_week")
+
+    seen = [batch[DoorObserved] for batch in log.batches(kinds=[DoorObserved])]
+
+    assert {0.97} == {value for rows in seen for value in rows["accuracy_open"].tolist()}
+    assert {0.95} == {value for rows in seen for value in rows["accuracy_closed"].tolist()}
+
+
+@pytest.mark.parametrize(("name", "levels"), [("office", (1,)), ("clinic_week", (1, 2))])
+def test_robot_drives_on_free_floor(name: str, levels: tuple[int, ...]) -> None:
+    """
+    Every pose, and the straight line to the next one on the same level, lies on free floor.
+    """
+    log = sl.read(RECORDINGS / name)
+    poses = np.concatenate([batch[RobotPose] for batch in log.batches(kinds=[RobotPose])])
+
+    for level in levels:
+        floor = log.floor_map(level)
+        assert floor is not None
+        on = poses["level"] == level
+        points = np.stack([poses["x"], poses["y"]], -1)
+        pairs = np.flatnonzero(on[:-1] & on[1:])
+        for share in np.linspace(0, 1, 41):
+            way = points[pairs] * (1 - share) + points[pairs + 1] * share
+            columns, rows = (
+                (way - (floor.origin_x, floor.origin_y)) // floor.resolution
+            ).astype(int).T  # fmt: skip
+
+            assert set(np.unique(floor.cells[rows, columns]).tolist()) == {0}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_licence_of_the_plans_is_told(name: str) -> None:
+    """
+    The plans are Apache-2.0: the licence lies beside, the README names source and commit.
+    """
+    licence = (RECORDINGS / "LICENSE.rmf_demos").read_text()
+    readme = (RECORDINGS / "README.md").read_text()
+
+    assert "Apache License" in licence
+    assert "open-rmf/rmf_demos" in readme
+    assert "e1af33e0" in readme
+    assert name in readme
+
+
+def make(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    tool = ROOT / "tools" / "make_recordings.py"
+    return subprocess.run(
+        [sys.executable, tool, *arguments], capture_output=True, text=True, check=False
+    )
+
+
+def messages(segment: Path) -> list[tuple[str, int, int, int, bytes]]:
+    with segment.open("rb") as stream:
+        return [
+            (channel.topic, message.sequence, message.log_time, message.publish_time, message.data)
+            for _, channel, message in make_reader(stream).iter_messages()
+        ]
+
+
+def test_tool_remakes_the_office(tmp_path: Path, shared_data: Path) -> None:
+    """
+    The same seed gives the recording that ships, byte for byte (same zstd), else record by record.
+    """
+    done = make("--only", "office", "--out", tmp_path, "--maps", shared_data / "maps")
+
+    assert done.returncode == 0, done.stderr
+    assert (RECORDINGS / "office.expected.json").read_bytes() == (
+        tmp_path / "office.expected.json"
+    ).read_bytes()
+    shipped, remade = (sorted(folder.glob("office/*.mcap")) for folder in (RECORDINGS, tmp_path))
+    assert [path.name for path in shipped] == [path.name for path in remade]
+    for old, new in zip(shipped, remade, strict=True):
+        assert messages(old) == messages(new)
+        if zstandard.ZSTD_VERSION == MADE_WITH_ZSTD:
+            assert old.read_bytes() == new.read_bytes()
+
+
+def test_another_seed_is_another_day(tmp_path: Path, shared_data: Path) -> None:
+    """
+    Another seed makes another recording, which is whole as well.
+    """
+    done = make("--only", "office", "--seed", "2", "--out", tmp_path, "--maps",
+                shared_data / "maps")  # fmt: skip
+
+    assert done.returncode == 0, done.stderr
+    assert sl.read(RECORDINGS / "office").info.log_id != sl.read(tmp_path / "office").info.log_id
+
+
+def test_missing_plans_are_named(tmp_path: Path) -> None:
+    """
+    Without the plans the tool says which file it wants and how to point to it, and makes nothing.
+    """
+    done = make("--out", tmp_path / "out", "--maps", tmp_path)
+
+    assert done.returncode == 1
+    assert "office.building.yaml: expected the Open-RMF plan" in done.stderr
+    assert "--maps" in done.stderr
+    assert not (tmp_path / "out").exists()
