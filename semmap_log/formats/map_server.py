@@ -152,7 +152,7 @@ def _cells(picture: Image, header: _Header) -> NDArray[np.int8]:
     if header.mode == "raw":
         byte = np.rint(shade * 255)
         return np.where(byte <= 100, byte, -1).astype(np.int8)[sums]
-    occupancy = shade if header.negate else 1.0 - shade
+    occupancy = shade if header.negate else shade[::-1]  # 1 - shade, without rounding
     meaning = np.full(highest + 1, -1.0)
     if header.mode == "scale":
         span = header.occupied_thresh - header.free_thresh

@@ -25,7 +25,7 @@ from semmap_log.events import (
 from semmap_log.views.door_rows import Stamp
 from semmap_log.views.drawable import drawable
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.scene import Scene
+from semmap_log.views.scene import Scene, SceneDoor
 
 if TYPE_CHECKING:
     from semmap_log.log.commits import Commit
@@ -82,7 +82,7 @@ class EventLines:
         door = self._scene.doors.get(event.door_id)
         if door is None:
             return DEBUG, f"door {event.door_id}  {said} (not in the map)", None
-        said = f"{door.label}  {said}"
+        said = f"{_who(door)}  {said}"
         if not (isinstance(event, DoorRemoved) or door.life.added <= stamp < door.life.removed):
             return DEBUG, f"{said} (not in the map then)", None
         state = state_told_by(event)
@@ -110,6 +110,12 @@ class EventLines:
             return isinstance(event, DoorAdded)  # a late event: the map has moved on
         self._states[event.door_id] = stamp[0], state
         return state != known
+
+
+def _who(door: SceneDoor) -> str:
+    """Return the door's name and id: the id is what the plan and the command line know."""
+    own = f"door {door.door_id}"
+    return own if door.label == own else f"{door.label} #{door.door_id}"
 
 
 class _Notes:

@@ -22,8 +22,8 @@ MOST_LANES = 16
 DAY_NS = 86_400 * 10**9
 WHOLE_SPAN_NS = 2 * DAY_NS
 """Up to this length lanes and curves show all of it; beyond, a window around the cursor."""
-WINDOW_BEFORE_NS = 3 * DAY_NS // 2
-WINDOW_AFTER_NS = DAY_NS // 2
+WINDOW_BEFORE_NS = 7 * DAY_NS // 4
+WINDOW_AFTER_NS = DAY_NS // 4
 
 TRACK_NS = 30 * 60 * 10**9
 TRACK_EVENTS = 400
@@ -123,7 +123,7 @@ def _curve(door: SceneDoor, scene: Scene) -> View:
     return rrb.TimeSeriesView(
         origin=entity(door.path),
         contents=["$origin"],
-        name=door.path[-1],
+        name=door.label,
         axis_x=_time_axis(scene),
         axis_y=rrb.ScalarAxis(range=(-0.03, 1.03), zoom_lock=True),
         plot_legend=rrb.PlotLegend(corner="LeftTop"),

@@ -26,8 +26,10 @@ from semmap_log.views.scene import Scene, SceneDoor
 MOST_WAITING_ROWS = 2**18
 """In all doors together, some 20 MB: then every door is written, however few its rows are."""
 
-MOST_LABELS = 40
-"""On a level with more doors the labels would lie on each other; there, hovering shows them."""
+MOST_NAMES = 20
+"""On a level with more doors their names would lie on each other: there, ids stand for them."""
+MOST_IDS = 120
+"""With still more, there are no labels; hovering over a door shows who it is."""
 
 LINE_UI_POINTS = 2.5
 STATE_NAMES = np.array([state.name for state in DoorState])
@@ -41,8 +43,9 @@ class DoorsWriter:
             int(door_id): _DoorTrack(writer, door, palette) for door_id, door in scene.doors.items()
         }
         for track in self._tracks.values():
-            doors_beside = max(scene.levels[level].doors for level in track.door.levels)
-            track.write_style(show_label=doors_beside <= MOST_LABELS)
+            track.write_style(
+                doors_beside=max(scene.levels[level].doors for level in track.door.lines)
+            )
         self.take(
             opening_changes(
                 [door.before for door in scene.doors.values() if door.before is not None],
@@ -102,15 +105,16 @@ class _DoorTrack:
         self._write_curves(picture.probabilities)
         self._write_removal(changes)
 
-    def write_style(self, *, show_label: bool) -> None:
+    def write_style(self, *, doors_beside: int) -> None:
         """Write what holds at all times: label, colours of the states, look of the curves."""
+        label = self.door.short_label if doors_beside <= MOST_NAMES else str(self.door.door_id)
         line = rr.LineStrips2D.from_fields(
             radii=rr.Radius.ui_points(LINE_UI_POINTS),
-            labels=[self.door.label],
-            show_labels=show_label,
+            labels=[label],
+            show_labels=doors_beside <= MOST_IDS,
             draw_order=10.0,
         )
-        for path in self.door.levels.values():
+        for path in self.door.lines.values():
             self._writer.static(path, line)
         self._writer.static(
             self.door.path,
@@ -140,14 +144,14 @@ class _DoorTrack:
             return [*colours(part), *lane]
 
         late = self._late(changes)
-        for path in self.door.levels.values():
+        for path in self.door.lines.values():
             columns = colours_and_lane if path == self.door.path else colours
             self._writer.rows(path, changes, columns, late=late)
 
     def _write_lines(self, placements: Changes) -> None:
         placed = placements[np.isfinite(placements["x"]) & np.isfinite(placements["width"])]
         late = self._late(placed)
-        for level, path in self.door.levels.items():
+        for level, path in self.door.lines.items():
             here = placed["level"] == level
             self._writer.rows(
                 path, placed[here],
@@ -167,7 +171,7 @@ class _DoorTrack:
 
     def _write_removal(self, changes: Changes) -> None:
         removal = changes[changes["kind"] == DoorRemoved.kind]
-        for path in self.door.levels.values():
+        for path in self.door.lines.values():
             self._writer.clear(path, removal)
 
     def _late(self, changes: Changes) -> np.ndarray:

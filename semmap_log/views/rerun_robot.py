@@ -82,7 +82,7 @@ class RobotWriter:
         self._writer.static(
             track_path(level),
             rr.LineStrips2D.from_fields(
-                colors=packed(palette.robot, 0x90), radii=rr.Radius.ui_points(1.0), draw_order=5.0
+                colors=packed(palette.robot, 0x70), radii=rr.Radius.ui_points(1.0), draw_order=5.0
             ),
         )
 

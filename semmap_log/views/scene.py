@@ -33,10 +33,12 @@ class SceneDoor:
     door_id: DoorId
     label: str
     """What people call it, as the viewer can draw it."""
+    short_label: str
+    """The same without the name of its level."""
     path: EntityPath
-    """Of its lane, its curves and its line: on the level where it was put last."""
-    levels: Mapping[int, EntityPath]
-    """Every level its line is on at some time, with the path of that line."""
+    """Of its lane and curves; and of its line, on the level where it was put last."""
+    lines: Mapping[int, EntityPath]
+    """Level -> path of its line there, for every level it is on at some time."""
     life: Life
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""

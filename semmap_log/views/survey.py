@@ -33,7 +33,7 @@ from semmap_log.views.door_rows import (
     opening_changes,
     strips_of,
 )
-from semmap_log.views.drawable import drawable, has_letters, path_part, unique_parts
+from semmap_log.views.drawable import drawable, has_letters, unique_parts
 from semmap_log.views.excerpt import Excerpt
 from semmap_log.views.scene import (
     ROOT,
@@ -204,34 +204,35 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
 def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, SceneDoor]:
     """Return the doors that are in the map at some time, ids ascending."""
     there = {i: door for i, door in sorted(pass_.doors.items()) if door.added != NEVER}
+    short = {i: _short(door.name, levels[door.last_level]) for i, door in there.items()}
     parts: dict[int, str] = {}
-    for n, level in levels.items():
-        parts |= unique_parts((i, _short(door.name, level)) for i, door in there.items()
-                              if door.last_level == n)  # fmt: skip
-    return {i: _scene_door(i, found, parts[i], levels) for i, found in there.items()}
-
-
-def _scene_door(
-    door_id: DoorId, found: _Found, part: str, levels: Mapping[int, SceneLevel]
-) -> SceneDoor:
-    paths: dict[int, EntityPath] = {
-        n: (*levels[n].path, "doors", part) for n in sorted(found.levels or {0: ALWAYS})
+    for n in levels:
+        parts |= unique_parts((i, short[i]) for i, door in there.items() if door.last_level == n)
+    return {
+        door_id: SceneDoor(
+            door_id=door_id,
+            label=_label(door_id, found.name),
+            short_label=_label(door_id, short[door_id]),
+            path=(*levels[found.last_level].path, "doors", parts[door_id]),
+            lines={
+                n: (*levels[n].path, "doors", parts[door_id])
+                for n in sorted({*found.levels, found.last_level})
+            },
+            life=Life(found.added, found.removed),
+            before=found.before,
+            state_changes=found.state_changes,
+            has_probabilities=found.has_probabilities,
+            has_late_events=found.has_late_events,
+        )
+        for door_id, found in there.items()
     }
-    return SceneDoor(
-        door_id=door_id,
-        label=drawable(found.name) if has_letters(found.name) else f"door {door_id}",
-        path=paths[found.last_level],
-        levels=paths,
-        life=Life(found.added, found.removed),
-        before=found.before,
-        state_changes=found.state_changes,
-        has_probabilities=found.has_probabilities,
-        has_late_events=found.has_late_events,
-    )
+
+
+def _label(door_id: DoorId, name: str) -> str:
+    return drawable(name) if has_letters(name) else f"door {door_id}"
 
 
 def _short(name: str, level: SceneLevel) -> str:
-    """Return the name without the level in front, which its path tells already."""
-    part, prefix = path_part(name), level.path[-1]
-    rest = part[len(prefix) :].lstrip("._-")
-    return rest if part.startswith(prefix) and rest and len(level.path) > 1 else part
+    """Return the name without the level in front, which is told by the plan it is on."""
+    rest = name.removeprefix(level.name).lstrip(" ._-:/")
+    return rest or name

@@ -9,8 +9,9 @@ from dataclasses import replace
 from patrol_sim.expected import Moment
 from patrol_sim.habits import EVERY_DAY, DoorTruth, Habit, Spell
 from patrol_sim.journal import Entry, Journal
-from patrol_sim.robot import Robot, Sensor, Stop
+from patrol_sim.robot import Robot, Stop
 from patrol_sim.routes import FloorRoutes, Point
+from patrol_sim.sensor import Sensor
 from patrol_sim.world import World
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import (
@@ -31,7 +32,7 @@ HARDWARE_ROOM: Point = (20.92, -7.49)
 MEETING_ROOM: Point = (5.34, -4.97)
 
 DOOR_CAMERA = Sensor(
-    "door_camera", accuracy_open=0.97, accuracy_closed=0.95, measures_opening=True, blinded=0.0
+    "door_camera", accuracy_open=0.97, accuracy_closed=0.95, measures_opening=True, errs=False
 )
 MANAGER, RECEPTION = "facility manager", "receptionist"
 
@@ -161,7 +162,7 @@ def moments(journal: Journal, monday_ns: int) -> list[Moment]:
         Moment("10:30 with all that is known today", at_ns=at(0, "10:30")),
         Moment("14:00 as believed then: coe_door was last seen shut", known_at_ns=at(0, "14:00")),
         Moment("14:00 with all that is known today: it was open", at_ns=at(0, "14:00")),
-        Moment("14:00 as believed at 14:00, asked for what held at 13:30",
-               at_ns=at(0, "13:30"), known_at_ns=at(0, "14:00")),
+        Moment("12:31, in the middle of a round, by what was known at 14:00",
+               at_ns=at(0, "12:31"), known_at_ns=at(0, "14:00")),
         Moment("the end: locked for the night"),
     ]  # fmt: skip

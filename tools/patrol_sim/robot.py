@@ -10,10 +10,10 @@ from itertools import pairwise
 
 from patrol_sim.journal import Journal
 from patrol_sim.routes import Crossing, FloorRoutes, Point
+from patrol_sim.sensor import Sensor
 from patrol_sim.world import World
-from semmap_log.doors import NAN, DoorId, DoorState
+from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import (
-    DoorObserved,
     DoorPassed,
     DoorRequested,
     Event,
@@ -37,35 +37,6 @@ HOME_TRIES = 10
 LIFT_S = (25.0, 60.0)
 NETWORK_NS = 40_000_000
 """From a sighting until the log has it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sensor:
-    """What tells open doors from closed ones, and how often it is right."""
-
-    source: str
-    accuracy_open: float
-    accuracy_closed: float
-    measures_opening: bool = False
-    blinded: float = 0.004
-    """Share of looks in which somebody stands in the way."""
-
-    def look(self, door_id: DoorId, state: DoorState, rng: random.Random) -> DoorObserved:
-        """Return a sighting of a door that really stands so."""
-        seen = state
-        if rng.random() < self.blinded:
-            seen = DoorState.UNKNOWN
-        elif state is DoorState.OPEN and rng.random() >= self.accuracy_open:
-            seen = DoorState.CLOSED
-        elif state is DoorState.CLOSED and rng.random() >= self.accuracy_closed:
-            seen = DoorState.OPEN
-        opening = NAN
-        if self.measures_opening and seen.is_known:
-            opening = round(rng.uniform(16, 32)) / 32 if seen is DoorState.OPEN else 0.0
-        return DoorObserved(
-            door_id=door_id, state=seen, opening=opening,
-            accuracy_open=self.accuracy_open, accuracy_closed=self.accuracy_closed,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,9 +168,7 @@ class Robot:
         self._wait(1.0)
         self._write_pose()
         for _ in range(2):
-            sighting = self._sensor.look(
-                door_id, self._world.state(door_id, self.now_ns), self._rng
-            )
+            sighting = self._sensor.look(door_id, self._world, self.now_ns, self._rng)
             self._note(sighting)
             if sighting.state == self._believed.get(door_id):
                 break

@@ -5,7 +5,6 @@ All in the frame `map` of the floor map's level, metres; cells are (row, column)
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,16 +13,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol_sim.grid import Cell, Tree, coarser, costs, grown
 from semmap_log.doors import DoorId
 from semmap_log.events import DoorAdded, FloorMap
 
 Point = tuple[float, float]
-Cell = tuple[int, int]
 
-RADIUS_M = 0.2
-"""The middle of the robot keeps this far from cells that a wall touches."""
-SHY_M = 0.8
-"""Nearer to a wall than this, a metre costs up to three: the robot likes the middle."""
 MOST_TREES = 150
 """Kept in memory, half a MB each; those with shut portals go first."""
 VIEW_M = (1.2, 1.0, 1.5, 0.8)
@@ -50,12 +45,12 @@ class FloorRoutes:
         self._origin = (floor.origin_x, floor.origin_y)
         self._doors = {door.door_id: door for door in doors}
         self._portals = frozenset(portals) & self._doors.keys()
-        solid = _coarser(floor.cells != 0, self._factor)
+        solid = coarser(floor.cells != 0, self._factor)
         for door in self._doors.values():
             if door.door_id not in self._portals:
                 solid |= self._line(door, solid.shape)
-        self._cost = _costs(solid, self._cell_m)
-        self._trees: dict[tuple[Cell, frozenset[DoorId]], _Tree] = {}
+        self._cost = costs(solid, self._cell_m)
+        self._trees: dict[tuple[Cell, frozenset[DoorId]], Tree] = {}
 
     def is_free(self, point: Point) -> bool:
         """Tell whether the robot's middle may be there."""
@@ -113,7 +108,7 @@ class FloorRoutes:
             order.append(here)
         return order
 
-    def _tree(self, target: Point, shut: frozenset[DoorId]) -> _Tree:
+    def _tree(self, target: Point, shut: frozenset[DoorId]) -> Tree:
         key = (self._cell(target), shut & self._portals)
         if key not in self._trees:
             if len(self._trees) >= MOST_TREES:
@@ -121,7 +116,7 @@ class FloorRoutes:
             cost = self._cost.copy()
             for door_id in key[1]:
                 cost[self._line(self._doors[door_id], cost.shape)] = math.inf
-            self._trees[key] = _Tree(cost, key[0], self._cell_m)
+            self._trees[key] = Tree(cost, key[0], self._cell_m)
         return self._trees[key]
 
     def _cell(self, point: Point) -> Cell:
@@ -152,7 +147,7 @@ class FloorRoutes:
         steps = max(2, math.ceil(door.width / self._cell_m * 3))
         for point in _between(start, end, steps):
             mask[self._cell(point)] = True
-        return _grown(mask)
+        return grown(mask)
 
     def _straightened(self, cells: list[Cell]) -> list[Cell]:
         """Return the corners of the way, where no straight piece is nearer to a wall than it."""
@@ -172,80 +167,6 @@ class FloorRoutes:
         steps = 2 * max(abs(end[0] - start[0]), abs(end[1] - start[1]))
         line = _between(start, end, steps)
         return max(float(self._cost[round(row), round(column)]) for row, column in line)
-
-
-class _Tree:
-    """The shortest ways from everywhere to one goal (Dijkstra)."""
-
-    def __init__(self, cost: NDArray[np.float64], goal: Cell, cell_m: float) -> None:
-        columns = cost.shape[1]
-        price = cost.ravel().tolist()
-        length = [math.inf] * len(price)
-        onward = [-1] * len(price)
-        steps = [
-            (row * columns + column, math.hypot(row, column) * cell_m)
-            for row in (-1, 0, 1)
-            for column in (-1, 0, 1)
-            if row or column
-        ]
-        start = goal[0] * columns + goal[1]
-        length[start] = 0.0
-        queue = [(0.0, start)]
-        while queue:
-            far, cell = heapq.heappop(queue)
-            if far > length[cell]:
-                continue
-            for offset, metres in steps:  # the outermost cells are never free: no wrapping round
-                farther = far + metres * price[cell + offset]
-                if farther < length[cell + offset]:
-                    length[cell + offset] = farther
-                    onward[cell + offset] = cell
-                    heapq.heappush(queue, (farther, cell + offset))
-        self.length = np.array(length).reshape(cost.shape)
-        self._onward = np.array(onward, np.int32).reshape(cost.shape)
-
-    def cells_from(self, start: Cell) -> list[Cell] | None:
-        """Return the cells from start to the goal; None: there is no way."""
-        if not math.isfinite(self.length[start]):
-            return None
-        columns = self.length.shape[1]
-        cells = [start]
-        while (onward := int(self._onward[cells[-1]])) >= 0:
-            cells.append(divmod(onward, columns))
-        return cells
-
-
-def _coarser(solid: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
-    """Return blocks of `factor` cells, solid where any of theirs is, with a solid border."""
-    rows, columns = (-(-size // factor) for size in solid.shape)
-    whole = np.ones((rows * factor, columns * factor), np.bool_)
-    whole[: solid.shape[0], : solid.shape[1]] = solid
-    blocks = whole.reshape(rows, factor, columns, factor).any(axis=(1, 3))
-    blocks[[0, -1], :] = blocks[:, [0, -1]] = True
-    return blocks
-
-
-def _costs(solid: NDArray[np.bool_], cell_m: float) -> NDArray[np.float64]:
-    """Return the price of a metre in each cell: inf where the robot does not fit."""
-    cost = np.ones(solid.shape)
-    rings = [solid]
-    for _ in range(round(SHY_M / cell_m)):
-        rings.append(_grown(rings[-1]))
-    for distance in range(len(rings) - 1, 0, -1):
-        cost[rings[distance]] = 3.0 - 2.0 * (distance - 1) / len(rings)
-    cost[rings[max(1, round(RADIUS_M / cell_m))]] = math.inf
-    return cost
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the mask and all cells that touch it."""
-    tall = mask.copy()
-    tall[1:] |= mask[:-1]
-    tall[:-1] |= mask[1:]
-    wide = tall.copy()
-    wide[:, 1:] |= tall[:, :-1]
-    wide[:, :-1] |= tall[:, 1:]
-    return wide
 
 
 def _ends(door: DoorAdded) -> tuple[Point, Point]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -61,6 +62,11 @@ class World:
         if at_ns - truth.last_change_ns(at_ns) < MOVES_NS:
             return DoorState.MOVING
         return truth.state(at_ns)
+
+    def opening(self, door_id: DoorId, at_ns: int) -> float:
+        """Return how far an open door stands open: chosen anew each time that it is opened."""
+        since_ns = self.truths[door_id].last_change_ns(at_ns)
+        return random.Random(f"{door_id} {since_ns}").randint(16, 32) / 32
 
     def is_locked(self, door_id: DoorId, at_ns: int) -> bool:
         """Tell whether nobody would open the door at that hour."""

@@ -1,0 +1,48 @@
+"""What all tests share: the real data beside the checkout, clocks and randomness that repeat."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real door logs and maps; absent in a bare clone."""
+    if not SHARED.is_dir():
+        pytest.skip("the real data (../shared/data) is not beside this checkout")
+    return SHARED
+
+
+class SteadyClock:
+    """A clock that ticks a millisecond at each look, from a given moment on."""
+
+    boot_id = bytes(range(16))
+
+    def __init__(self, start_ns: int = 1_772_400_000 * 10**9) -> None:
+        self.now_ns = start_ns
+        self.ticks_ns = 0
+
+    def wall_ns(self) -> int:
+        self.now_ns += 10**6
+        return self.now_ns
+
+    def monotonic_ns(self) -> int:
+        self.ticks_ns += 10**6
+        return self.ticks_ns
+
+
+@pytest.fixture
+def clock() -> SteadyClock:
+    return SteadyClock()
+
+
+@pytest.fixture
+def entropy() -> Callable[[int], bytes]:
+    """Like os.urandom, the same at each run."""
+    return random.Random(7).randbytes

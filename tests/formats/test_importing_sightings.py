@@ -1,0 +1,115 @@
+"""What a door CSV means for a log as it stands."""
+
+import pytest
+
+from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.errors import UnknownDoorError
+from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorUpdated
+from semmap_log.formats.door_csv import read_door_csv
+from semmap_log.formats.importing import Present
+from semmap_log.formats.importing_sightings import plan_sightings
+
+ROWS = "1970-01-01T00:00:05,front,OPEN,0.9\n1970-01-01T00:00:06,front,CLOSED,\n"
+
+
+def rows(tmp_path, text=ROWS):
+    path = tmp_path / "doors.csv"
+    path.write_text(f"timestamp,door,state,accuracy\n{text}")
+    return read_door_csv(path, tz="UTC")
+
+
+def door(door_id, name=None, level=0):
+    return Door(DoorId(door_id), level, 0.0, 0.0, 0.0, 1.0, DoorState.OPEN, NAN, NAN,
+                annotations={"name": name} if name else {})  # fmt: skip
+
+
+def present(*doors, used=(), levels=()):
+    ids = {found.door_id for found in doors} | set(map(DoorId, used))
+    return Present(DoorMap({d.door_id: d for d in doors}, {lv.level: lv for lv in levels}),
+                   frozenset(ids))  # fmt: skip
+
+
+def meant(plan):
+    return {event.door_id for event in plan.events}
+
+
+def test_a_new_name_is_a_new_unplaced_door(tmp_path):
+    """
+    Added when its first row happened, so that no event lies before it.
+    """
+    plan = plan_sightings(rows(tmp_path), present(door(3), used=[8]))
+
+    nine = DoorId(9)
+    assert [
+        DoorAdded(door_id=nine, happened_ns=5 * 10**9),
+        DoorAnnotated(door_id=nine, key="name", value="front", happened_ns=5 * 10**9),
+        DoorObserved(door_id=nine, state=DoorState.OPEN, accuracy_open=0.9, accuracy_closed=0.9,
+                     happened_ns=5 * 10**9),
+        DoorUpdated(door_id=nine, changed=Changed.STATE, state=DoorState.CLOSED,
+                    happened_ns=6 * 10**9),
+    ] == list(map(_without_nan, plan.events))  # fmt: skip
+    assert plan.count == len(list(plan.events))
+    assert "1 new, without a place yet" in plan.summary[0]
+
+
+def _without_nan(event):
+    """NaN fields are equal in effect, but not to ==: give them the very NaN of the module."""
+    return type(event)(**{
+        name: NAN if value != value else value
+        for name, value in ((n, getattr(event, n)) for n in _names(event))
+    })  # fmt: skip
+
+
+def _names(event):
+    import dataclasses
+
+    return [f.name for f in dataclasses.fields(event)]
+
+
+@pytest.mark.parametrize(
+    ("name", "level", "expected"),
+    [
+        ("front", None, 1),
+        ("L2/back", None, 3),
+        ("back", 2, 3),
+        ("back", 1, 2),
+        ("front", 2, 6),
+        ("4", None, 4),
+        ("1", None, 6),
+        ("L2/front", None, 5),
+    ],
+)
+def test_which_door_a_name_means(tmp_path, name, level, expected):
+    """
+    A name before level/name before the id of a door without a name; else a new one, here 6.
+    """
+    doors = present(door(1, "front", 1), door(2, "back", 1), door(3, "back", 2), door(4),
+                    door(5, "L2/front", 1), levels=[Level(1, "L1"), Level(2, "L2")])  # fmt: skip
+
+    plan = plan_sightings(rows(tmp_path, ROWS.replace("front", name)), doors, level=level)
+
+    assert {expected} == meant(plan)
+
+
+def test_a_name_that_several_doors_bear_asks_for_the_level(tmp_path):
+    """
+    Instead of taking any of them.
+    """
+    doors = present(door(1, "front", 1), door(2, "front", 2))
+
+    with pytest.raises(UnknownDoorError, match=r"'front' is the name of 2 doors \(1, 2\)"):
+        plan_sightings(rows(tmp_path), doors)
+
+
+def test_hackerspaces_of_the_world(shared_data):
+    """
+    142 doors, whose names have slashes, spaces and many scripts, as they are.
+    """
+    folder = shared_data / "doors" / "spaces_polled"
+    found = read_door_csv(folder / "doors.csv.gz", windows=folder / "obs_windows.csv", tz="UTC")
+
+    events = list(plan_sightings(found, present()).events)
+
+    assert 142 == sum(isinstance(event, DoorAdded) for event in events)
+    assert list(found.doors) == [e.value for e in events if isinstance(e, DoorAnnotated)]
+    assert len(found) == sum(isinstance(event, DoorUpdated) for event in events)

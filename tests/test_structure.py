@@ -1,0 +1,121 @@
+"""The tree is the architecture: imports point one way, and heavy libraries stay at their edge."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "semmap_log"
+
+ORDER = [
+    {"errors"},
+    {"doors"},
+    {"events"},
+    {"moments"},
+    {"messages", "projections"},
+    {"log"},
+    {"replay", "commands"},
+    {"door_log"},
+    {"door_log_writer"},
+    {"opening", "summary"},
+    {"formats"},
+    {"views"},
+    {"importing", "exporting", "live"},
+    {"demo"},
+    {"cli"},
+    {"__main__"},
+]
+"""From the plain nouns up: a room imports only from rooms above it in this list, or from itself.
+
+`formats` and `views` know values and the log's questions; what joins them to a log comes after.
+"""
+
+EDGES = {
+    "rerun": "views",
+    "rerun_bindings": "views",
+    "rerun_cli": "views",
+    "yaml": "formats",
+    "PIL": "formats",
+    "mcap": "log",
+    "zstandard": "log",
+    "lz4": "log",
+    "rosbags": "messages",
+    "typer": "cli",
+}
+"""Third party -> the only room that imports it."""
+
+
+def _rank(room: str) -> int:
+    return next(i for i, rooms in enumerate(ORDER) if room in rooms)
+
+
+def _imports(path: Path) -> list[tuple[int, str]]:
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found += [(node.lineno, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.append((node.lineno, node.module))
+    return found
+
+
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_toward_the_nouns(path: Path) -> None:
+    """
+    No room imports from one that is built on it.
+    """
+    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+    wrong = [
+        f"line {line}: {name}"
+        for line, name in _imports(path)
+        if name.startswith("semmap_log.")
+        and name.split(".")[1] != room
+        and _rank(name.split(".")[1]) >= _rank(room)
+    ]
+
+    assert [] == wrong
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_third_parties_stay_at_their_edge(path: Path) -> None:
+    """
+    Only one room knows MCAP, one CDR, one rerun, one YAML.
+    """
+    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+    strangers = [
+        f"line {line}: {name}"
+        for line, name in _imports(path)
+        if EDGES.get(name.split(".")[0], room) != room
+    ]
+
+    assert [] == strangers
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    """
+    `import semmap_log` alone does not even load numpy.
+    """
+    code = "import sys, semmap_log; print([m for m in ('numpy', 'yaml', 'rosbags', 'rerun', 'rich') if m in sys.modules])"
+
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert "[]" == done.stdout.strip()
+
+
+def test_the_front_door_keeps_its_promise() -> None:
+    """
+    Every name of `__all__` is there, and nothing else is.
+    """
+    import semmap_log
+
+    assert sorted(semmap_log.__all__) == dir(semmap_log)
+    assert all(getattr(semmap_log, name) is not None for name in semmap_log.__all__)
