@@ -17,12 +17,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from semmap_log.commits import Note
     from semmap_log.door_log import DoorLog
     from semmap_log.door_log_writer import DoorLogWriter
     from semmap_log.doors import Door, DoorId, DoorMap, DoorState
     from semmap_log.errors import SemmapError
     from semmap_log.events import EventBatch
-    from semmap_log.log.commits import Note
     from semmap_log.opening import append, create, read
 
 __all__ = [
@@ -41,12 +41,12 @@ __all__ = [
 ]
 
 _HOMES = {
+    "commits": ("Note",),
     "doors": ("Door", "DoorId", "DoorMap", "DoorState"),
     "door_log": ("DoorLog",),
     "door_log_writer": ("DoorLogWriter",),
     "errors": ("SemmapError",),
     "events": ("EventBatch",),
-    "log.commits": ("Note",),
     "opening": ("append", "create", "read"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

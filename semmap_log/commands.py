@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from semmap_log.doors import DoorId, DoorMap
+from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap
 from semmap_log.errors import (
     CommandError,
     DoorExistsError,
@@ -127,6 +127,9 @@ class Gatekeeper:
         return self._state.is_placed(event.door_id)
 
 
+MOST_ID_DIGITS = len(str(MAX_DOOR_ID))
+
+
 def next_free_id(state: DoorMapState) -> DoorId:
     """Return the id after the greatest that was ever given."""
     return DoorId(max(state.used_door_ids, default=0) + 1)
@@ -138,7 +141,7 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
     Raises:
         UnknownDoorError: None, or more than one.
     """
-    if isinstance(text, int) or text.isdecimal():
+    if isinstance(text, int) or (text.isdecimal() and len(text) <= MOST_ID_DIGITS):
         door_id = DoorId(int(text))
         if door_id not in door_map.doors:
             raise UnknownDoorError(f"door {door_id} is not in the map.")
@@ -171,7 +174,9 @@ def resolve_level(text: str | int | None, door_map: DoorMap) -> int:
         UnknownLevelError: No such level, or several and none was named.
     """
     levels = door_map.levels
-    known = ", ".join(f"{n} ({level.name})" if level.name else str(n) for n, level in levels.items())
+    known = ", ".join(
+        f"{n} ({level.name})" if level.name else str(n) for n, level in levels.items()
+    )
     if text is None:
         if len(levels) > 1:
             raise UnknownLevelError(f"there are several levels; say which: {known}.")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import semmap_log as sl
+from semmap_log.commits import Note
 from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorMap
@@ -17,7 +18,6 @@ from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
 from semmap_log.exporting import export
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.live.event_lines import Answer, LineRecorder
-from semmap_log.log.commits import Note
 from semmap_log.projections.history import HistoryEntry
 
 RECORDING = "office"
@@ -53,8 +53,7 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LogExistsError(
-            f"{folder}: there is something here already; name another folder: "
-            "semmap-log demo OTHER"
+            f"{folder}: there is something here already; name another folder: semmap-log demo OTHER"
         )
     source = sl.read(shipped_recording(RECORDING))
     history = [entry for entry in source.history() if not entry.retracted]

@@ -1,10 +1,10 @@
 """A door map's log, as a program uses it: ask it about any moment, add to it, one commit at a time.
 
-    with sl.create("office", tz="Europe/Vienna") as log:
-        door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", actor="survey")
-        log.observe(door, "open", accuracy=0.9)
+with sl.create("office", tz="Europe/Vienna") as log:
+    door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", actor="survey")
+    log.observe(door, "open", accuracy=0.9)
 
-    sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
+sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.commands import resolve_door
+from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import MomentError
 from semmap_log.events import Event, EventBatch, FloorMap, RecordedEvent, Retracted
-from semmap_log.log.commits import Commit
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.moments import Moment, parse_moment
@@ -225,8 +225,9 @@ class DoorLog:
             UnknownDoorError: There is none, and never was.
         """
         state = replay(self.reader)
-        if str(door).isdecimal() and int(door) in state.used_door_ids:
-            return DoorId(int(door))
+        for door_id in state.used_door_ids:
+            if str(door) == str(door_id):
+                return DoorId(door_id)
         return resolve_door(door, state.door_map())
 
     def moment(self, time: Time) -> Moment:
@@ -269,9 +270,7 @@ class DoorLog:
         """Nothing to let go of: the files are mapped, and unmapped with the object."""
 
 
-def _within(
-    batch: EventBatch, first: Moment, last: Moment, *, recorded: bool
-) -> NDArray[np.bool_]:
+def _within(batch: EventBatch, first: Moment, last: Moment, *, recorded: bool) -> NDArray[np.bool_]:
     """Return which events lie in the half-open range from `first` to `last`."""
     times = batch.recorded_ns if recorded else batch.folds_ns
     inside = np.ones(len(batch), np.bool_)

@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TypedDict
 
 from semmap_log.commands import Gatekeeper, next_free_id, resolve_door
+from semmap_log.commits import Commit, Note
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import NAN, DoorId, DoorState
 from semmap_log.errors import CommandError, MomentError
@@ -27,7 +28,6 @@ from semmap_log.events import (
     PatrolStarted,
     RobotPose,
 )
-from semmap_log.log.commits import Commit, Note
 from semmap_log.log.reader import LogReader
 from semmap_log.log.writer import LogWriter
 from semmap_log.projections.door_map import DoorMapState
@@ -171,8 +171,11 @@ class DoorLogWriter(DoorLog):
             )  # fmt: skip
             events: list[Event] = [added]
             if name:
-                events.append(DoorAnnotated(door_id=given, key="name", value=name,
-                                            happened_ns=added.happened_ns))
+                events.append(
+                    DoorAnnotated(
+                        door_id=given, key="name", value=name, happened_ns=added.happened_ns
+                    )
+                )
             appended = self._commit(events, about)
             if appended.repeated:
                 return self._added_by(appended.commit)
@@ -204,8 +207,12 @@ class DoorLogWriter(DoorLog):
             changed = Changed(0)
             if not (x is y is theta is level is None):
                 changed |= Changed.POSE
-            for bit, value in ((Changed.WIDTH, width), (Changed.STATE, state),
-                               (Changed.PROB_OPEN, prob_open), (Changed.PROB_CLOSED, prob_closed)):
+            for bit, value in (
+                (Changed.WIDTH, width),
+                (Changed.STATE, state),
+                (Changed.PROB_OPEN, prob_open),
+                (Changed.PROB_CLOSED, prob_closed),
+            ):
                 changed |= bit if value is not None else Changed(0)
             pose = bool(changed & Changed.POSE)
             event = DoorUpdated(
@@ -260,13 +267,17 @@ class DoorLogWriter(DoorLog):
         )
         return self._commit([event], about)
 
-    def annotate(self, door: DoorId | str, key: str, value: str, **about: Unpack[About]) -> Appended:
+    def annotate(
+        self, door: DoorId | str, key: str, value: str, **about: Unpack[About]
+    ) -> Appended:
         """Say something about a door in words; an empty value takes it back."""
         event = DoorAnnotated(door_id=self.resolve(door), key=key, value=value,
                               happened_ns=self._happened(about))  # fmt: skip
         return self._commit([event], about)
 
-    def request(self, door: DoorId | str, state: DoorState | str, **about: Unpack[About]) -> Appended:
+    def request(
+        self, door: DoorId | str, state: DoorState | str, **about: Unpack[About]
+    ) -> Appended:
         """Record that somebody asked for a state; the door's state stays as it is."""
         event = DoorRequested(door_id=self.resolve(door), state=_state(state),
                               happened_ns=self._happened(about))  # fmt: skip
@@ -363,7 +374,7 @@ class DoorLogWriter(DoorLog):
             raise MomentError("when it happened is a time, not an event number.")
         return moment.ns
 
-    def _last_patrol(self, kind: type[PatrolStarted] | type[PatrolFinished]) -> int:
+    def _last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:
         """Return the greatest round number of that kind of event; 0: none."""
         batches = self.batches(kinds=[kind])
         return max((int(batch[kind]["patrol"].max()) for batch in batches), default=0)

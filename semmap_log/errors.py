@@ -16,7 +16,7 @@
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
     │   └── CorruptLogError         damage, with file and offset
     ├── FormatError                 a foreign file that cannot be read, with file and line
-    ├── OutputError                 a file that could not be written; what was there is whole (OSError)
+    ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
@@ -85,7 +85,7 @@ class LogAccessError(LogError, OSError):
 
 
 class LogPoisonedError(LogError):
-    """A write or sync failed; whether its events are stored is unknown until the log is reopened."""
+    """A write or sync failed; whether its events are stored is unknown until it is reopened."""
 
 
 class CorruptLogError(LogError):

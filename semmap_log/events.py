@@ -99,8 +99,9 @@ class DoorAdded(DoorEvent):
         DoorEvent._check(self)
         _check_place(self)
         if math.isnan(self.x) != math.isnan(self.width):
-            self._refuse("width", "a width where there is a pose, and none where there is none",
-                         self.width)
+            self._refuse(
+                "width", "a width where there is a pose, and none where there is none", self.width
+            )
         if not math.isnan(self.width):
             self._at_least_0("width", self.width, "metres")
         self._share(0, prob_open=self.prob_open, prob_closed=self.prob_closed)
@@ -427,18 +428,31 @@ class EventBatch:
             for k, events in self.objects.items()
             if inside[k].any()
         }
-        return EventBatch(self.number[keep], self.kind[keep], self.happened_ns[keep],
-                          self.recorded_ns[keep], columns, objects)
+        return EventBatch(
+            self.number[keep],
+            self.kind[keep],
+            self.happened_ns[keep],
+            self.recorded_ns[keep],
+            columns,
+            objects,
+        )
 
     def __iter__(self) -> Iterator[RecordedEvent]:
         """Yield the events one by one, as objects."""
-        sources: dict[int, Iterator[Event]] = {k: iter(events) for k, events in self.objects.items()}
+        sources: dict[int, Iterator[Event]] = {
+            k: iter(events) for k, events in self.objects.items()
+        }
         rows: dict[int, Iterator[tuple[Any, ...]]] = {
             k: iter(array.tolist()) for k, array in self.columns.items()
         }
         names = {k: array.dtype.names or () for k, array in self.columns.items()}
-        stamps = zip(self.number.tolist(), self.kind.tolist(), self.happened_ns.tolist(),
-                     self.recorded_ns.tolist(), strict=True)
+        stamps = zip(
+            self.number.tolist(),
+            self.kind.tolist(),
+            self.happened_ns.tolist(),
+            self.recorded_ns.tolist(),
+            strict=True,
+        )
         for number, kind, happened_ns, recorded_ns in stamps:
             if kind in sources:
                 event = next(sources[kind])

@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from semmap_log.door_log import DoorLog
-from semmap_log.doors import DoorMap, DoorState
+from semmap_log.doors import DoorMap
 from semmap_log.errors import FormatError, OutputError
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorObserved,
-    DoorPassed,
-    DoorUpdated,
-    EventBatch,
-)
-from semmap_log.formats.door_csv import Sighting, dump_door_csv
+from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import whole_file
@@ -104,15 +95,32 @@ def _event_lines(log: DoorLog, path: Path, scope: Scope) -> Exported:
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
-    rows = _state_rows(log, scope)
+    names = _names(door_map_of(log, scope))
+    rows = []
+    for batch in visible_batches(log.reader, scope):
+        for recorded, happened_ns in zip(batch, batch.folds_ns.tolist(), strict=True):
+            door_id = getattr(recorded.event, "door_id", 0)
+            row = sighting_of(
+                recorded.event, happened_ns=happened_ns, door=names.get(door_id, str(door_id))
+            )
+            if row is not None:
+                rows.append(row)
+    rows.sort(key=lambda row: row.happened_ns)
     with path.open("w", encoding="utf-8") as file:
-        file.writelines(dump_door_csv(rows.in_order(), tz=log.info.timezone))
-    left_out = (
-        (f"{rows.unequal} sightings have two accuracies; their mean is written",)
-        if rows.unequal
-        else ()
-    )
-    return Exported(f"{len(rows.happened)} rows", left_out)
+        file.writelines(dump_door_csv(rows, tz=log.info.timezone))
+    return Exported(f"{len(rows)} rows")
+
+
+def _names(door_map: DoorMap) -> dict[int, str]:
+    """Return what each door is called: by its name, with its level where two bear the same."""
+    borne = Counter(door.name for door in door_map.doors.values())
+    return {
+        door.door_id: (
+            door.name if borne[door.name] == 1 else f"{door_map.level_name(door.level)}/{door.name}"
+        )
+        for door in door_map.doors.values()
+        if door.name
+    }
 
 
 def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
@@ -121,64 +129,3 @@ def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
     until = None if scope.at_ns is None else scope.at_ns + 1
     summary = save_rrd(log, path, until=until)
     return Exported(f"{summary.events} events")
-
-
-class _StateRows:
-    """Every event that says a door's state, as columns."""
-
-    def __init__(self) -> None:
-        self.happened: list[int] = []
-        self.number: list[int] = []
-        self.door: list[int] = []
-        self.state: list[int] = []
-        self.accuracy: list[float] = []
-        self.unequal = 0
-        self.names: dict[int, str] = {}
-
-    def apply(self, batch: EventBatch) -> None:
-        """Take the states that a batch says."""
-        if DoorAdded in batch:
-            rows = batch[DoorAdded]
-            self._take(batch, DoorAdded, rows["state"] != DoorState.UNKNOWN, rows["state"])
-        if DoorUpdated in batch:
-            rows = batch[DoorUpdated]
-            self._take(batch, DoorUpdated, (rows["changed"] & int(Changed.STATE)) != 0, rows["state"])
-        if DoorObserved in batch:
-            rows = batch[DoorObserved]
-            mean = (rows["accuracy_open"] + rows["accuracy_closed"]) / 2
-            self.unequal += int(np.count_nonzero(rows["accuracy_open"] != rows["accuracy_closed"]))
-            self._take(batch, DoorObserved, np.ones(len(rows), np.bool_), rows["state"], mean)
-        if DoorPassed in batch:
-            rows = batch[DoorPassed]
-            states = np.full(len(rows), int(DoorState.OPEN))
-            self._take(batch, DoorPassed, rows["passed"], states, np.ones(len(rows)))
-
-    def _take(self, batch, kind, chosen, states, accuracies=None) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-        where = batch.where(kind)[chosen]
-        self.happened += batch.folds_ns[where].tolist()
-        self.number += batch.number[where].tolist()
-        self.door += batch[kind]["door_id"][chosen].tolist()
-        self.state += states[chosen].tolist()
-        nothing = np.full(len(where), np.nan)
-        self.accuracy += (nothing if accuracies is None else accuracies[chosen]).tolist()
-
-    def in_order(self) -> Iterator[Sighting]:
-        """Yield the rows by happened time, then event number."""
-        for i in np.lexsort((self.number, self.happened)).tolist():
-            name = self.names.get(self.door[i], str(self.door[i]))
-            yield Sighting(self.happened[i], name, DoorState(self.state[i]), self.accuracy[i])
-
-
-def _state_rows(log: DoorLog, scope: Scope) -> _StateRows:
-    rows = _StateRows()
-    for batch in visible_batches(log.reader, scope):
-        rows.apply(batch)
-    door_map = door_map_of(log, scope)
-    named = [door for door in door_map.doors.values() if door.name]
-    for door in named:
-        name = door.name or ""
-        alone = sum(other.name == name for other in named) == 1
-        rows.names[door.door_id] = (
-            name if alone else f"{door_map.level_name(door.level)}/{name}"
-        )
-    return rows

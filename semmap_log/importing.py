@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.commands import resolve_level
+from semmap_log.commits import Note
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorId
 from semmap_log.errors import FormatError
@@ -19,7 +20,6 @@ from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
-from semmap_log.log.commits import Note
 from semmap_log.log.reader import Progress
 
 READABLE = "*.building.yaml (Open-RMF), .yaml (the thesis's), .csv, .csv.gz, .jsonl, .jsonl.gz"
@@ -85,7 +85,9 @@ def import_file(
         return Imported(plan, None)
     if not note.source:
         note = replace(note, source=path.name)
-    appended = log.append(_told(plan.events, plan.count, progress), note=note, command_id=command_id)
+    appended = log.append(
+        _told(plan.events, plan.count, progress), note=note, command_id=command_id
+    )
     return Imported(plan, appended.commit.last_event - plan.count + 1)
 
 

@@ -144,16 +144,15 @@ def format_utc(ns: int) -> str:
 
 
 def format_wall(ns: int, tz: str) -> str:
-    """Return the instant as the zone's wall clock shows it: `2026-03-01T13:00:00.5`.
+    """Return the instant as the zone's wall clock shows it: `2026-03-01T13:00:00.5+01:00`.
 
-    All of the fraction is written. In the hour that comes twice the offset is, too: so
-    `parse_instant` gives the same instant again.
+    All of the fraction and the offset are written: `parse_instant` gives the same instant again,
+    whatever zone it is told.
     """
     local = _local(ns, tz)
     fraction = f"{ns % SECOND_NS:09d}".rstrip("0")
-    text = f"{local:%Y-%m-%dT%H:%M:%S}{'.' if fraction else ''}{fraction}"
-    other = local.replace(fold=1 - local.fold)
-    return text if local.utcoffset() == other.utcoffset() else text + _offset_text(local)
+    dot = "." if fraction else ""
+    return f"{local:%Y-%m-%dT%H:%M:%S}{dot}{fraction}{_offset_text(local)}"
 
 
 def format_local(ns: int, tz: str) -> str:

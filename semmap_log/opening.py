@@ -70,7 +70,7 @@ def machine_zone() -> str:
     """Return the machine's IANA zone; UTC where it does not say."""
     named = os.environ.get("TZ", "").lstrip(":")
     try:
-        target = os.readlink(_LOCALTIME)
+        target = str(_LOCALTIME.readlink())
     except OSError:
         target = ""
     linked = target.partition("zoneinfo/")[2]

@@ -49,7 +49,9 @@ def fold(
     return projection
 
 
-def replay(reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None) -> DoorMapState:
+def replay(
+    reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None
+) -> DoorMapState:
     """Return the door map of a scope."""
     return fold(reader, DoorMapState(), scope, progress=progress)
 

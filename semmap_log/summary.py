@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from semmap_log.commits import Commit
 from semmap_log.doors import DoorMap
 from semmap_log.events import KINDS, EventBatch
-from semmap_log.log.commits import Commit
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.log.scan import Segment
@@ -121,7 +122,7 @@ def _suspicion(previous: Commit, commit: Commit) -> str:
     return ""
 
 
-def _wider(span: tuple[int, int] | None, times: np.ndarray) -> tuple[int, int]:  # type: ignore[type-arg]
+def _wider(span: tuple[int, int] | None, times: NDArray[np.int64]) -> tuple[int, int]:
     low, high = int(times.min()), int(times.max())
     return (low, high) if span is None else (min(span[0], low), max(span[1], high))
 

@@ -128,7 +128,7 @@ def test_what_is_no_instant_is_said(value):
     """
     Numbers out of JSON can be anything.
     """
-    with pytest.raises(MomentError, match="Expected|expected"):
+    with pytest.raises(MomentError, match=r"Expected|expected"):
         parse_instant(value, tz=VIENNA)
 
 
@@ -169,7 +169,7 @@ def test_printing():
     assert "2026-03-01T13:02:03.040500000Z" == format_utc(ns)
     assert "2026-03-01 14:02:03.040+01:00" == format_local(ns, VIENNA)
     assert "2026-03-01 14:00:00+01:00" == format_local(END_NS, VIENNA)
-    assert "2026-03-01T14:02:03.0405" == format_wall(ns, VIENNA)
+    assert "2026-03-01T14:02:03.0405+01:00" == format_wall(ns, VIENNA)
     assert "2025-10-26T02:30:00+01:00" == format_wall(utc("2025-10-26T01:30:00"), VIENNA)
 
 

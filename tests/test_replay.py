@@ -114,7 +114,8 @@ def plain(door_map: DoorMap) -> dict[int, dict[str, Any]]:
 def expected(doors: dict[int, dict[str, Any]]) -> dict[int, dict[str, Any]]:
     """Return the model's answer without what was taken back."""
     return {
-        door_id: door | {"said": {key: value for key, value in sorted(door["said"].items()) if value}}
+        door_id: door
+        | {"said": {key: value for key, value in sorted(door["said"].items()) if value}}
         for door_id, door in doors.items()
     }
 

@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[1] / "semmap_log"
 ORDER = [
     {"errors"},
     {"doors"},
-    {"events"},
+    {"events", "commits"},
     {"moments"},
     {"messages", "projections"},
     {"log"},

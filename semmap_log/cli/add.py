@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, print_json, takes_about
-from semmap_log.cli.geometry import POINT_METAVAR, line_of
-from semmap_log.door_log_writer import About
+from semmap_log.cli.geometry import POINT_METAVAR, Line, line_of
+
+if TYPE_CHECKING:
+    from semmap_log.door_log_writer import About
 
 
 @takes_about
@@ -30,7 +32,9 @@ def run(
         str | None, typer.Option(help="Level, by number or name; needed if there are several.")
     ] = None,
     name: Annotated[str, typer.Option(help="What people call it.")] = "",
-    state: Annotated[str, typer.Option(help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE.")] = "UNKNOWN",
+    state: Annotated[
+        str, typer.Option(help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE.")
+    ] = "UNKNOWN",
     prob_open: Annotated[float | None, typer.Option(help="P(open), 0..1.")] = None,
     prob_closed: Annotated[float | None, typer.Option(help="P(closed), 0..1.")] = None,
     door_id: Annotated[
@@ -53,8 +57,11 @@ def run(
     from semmap_log.cli.states import state_of
     from semmap_log.commands import resolve_level
 
-    line = line_of(x, y, theta, width, start, end)
-    given = [math.nan if value is None else value for value in (line.x, line.y, line.theta, line.width)]
+    line = line_of(Line(x, y, theta, width), start, end)
+    place = (line.x, line.y, line.theta, line.width)
+    if any(value is None for value in place) and any(value is not None for value in place):
+        raise typer.BadParameter("give --x --y --theta --width all together, or none of them")
+    given = [math.nan if value is None else value for value in place]
     with sl.append(log) as opened:
         added = opened.add_door(
             x=given[0], y=given[1], theta=given[2], width=given[3],

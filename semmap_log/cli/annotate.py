@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
-from semmap_log.door_log_writer import About
+
+if TYPE_CHECKING:
+    from semmap_log.door_log_writer import About
 
 
 @takes_about

@@ -138,8 +138,11 @@ _ABOUT = {
     "correlation": Annotated[str, typer.Option("--correlation", help="What it belongs to.")],
     "command_id": Annotated[
         str,
-        typer.Option("--command-id", metavar="HEX",
-                     help="32 hex digits: the same command, sent again, is stored once."),
+        typer.Option(
+            "--command-id",
+            metavar="HEX",
+            help="32 hex digits: the same command, sent again, is stored once.",
+        ),
     ],
 }
 
@@ -159,17 +162,21 @@ def takes_about(command: Callable[..., None]) -> Callable[..., None]:
         }
         command(**values, about=about)
 
-    own = inspect.signature(command, eval_str=True).parameters
+    own = inspect.signature(command).parameters
     asked = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint,
                           default=None if name == "at" else "")
         for name, hint in _ABOUT.items()
     ]  # fmt: skip
-    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-                  for p in own.values() if p.name != "about"]  # fmt: skip
+    parameters = [
+        p.replace(kind=inspect.Parameter.KEYWORD_ONLY,
+                  annotation=eval(p.annotation, command.__globals__))  # noqa: S307 - our own text
+        for p in own.values()
+        if p.name != "about"
+    ]  # fmt: skip
     verb.__signature__ = inspect.Signature([*parameters, *asked])  # type: ignore[attr-defined]
     verb.__annotations__ = {p.name: p.annotation for p in [*parameters, *asked]}
-    del verb.__wrapped__  # type: ignore[attr-defined]  # or its own signature would be read
+    del verb.__wrapped__  # or its own signature would be read
     return verb
 
 

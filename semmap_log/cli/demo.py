@@ -11,7 +11,7 @@ from semmap_log.cli.common import console, say
 
 
 def run(
-    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to put what it makes.")] = (
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put what it makes.")] = (
         Path("demo")
     ),
 ) -> None:
@@ -40,7 +40,9 @@ def run(
     assert end is not None
     moment = format_local(end - 3600 * 10**9, tz)
     out.print(f"\nMade in {made.folder}:")
-    out.print(f"  {made.log.name}/       the log: {made.copied} events copied, {made.recorded} recorded")
+    out.print(
+        f"  {made.log.name}/       the log: {made.copied} events copied, {made.recorded} recorded"
+    )
     out.print(f"  {made.yaml.name}    the doors for the thesis's server")
     if made.rrd is not None:
         out.print(f"  {made.rrd.name}    the history for the rerun viewer")

@@ -12,15 +12,20 @@ from semmap_log.cli.common import At, KnownAt, LogPath, UpToEvent, say
 
 def run(
     log: LogPath,
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="The file; its name tells the format.")],
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The file; its name tells the format.")
+    ],
     *,
     at: At = None,
     known_at: KnownAt = None,
     event: UpToEvent = None,
     default_prob: Annotated[
         float | None,
-        typer.Option("--default-prob", metavar="P",
-                     help="Thesis YAML: the probability of doors that have none."),
+        typer.Option(
+            "--default-prob",
+            metavar="P",
+            help="Thesis YAML: the probability of doors that have none.",
+        ),
     ] = None,
 ) -> None:
     """Write a file, whole or not at all; an old file of that name is replaced at once.

@@ -20,18 +20,15 @@ class Line:
     width: float | None
 
 
-def line_of(
-    x: float | None, y: float | None, theta: float | None, width: float | None,
-    start: str | None, end: str | None,
-) -> Line:  # fmt: skip
-    """Return the line that either x, y, theta and width or two points give.
+def line_of(line: Line, start: str | None, end: str | None) -> Line:
+    """Return the line that either its own values or two points give.
 
     Raises:
         typer.BadParameter: Both, or only one of two points, or not points.
     """
     if start is None and end is None:
-        return Line(x, y, theta, width)
-    if start is None or end is None or not (x is y is theta is width is None):
+        return line
+    if start is None or end is None or line != Line(None, None, None, None):
         raise typer.BadParameter("give --from and --to together, without --x --y --theta --width")
     (x0, y0), (x1, y1) = _point(start, "--from"), _point(end, "--to")
     return Line(x0, y0, math.atan2(y1 - y0, x1 - x0), math.hypot(x1 - x0, y1 - y0))
@@ -41,5 +38,7 @@ def _point(text: str, option: str) -> tuple[float, float]:
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
-        raise typer.BadParameter(f"expected X,Y in metres, got {text!r}", param_hint=option) from None
+        raise typer.BadParameter(
+            f"expected X,Y in metres, got {text!r}", param_hint=option
+        ) from None
     return x, y

@@ -20,7 +20,7 @@ from semmap_log.cli.common import (
 def run(
     log: LogPath,
     door: Annotated[
-        str | None, typer.Argument(metavar="[DOOR]", help="Only events about this door.")
+        str | None, typer.Argument(metavar="DOOR", help="Only events about this door.")
     ] = None,
     *,
     since: Since = None,

@@ -12,7 +12,7 @@ from semmap_log.cli.common import AsJson, LogPath, print_json, progress, say
 
 def run(
     log: LogPath,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE…", help="What to import.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="What to import.")],
     *,
     level: Annotated[
         str | None,
@@ -20,13 +20,17 @@ def run(
     ] = None,
     windows: Annotated[
         Path | None,
-        typer.Option("--windows", metavar="CSV",
-                     help="For a door CSV: door,start,end, when its state is known at all."),
+        typer.Option(
+            "--windows",
+            metavar="CSV",
+            help="For a door CSV: door,start,end, when its state is known at all.",
+        ),
     ] = None,
     tz: Annotated[
         str | None,
-        typer.Option("--tz", metavar="ZONE",
-                     help="Zone of times without an offset; default: the log's."),
+        typer.Option(
+            "--tz", metavar="ZONE", help="Zone of times without an offset; default: the log's."
+        ),
     ] = None,
     update: Annotated[
         bool, typer.Option("--update", help="Write values that differ from a door that is there.")
@@ -77,7 +81,7 @@ def run(
         print_json(results)
 
 
-def _tell(file: Path, imported: Any) -> None:  # noqa: ANN401 - imported when it runs
+def _tell(file: Path, imported: Any) -> None:
     plan = imported.plan
     if imported.known_before:
         typer.echo(f"{file}: imported before; nothing to do.")
@@ -95,7 +99,7 @@ def _tell(file: Path, imported: Any) -> None:  # noqa: ANN401 - imported when it
         say(f"  warning: {text}")
 
 
-def _to_json(file: Path, imported: Any) -> dict[str, Any]:  # noqa: ANN401
+def _to_json(file: Path, imported: Any) -> dict[str, Any]:
     plan = imported.plan
     return {
         "file": str(file),

@@ -35,7 +35,7 @@ def run(
         console().print(summary_table(summary))
 
 
-def _to_json(summary: Any) -> dict[str, Any]:  # noqa: ANN401 - imported when it runs
+def _to_json(summary: Any) -> dict[str, Any]:
     from semmap_log.moments import format_utc
 
     def span(times: tuple[int, int] | None) -> list[str] | None:

@@ -15,8 +15,11 @@ def run(
     *,
     tz: Annotated[
         str | None,
-        typer.Option("--tz", metavar="ZONE",
-                     help="IANA zone of times without an offset; default: the machine's."),
+        typer.Option(
+            "--tz",
+            metavar="ZONE",
+            help="IANA zone of times without an offset; default: the machine's.",
+        ),
     ] = None,
     building: Annotated[str, typer.Option("--building", help="The building's name.")] = "",
     robot: Annotated[str, typer.Option("--robot", help="The robot's name.")] = "",

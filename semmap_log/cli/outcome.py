@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from semmap_log.cli.common import print_json
-from semmap_log.door_log_writer import Appended
+
+if TYPE_CHECKING:
+    from semmap_log.door_log_writer import Appended
 
 
 def tell(appended: Appended, *, as_json: bool, **more: Any) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, takes_about
-from semmap_log.door_log_writer import About
+
+if TYPE_CHECKING:
+    from semmap_log.door_log_writer import About
 
 
 class Phase(str, Enum):
@@ -21,8 +23,10 @@ class Phase(str, Enum):
 @takes_about
 def run(
     log: LogPath,
-    phase: Annotated[Phase, typer.Argument(help="What the round does now.")],
-    name: Annotated[str, typer.Argument(metavar="[NAME]", help="The round's name.")] = "",
+    phase: Annotated[
+        Phase, typer.Argument(metavar="start|finish", help="What the round does now.")
+    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The round's name.")] = "",
     *,
     as_json: AsJson = False,
     about: About,

@@ -45,7 +45,10 @@ def run(
         if one.error:
             say(f"semmap-log: line {one.line}: {one.error}")
         if ack:
-            said = {"line": one.line, **({"error": one.error} if one.error else {"event": one.event})}
+            said = {
+                "line": one.line,
+                **({"error": one.error} if one.error else {"event": one.event}),
+            }
             sys.stdout.write(json.dumps(said, ensure_ascii=False) + "\n")
             sys.stdout.flush()
 

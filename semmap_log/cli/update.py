@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
-from semmap_log.cli.geometry import POINT_METAVAR, line_of
-from semmap_log.door_log_writer import About
+from semmap_log.cli.geometry import POINT_METAVAR, Line, line_of
+
+if TYPE_CHECKING:
+    from semmap_log.door_log_writer import About
 
 
 @takes_about
@@ -48,7 +50,7 @@ def run(
     from semmap_log.cli.states import state_of
     from semmap_log.commands import resolve_level
 
-    line = line_of(x, y, theta, width, start, end)
+    line = line_of(Line(x, y, theta, width), start, end)
     fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)
     if all(value is None for value in fields):
         raise typer.BadParameter("nothing to set: give at least one of the fields (--help)")

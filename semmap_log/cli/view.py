@@ -27,7 +27,8 @@ def run(
         Path | None, typer.Option("--save", metavar="X.rrd", help="Write a file, open nothing.")
     ] = None,
     screenshot: Annotated[
-        Path | None, typer.Option("--screenshot", metavar="X.png", help="Write a picture, headless.")
+        Path | None,
+        typer.Option("--screenshot", metavar="X.png", help="Write a picture, headless."),
     ] = None,
 ) -> None:
     """Look at the history in the rerun viewer: floor plan, doors, state lanes, events, robot.
@@ -50,7 +51,9 @@ def run(
     opened = sl.read(log)
     doors = [opened.resolve_ever(name) for name in door] if door else None
     if save is not None and save.suffix != ".rrd":
-        raise typer.BadParameter(f"expected a name that ends in .rrd, got {save}", param_hint="--save")
+        raise typer.BadParameter(
+            f"expected a name that ends in .rrd, got {save}", param_hint="--save"
+        )
     folder = None if save else Path(tempfile.mkdtemp(prefix="semmap-log-"))
     path = save or Path(str(folder)) / f"{log.resolve().name}.rrd"
     with progress("Replaying") as told:

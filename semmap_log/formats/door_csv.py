@@ -102,7 +102,7 @@ def dump_door_csv(rows: Iterable[Sighting], *, tz: str) -> Iterator[str]:
 
     Args:
         rows: In order of time for each door.
-        tz: The zone whose wall clock is written; with an offset in the hour that comes twice.
+        tz: The zone whose wall clock is written, with its offset.
     """
     yield ",".join(COLUMNS) + "\n"
     for ns, door, state, accuracy in rows:
@@ -263,8 +263,8 @@ class _Reader:
         for name, door in self.doors.items():
             if door.known is not None and door.known.rows_outside:
                 yield (
-                    f"door {shown(name)}: {door.known.rows_outside} rows lie in none of its "
-                    "windows; UNKNOWN follows each of them"
+                    f"door {shown(name)}: rows in none of its windows: "
+                    f"{door.known.rows_outside}; UNKNOWN follows each"
                 )
             if door.known is None and self.windows is not None:
                 yield f"door {shown(name)}: no window; taken as known at all times"

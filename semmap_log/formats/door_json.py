@@ -100,7 +100,7 @@ def _level(level: Level) -> dict[str, Any]:
     }
 
 
-def _value(value: Any) -> Any:  # noqa: ANN401 - a field of any type
+def _value(value: Any) -> Any:
     if isinstance(value, DoorState):
         return value.name
     if isinstance(value, Mapping):

@@ -137,7 +137,7 @@ class _LineReader:
             raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
         return values
 
-    def value(self, key: str) -> Any:  # noqa: ANN401 - the kinds of events type their fields
+    def value(self, key: str) -> Any:
         if key == "state":
             return self.state()
         if key == "at":

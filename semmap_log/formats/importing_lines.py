@@ -64,7 +64,9 @@ class _LinePlanner:
         self.names = {door.door_id: door.name or "" for door in present.door_map.doors.values()}
 
     def plan(self) -> ImportPlan:
-        warnings = [f"{self.noted} lines say who or why: an import is one commit, with one note"]
+        warnings = [
+            f"lines that say who or why: {self.noted:,}; an import is one commit, with one note"
+        ]
         return ImportPlan(
             self.events,
             count=len(self.events),

@@ -14,12 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import yaml
+
 from semmap_log.errors import FormatError
 from semmap_log.formats.files import MIB, decode_utf8, read_capped
 from semmap_log.formats.problems import Problems, shown
 
 MOST_BYTES = 8 * MIB
-MOST_NODES = 1_000_000
+MOST_NODES = 500_000
+"""Some 27,000 doors of the thesis's YAML."""
 MOST_DEPTH = 32
 MOST_DIGITS = 4_000
 """Python itself refuses to read longer whole numbers."""
@@ -86,8 +89,6 @@ class _Builder:
         self.nodes = 0
 
     def document(self) -> Node:
-        import yaml
-
         root: Node = Scalar(1, None, "")
         documents = 0
         for event in self.events:
@@ -102,9 +103,7 @@ class _Builder:
         self.problems.raise_any()
         return root
 
-    def node(self, event: Any, depth: int) -> Node:  # noqa: ANN401 - PyYAML's events
-        import yaml
-
+    def node(self, event: Any, depth: int) -> Node:
         self.nodes += 1
         if self.nodes > MOST_NODES:
             raise self._refuse(event, f"expected at most {MOST_NODES:,} values")
@@ -120,9 +119,7 @@ class _Builder:
             return Sequence(_line(event), items)
         return self.mapping(event, depth)
 
-    def mapping(self, start: Any, depth: int) -> Mapping:  # noqa: ANN401
-        import yaml
-
+    def mapping(self, start: Any, depth: int) -> Mapping:
         entries: dict[str, Node] = {}
         key_lines: dict[str, int] = {}
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
@@ -144,7 +141,7 @@ class _Builder:
                 key_lines[key.text] = key.line
         return Mapping(_line(start), entries, key_lines)
 
-    def scalar(self, event: Any) -> Scalar:  # noqa: ANN401
+    def scalar(self, event: Any) -> Scalar:
         plain = event.implicit[0]
         try:
             value = resolve(event.value) if plain else event.value
@@ -153,9 +150,7 @@ class _Builder:
             value = None
         return Scalar(_line(event), value, event.value)
 
-    def _refuse_tricks(self, event: Any) -> None:  # noqa: ANN401
-        import yaml
-
+    def _refuse_tricks(self, event: Any) -> None:
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
             raise self._refuse(
                 event,
@@ -167,15 +162,13 @@ class _Builder:
                 event, f"tags ({shown(event.tag)}) are not read: leave it out, or quote the text"
             )
 
-    def _refuse(self, event: Any, text: str) -> FormatError:  # noqa: ANN401
+    def _refuse(self, event: Any, text: str) -> FormatError:
         """Return an error that ends the reading: there may be no end of such problems."""
         return FormatError(self.problems.path, [*self.problems.found, (_line(event), text)])
 
 
 def _events(text: str, path: Path) -> Iterator[Any]:
     """Yield the parser's events one by one, so that a bomb is met before it is unpacked."""
-    import yaml
-
     loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
     try:
         yield from yaml.parse(text, loader)
@@ -191,7 +184,7 @@ def _events(text: str, path: Path) -> Iterator[Any]:
         raise FormatError(path, f"not YAML: {error}") from None
 
 
-def _line(event: Any) -> int:  # noqa: ANN401
+def _line(event: Any) -> int:
     line: int = event.start_mark.line
     return line + 1
 

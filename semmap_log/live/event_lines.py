@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from semmap_log.commands import next_free_id
+from semmap_log.commits import Note
 from semmap_log.door_log_writer import POSES_WAIT_S, Appended, DoorLogWriter
 from semmap_log.errors import CommandError, FormatError, SemmapError
 from semmap_log.events import RobotPose
 from semmap_log.formats.event_json_reader import DoorLookup, ParsedLine, parse_event_line
-from semmap_log.log.commits import Note
 
 READ_BYTES = 2**16
 MAX_LINE_BYTES = 2**23

@@ -15,8 +15,14 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import frames
 from semmap_log.log.disk import replace_file, sync_folder
-from semmap_log.log.form import BAG_METADATA_NAME, FLOOR_MAP_CHANNEL, floor_map_topic, topics
-from semmap_log.log.form import Topic, offered_qos
+from semmap_log.log.form import (
+    BAG_METADATA_NAME,
+    FLOOR_MAP_CHANNEL,
+    Topic,
+    floor_map_topic,
+    offered_qos,
+    topics,
+)
 from semmap_log.messages import type_hash
 
 
@@ -46,8 +52,12 @@ def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
     for opcode, offset, length in frames(file, footer.summary_start, len(file)):
         if opcode == Opcode.STATISTICS:
             said = mcap.read_record(Statistics, file[offset + mcap.FRAME.size : offset + length])
-            return ClosedSegment(path.name, said.message_start_time, said.message_end_time,
-                                 said.channel_message_counts)
+            return ClosedSegment(
+                path.name,
+                said.message_start_time,
+                said.message_end_time,
+                said.channel_message_counts,
+            )
     raise CorruptLogError(path, footer.summary_start, "its summary has no Statistics")
 
 

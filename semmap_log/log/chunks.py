@@ -1,4 +1,4 @@
-"""A chunk: from message records to the bytes in the file, and back, every length and CRC checked."""
+"""A chunk: from message records to the bytes in the file, and back, all lengths and CRC checked."""
 
 from __future__ import annotations
 
@@ -87,8 +87,16 @@ def build_chunk(
         compression = "zstd" if len(records) >= COMPRESS_FROM_BYTES else ""
     stored = _compress(records) if compression else records
     start, end = int(log_times.min()), int(log_times.max())
-    parts = [mcap.chunk(records, stored=stored, compression=compression, crc=zlib.crc32(records),
-                        start=start, end=end)]
+    parts = [
+        mcap.chunk(
+            records,
+            stored=stored,
+            compression=compression,
+            crc=zlib.crc32(records),
+            start=start,
+            end=end,
+        )
+    ]
     at = chunk_length = len(parts[0])
     index_offsets: dict[int, int] = {}
     counts: dict[int, int] = {}
@@ -217,7 +225,8 @@ def gather(
 ) -> NDArray[np.void]:
     """Return the structs of that dtype which lie at these offsets, however unaligned."""
     flat = np.frombuffer(records, np.uint8)
-    return flat[offsets[:, None] + np.arange(dtype.itemsize)].view(dtype).reshape(-1)
+    rows: NDArray[np.void] = flat[offsets[:, None] + np.arange(dtype.itemsize)].view(dtype)
+    return rows.reshape(-1)
 
 
 def frames(file: memoryview | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:

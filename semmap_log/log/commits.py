@@ -1,15 +1,16 @@
-"""Commits: events that become visible together, chained by their hashes."""
+"""A commit's bytes: its events, its note, and the record whose hash chains it to the last."""
 
 from __future__ import annotations
 
 import hashlib
 import struct
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from semmap_log.commits import Commit, Note
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import BuiltChunk, build_chunk
@@ -25,47 +26,6 @@ NO_HASH = bytes(32)
 """What the first commit of a log has as its predecessor's hash."""
 
 HASH_BYTES = 32
-
-
-@dataclass(frozen=True, slots=True)
-class Note:
-    """Who did it, with what, why; empty texts say nothing."""
-
-    actor: str = ""
-    source: str = ""
-    """Which sensor, robot or file."""
-    reason: str = ""
-    correlation: str = ""
-    """What it belongs to: a goal, a ticket, a round."""
-    salt: bytes = field(default=b"", repr=False, compare=False)
-    """16 random bytes, so that a redacted note cannot be guessed from its digest."""
-
-    def __bool__(self) -> bool:
-        return bool(self.actor or self.source or self.reason or self.correlation)
-
-
-@dataclass(frozen=True, slots=True)
-class Commit:
-    """A commit as the log holds it."""
-
-    first_event: int
-    count: int
-    recorded_ns: int
-    """Log time of its first record: when it is known, by the log's strictly increasing time."""
-    closed_ns: int
-    """Log time of its Commit record, the last of it."""
-    command_id: bytes
-    wall_clock_ns: int
-    monotonic_clock_ns: int
-    boot_id: bytes
-    previous_hash: bytes
-    hash: bytes
-    note: Note = Note()
-
-    @property
-    def last_event(self) -> int:
-        """Number of its last event."""
-        return self.first_event + self.count - 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Closed segments, written anew in large compressed chunks: the same records, a fraction of the bytes."""
+"""Closed segments in large compressed chunks: the same records, a fraction of the bytes."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _compact_segment(segment: Segment) -> int:
     writer = SegmentWriter(segment.path, segment.header)
     try:
         for records in _pages(segment):
-            page = Page(records, segment.header.first_event)
+            page = Page(records, segment.header.first_event, segment.path)
             writer.add(build_chunk(records, page.offsets, compression="zstd"), levels=page.levels)
         writer.close()
         assert writer.temporary is not None
@@ -76,7 +76,7 @@ def _pages(segment: Segment) -> Iterator[bytes]:
     parts: list[bytes] = []
     for chunk in segment.chunks:
         records = bytes(read_chunk(segment, chunk))
-        first = Page(records, 0).heads["channel_id"][0]
+        first = Page(records, 0, segment.path).heads["channel_id"][0]
         if parts and (first == KEYFRAME_CHANNEL or sum(map(len, parts)) >= CHUNK_BYTES):
             yield b"".join(parts)
             parts = []
@@ -93,5 +93,7 @@ def _check_same(old: Segment, new: Segment) -> None:
     was = b"".join(bytes(read_chunk(old, chunk)) for chunk in old.chunks)
     now = b"".join(bytes(read_chunk(new, chunk)) for chunk in new.chunks)
     if was != now:
-        at = int(np.flatnonzero(np.frombuffer(was[: len(now)], "u1") != np.frombuffer(now, "u1"))[0])
+        at = int(
+            np.flatnonzero(np.frombuffer(was[: len(now)], "u1") != np.frombuffer(now, "u1"))[0]
+        )
         raise CorruptLogError(old.path, at, "the compacted copy differs; the old one is kept")

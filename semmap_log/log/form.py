@@ -76,8 +76,9 @@ def snake_case(name: str) -> str:
 def floor_map_topic(level: int) -> Topic:
     """Return the channel of a level's floor map."""
     topic = "/map" if level == 0 else f"/map/{level}"
-    return Topic(FLOOR_MAP_CHANNEL + level, FloorMap.kind, topic, ros_type(FloorMap.kind),
-                 _TRANSIENT_LOCAL)
+    return Topic(
+        FLOOR_MAP_CHANNEL + level, FloorMap.kind, topic, ros_type(FloorMap.kind), _TRANSIENT_LOCAL
+    )
 
 
 @cache

@@ -38,8 +38,9 @@ class SegmentHeader:
 
     def next(self, first_event: int, hash_so_far: bytes) -> SegmentHeader:
         """Return the header of the segment that follows."""
-        return replace(self, number=self.number + 1, first_event=first_event,
-                       hash_so_far=hash_so_far)
+        return replace(
+            self, number=self.number + 1, first_event=first_event, hash_so_far=hash_so_far
+        )
 
     def to_metadata(self) -> Metadata:
         """Return the MCAP record."""
@@ -69,10 +70,15 @@ class SegmentHeader:
                 "install a newer semmap-log"
             )
         try:
-            info = LogInfo(entries["log_id"], entries["timezone"], entries["building"],
-                           entries["robot"])
-            return cls(info, int(entries["segment"]), int(entries["first_event"]),
-                       bytes.fromhex(entries["hash_so_far"]))
+            info = LogInfo(
+                entries["log_id"], entries["timezone"], entries["building"], entries["robot"]
+            )
+            return cls(
+                info,
+                int(entries["segment"]),
+                int(entries["first_event"]),
+                bytes.fromhex(entries["hash_so_far"]),
+            )
         except KeyError as error:
             raise ValueError(f"its entry {error} is missing") from None
 

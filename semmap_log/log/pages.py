@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.commits import Commit, Note
+from semmap_log.errors import CorruptLogError
 from semmap_log.events import Event, EventBatch
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import gather, heads_of, walk
-from semmap_log.log.commits import Commit, Note
+from semmap_log.log.chunks import ChunkDamage, gather, heads_of, walk
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
@@ -41,11 +44,22 @@ class Page:
     records: bytes | memoryview
     first_event: int
     """Event number at which their segment begins: `sequence` has the low 32 bits only."""
+    path: Path
+    """Their file, for messages."""
+    offset: int = 0
+    """Where their first chunk lies in it, for messages."""
 
     @cached_property
     def offsets(self) -> NDArray[np.int64]:
-        """Where each record begins."""
-        return walk(self.records)
+        """Where each record begins.
+
+        Raises:
+            CorruptLogError: They are not messages, one after the other.
+        """
+        try:
+            return walk(self.records)
+        except ChunkDamage as damage:
+            raise CorruptLogError(self.path, self.offset, str(damage)) from None
 
     @cached_property
     def heads(self) -> NDArray[np.void]:
@@ -62,8 +76,14 @@ class Page:
         """Return its events as columns.
 
         Raises:
-            ValueError: A record's payload is not what its channel carries.
+            CorruptLogError: A record's payload is not what its channel carries.
         """
+        try:
+            return self._events()
+        except ValueError as error:
+            raise CorruptLogError(self.path, self.offset, str(error)) from None
+
+    def _events(self) -> EventBatch:
         channels = self.heads["channel_id"]
         kinds = _KIND_OF_CHANNEL[np.minimum(channels, FLOOR_MAP_CHANNEL)]
         chosen = np.flatnonzero(kinds)
@@ -86,9 +106,16 @@ class Page:
         )
 
     def commits(self) -> list[Commit]:
-        """Return the commits whose Commit record is here, notes included."""
+        """Return the commits whose Commit record is here, notes included.
+
+        Raises:
+            CorruptLogError: One is not what its channel carries.
+        """
         chosen = np.flatnonzero(self.heads["channel_id"] == COMMIT_CHANNEL).tolist()
-        return [self._commit(i) for i in chosen]
+        try:
+            return [self._commit(i) for i in chosen]
+        except (ValueError, struct.error) as error:
+            raise CorruptLogError(self.path, self.offset, str(error)) from None
 
     def keyframes(self) -> list[bytes]:
         """Return the CDR bytes of its Keyframe messages."""
@@ -97,7 +124,9 @@ class Page:
 
     def _numbers(self, sequence: NDArray[np.uint32]) -> NDArray[np.int64]:
         first = np.uint32(self.first_event & 0xFFFF_FFFF)
-        return (sequence - first).astype(np.int64) + self.first_event
+        numbers: NDArray[np.int64] = (sequence - first).astype(np.int64)
+        numbers += self.first_event
+        return numbers
 
     def _columns(
         self, kind: int, heads: NDArray[np.void], offsets: NDArray[np.int64]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from semmap_log.commits import Commit, Note
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
 from semmap_log.events import EventBatch, RecordedEvent, Retracted
 from semmap_log.log import keyframes
 from semmap_log.log.bag_metadata import statistics_of
 from semmap_log.log.chunks import ChunkDamage, StoredChunk
-from semmap_log.log.commits import Commit, Note
 from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.header import LogInfo
 from semmap_log.log.pages import Page
@@ -49,7 +49,9 @@ class LogReader:
             key = (path.name, status.st_ino, status.st_size)
             known[key] = self._known.get(key) or open_segment(path)
         self._known = known
-        self.segments = sorted(known.values(), key=lambda s: (s.header.first_event, s.header.number))
+        self.segments = sorted(
+            known.values(), key=lambda s: (s.header.first_event, s.header.number)
+        )
         ids = {segment.header.info.log_id for segment in self.segments}
         if len(ids) > 1:
             raise CorruptLogError(self.folder, 0, f"segments of {len(ids)} logs lie in one folder")
@@ -70,19 +72,9 @@ class LogReader:
         todo = sum(chunk.length for s in self.segments[first_segment:] for chunk in s.chunks)
         done = 0
         for segment in self.segments[first_segment:]:
-            parts: list[bytes | memoryview] = []
-            size = 0
-            for chunk in segment.chunks:
-                parts.append(read_chunk(segment, chunk))
-                size += len(parts[-1])
-                done += chunk.length
-                if size >= CHUNK_BYTES:
-                    yield segment, _page(segment, parts)
-                    parts, size = [], 0
-                    if progress:
-                        progress(done, todo)
-            if parts:
-                yield segment, _page(segment, parts)
+            for chunks in _groups(segment.chunks):
+                yield segment, _page(segment, chunks)
+                done += sum(chunk.length for chunk in chunks)
                 if progress:
                     progress(done, todo)
 
@@ -96,18 +88,16 @@ class LogReader:
         """
         expected = self.segments[first_segment].header.first_event
         for segment, page in self.pages(first_segment, progress):
-            try:
-                batch = page.events()
-            except (ValueError, ChunkDamage) as error:
-                raise CorruptLogError(segment.path, 0, str(error)) from None
+            batch = page.events()
             if not len(batch):
                 continue
             if batch.number[0] != expected or batch.number[-1] != expected + len(batch) - 1:
                 raise CorruptLogError(
-                    segment.path, 0,
+                    segment.path,
+                    0,
                     f"expected event {expected} next, got {int(batch.number[0])}; "
                     "a segment is missing, or from another log",
-                )  # fmt: skip
+                )
             expected += len(batch)
             if limit is not None and batch.number[-1] >= limit:
                 if batch.number[0] <= limit:
@@ -116,18 +106,15 @@ class LogReader:
             yield batch
 
     def commits(self, first_segment: int = 0) -> Iterator[Commit]:
-        """Yield the commits of whole log, in order."""
-        for segment, page in self.pages(first_segment):
-            try:
-                yield from page.commits()
-            except (ValueError, ChunkDamage) as error:
-                raise CorruptLogError(segment.path, 0, str(error)) from None
+        """Yield the commits of the whole log, in order."""
+        for _, page in self.pages(first_segment):
+            yield from page.commits()
 
     def last_commit(self) -> Commit | None:
         """Return the log's last commit; None in a log without any."""
         for segment in reversed(self.segments):
             for chunk in reversed(segment.chunks):
-                commits = _page(segment, [read_chunk(segment, chunk)]).commits()
+                commits = _chunk_page(segment, chunk).commits()
                 if commits:
                     return commits[-1]
         return None
@@ -136,7 +123,7 @@ class LogReader:
         """Return the log time of the last record, keyframes included; 0 in an empty log."""
         for segment in reversed(self.segments):
             if segment.chunks:
-                page = _page(segment, [read_chunk(segment, segment.chunks[-1])])
+                page = _chunk_page(segment, segment.chunks[-1])
                 return int(page.heads["log_time"].max())
         return 0
 
@@ -149,7 +136,7 @@ class LogReader:
         for segment in reversed(self.segments):
             early = [i for i, chunk in enumerate(segment.chunks) if chunk.start_ns <= known_at_ns]
             for i in reversed(early):
-                page = _page(segment, [read_chunk(segment, segment.chunks[i])])
+                page = _chunk_page(segment, segment.chunks[i])
                 batch = page.events()
                 known = batch.number[batch.recorded_ns <= known_at_ns]
                 if len(known):
@@ -164,7 +151,7 @@ class LogReader:
             LogError: There is none.
         """
         segment, i = self._chunk_of(number)
-        batch = _page(segment, [read_chunk(segment, segment.chunks[i])]).events()
+        batch = _chunk_page(segment, segment.chunks[i]).events()
         (recorded,) = batch.select(batch.number == number)
         return recorded
 
@@ -183,7 +170,7 @@ class LogReader:
         for segment in reversed(self.segments[:behind]):
             first = bisect_right(segment.chunks, number, key=lambda c: _first_number(segment, c))
             for i in reversed(range(first)):
-                batch = _page(segment, [read_chunk(segment, segment.chunks[i])]).events()
+                batch = _chunk_page(segment, segment.chunks[i]).events()
                 if len(batch) and batch.number[-1] < number:
                     break
                 if len(batch):
@@ -199,7 +186,7 @@ class LogReader:
                 if not counts.get(Retracted.kind):
                     continue
             for chunk in segment.chunks:
-                page = _page(segment, [read_chunk(segment, chunk)])
+                page = _chunk_page(segment, chunk)
                 if (page.heads["channel_id"] == Retracted.kind).any():
                     batch = page.events()
                     retractions.apply(
@@ -211,13 +198,13 @@ class LogReader:
         """Return the state at a segment's head; None if its keyframe cannot be used."""
         if not segment.chunks:
             return None
-        stored = _page(segment, [read_chunk(segment, segment.chunks[0])]).keyframes()
+        stored = _chunk_page(segment, segment.chunks[0]).keyframes()
         return keyframes.decode(stored[0]) if stored else None
 
     def _commit_of(self, segment: Segment, first_chunk: int, event: int) -> Commit:
         """Return the commit that holds `event`, looking from a chunk on."""
         for chunk in segment.chunks[first_chunk:]:
-            for commit in _page(segment, [read_chunk(segment, chunk)]).commits():
+            for commit in _chunk_page(segment, chunk).commits():
                 if commit.last_event >= event:
                     return commit
         raise CorruptLogError(segment.path, 0, f"event {event} belongs to no commit")
@@ -253,11 +240,30 @@ def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
 
 def _first_number(segment: Segment, chunk: StoredChunk) -> int:
     """Return the event number of a chunk's first record (a keyframe: of the last event in it)."""
-    page = _page(segment, [read_chunk(segment, chunk)])
+    page = _chunk_page(segment, chunk)
     after_first = int(page.heads["sequence"][0]) - (segment.header.first_event - 1)
     return (after_first & 0xFFFF_FFFF) + segment.header.first_event - 1
 
 
-def _page(segment: Segment, parts: list[bytes | memoryview]) -> Page:
+def _groups(chunks: Sequence[StoredChunk]) -> Iterator[list[StoredChunk]]:
+    """Yield chunks in groups of about a MiB of records: small ones are read together."""
+    group: list[StoredChunk] = []
+    size = 0
+    for chunk in chunks:
+        group.append(chunk)
+        size += chunk.size
+        if size >= CHUNK_BYTES:
+            yield group
+            group, size = [], 0
+    if group:
+        yield group
+
+
+def _chunk_page(segment: Segment, chunk: StoredChunk) -> Page:
+    return _page(segment, [chunk])
+
+
+def _page(segment: Segment, chunks: list[StoredChunk]) -> Page:
+    parts = [read_chunk(segment, chunk) for chunk in chunks]
     records = parts[0] if len(parts) == 1 else b"".join(parts)
-    return Page(records, segment.header.first_event)
+    return Page(records, segment.header.first_event, segment.path, chunks[0].offset)

@@ -38,12 +38,20 @@ _INDEX = struct.Struct("<BQHI")
 
 def message(channel_id: int, sequence: int, log_time: int, publish_time: int, data: bytes) -> bytes:
     """Return a Message record."""
-    head = MESSAGE.pack(Opcode.MESSAGE, MESSAGE_BODY_HEAD + len(data), channel_id,
-                        sequence & 0xFFFF_FFFF, log_time, publish_time)
+    head = MESSAGE.pack(
+        Opcode.MESSAGE,
+        MESSAGE_BODY_HEAD + len(data),
+        channel_id,
+        sequence & 0xFFFF_FFFF,
+        log_time,
+        publish_time,
+    )
     return head + data
 
 
-def chunk(records: bytes, *, stored: bytes, compression: str, crc: int, start: int, end: int) -> bytes:
+def chunk(
+    records: bytes, *, stored: bytes, compression: str, crc: int, start: int, end: int
+) -> bytes:
     """Return a Chunk record.
 
     Args:
@@ -62,8 +70,10 @@ def chunk(records: bytes, *, stored: bytes, compression: str, crc: int, start: i
     ))  # fmt: skip
 
 
-def message_index(channel_id: int, log_times: NDArray[np.int64], offsets: NDArray[np.int64]) -> bytes:
-    """Return a MessageIndex record: where, in the uncompressed chunk, that channel's messages lie."""
+def message_index(
+    channel_id: int, log_times: NDArray[np.int64], offsets: NDArray[np.int64]
+) -> bytes:
+    """Return a MessageIndex record: where a channel's messages lie in the uncompressed chunk."""
     entries = np.column_stack((log_times, offsets)).astype("<u8").tobytes()
     return _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel_id, len(entries)) + entries
 

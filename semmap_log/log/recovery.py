@@ -23,7 +23,7 @@ def reopened(segment: Segment) -> SegmentWriter:
     try:
         for chunk in segment.chunks:
             records = bytes(read_chunk(segment, chunk))
-            page = Page(records, segment.header.first_event)
+            page = Page(records, segment.header.first_event, segment.path, chunk.offset)
             built = build_chunk(records, page.offsets, compression=chunk.compression)
             writer.add(built, levels=page.levels)
     except BaseException:

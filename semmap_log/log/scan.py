@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.opcode import Opcode
-from mcap.records import Footer, Header, Metadata
+from mcap.records import Header, Metadata
 
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
 from semmap_log.log import records as mcap
@@ -165,8 +165,9 @@ def _scan_live(path: Path, header: SegmentHeader, file: memoryview, start: int) 
             whole_end = reached
     if not problem and whole_end < len(file):
         problem = "a commit that was not finished" if pending else f"no record at byte {reached}"
-    return Segment(path, header, file, tuple(whole), closed=False, whole_end=whole_end,
-                   problem=problem)
+    return Segment(
+        path, header, file, tuple(whole), closed=False, whole_end=whole_end, problem=problem
+    )
 
 
 def _last_channel(chunk: StoredChunk, file: memoryview) -> int:

@@ -92,7 +92,8 @@ class SegmentWriter:
             f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}"
         )
         self._fd = os.open(
-            self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
+            self.temporary,
+            os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
             0o644,
         )
         start = mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))

@@ -6,13 +6,14 @@ import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from semmap_log.commits import Commit, Note
 from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogPoisonedError
 from semmap_log.events import Event, Retracted
 from semmap_log.log import keyframes
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
 from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.clock import Clock, SystemClock
-from semmap_log.log.commits import NO_HASH, Commit, CommitBuilder, Note, Stamp
+from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
 from semmap_log.log.disk import sync_folder
 from semmap_log.log.form import (
     CHUNK_BYTES,
@@ -248,8 +249,9 @@ class LogWriter:
         known = self._commands.get(command_id)
         if known or not everywhere:
             return known
-        return next((c for c in LogReader(self.folder).commits() if c.command_id == command_id),
-                    None)
+        return next(
+            (c for c in LogReader(self.folder).commits() if c.command_id == command_id), None
+        )
 
     def close(self) -> None:
         """Close the live segment, so that every tool reads it, and let the next writer in."""
@@ -295,8 +297,9 @@ class LogWriter:
             if self._segment is None or self._is_full(self._segment):
                 if self._segment is not None:
                     self._close_segment()
-                self.begin(self._header.next(self.next_event, self._last_hash),
-                           last_ns=self.last_ns)
+                self.begin(
+                    self._header.next(self.next_event, self._last_hash), last_ns=self.last_ns
+                )
         except OSError as error:
             self._poisoned(f"{error.strerror}")
             raise LogPoisonedError(self._poison) from error
@@ -343,7 +346,7 @@ class LogWriter:
         """Fold what was appended; what a retraction hides can only be left out by a new fold."""
         if not self._unfolded:
             return
-        batch = Page(b"".join(self._unfolded), self._header.first_event).events()
+        batch = Page(b"".join(self._unfolded), self._header.first_event, self.folder).events()
         self._unfolded, self._unfolded_size = [], 0
         self._state.apply(batch)
         self._refold |= Retracted in batch

@@ -49,14 +49,21 @@ def encode(event: Event, happened_ns: int) -> bytes:
     if isinstance(event, FloorMap):
         return _encode_floor_map(event, happened_ns)
     if isinstance(event, DoorAnnotated):
-        return serialize(ros_type(event.kind), salt=_salt(event.salt), door_id=event.door_id,
-                         key=event.key, value=event.value)
+        return serialize(
+            ros_type(event.kind),
+            salt=_salt(event.salt),
+            door_id=event.door_id,
+            key=event.key,
+            value=event.value,
+        )
     if isinstance(event, LevelAdded):
-        return serialize(ros_type(event.kind), level=event.level, name=event.name,
-                         elevation=event.elevation)
+        return serialize(
+            ros_type(event.kind), level=event.level, name=event.name, elevation=event.elevation
+        )
     assert isinstance(event, LogExported)
-    return serialize(ros_type(event.kind), format=event.format, file_name=event.file_name,
-                     at_ns=event.at_ns)
+    return serialize(
+        ros_type(event.kind), format=event.format, file_name=event.file_name, at_ns=event.at_ns
+    )
 
 
 def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
@@ -74,20 +81,35 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
     if kind not in OBJECT_KINDS:
         fixed = fixed_layout(kind)
         if len(data) != fixed.dtype.itemsize:
-            raise ValueError(f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}")
+            raise ValueError(
+                f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}"
+            )
         return event_of(kind, fixed.unpack(data), happened_ns)
     message = deserialize(ros_type(kind), data)
     cls = KINDS[kind - 1]
     if cls is FloorMap:
         return _decode_floor_map(message, happened_ns, level)
     if cls is DoorAnnotated:
-        return DoorAnnotated(happened_ns=happened_ns, door_id=DoorId(message.door_id),
-                             key=message.key, value=message.value, salt=bytes(message.salt))
+        return DoorAnnotated(
+            happened_ns=happened_ns,
+            door_id=DoorId(message.door_id),
+            key=message.key,
+            value=message.value,
+            salt=bytes(message.salt),
+        )
     if cls is LevelAdded:
-        return LevelAdded(happened_ns=happened_ns, level=message.level, name=message.name,
-                          elevation=message.elevation)
-    return LogExported(happened_ns=happened_ns, format=message.format,
-                       file_name=message.file_name, at_ns=message.at_ns)
+        return LevelAdded(
+            happened_ns=happened_ns,
+            level=message.level,
+            name=message.name,
+            elevation=message.elevation,
+        )
+    return LogExported(
+        happened_ns=happened_ns,
+        format=message.format,
+        file_name=message.file_name,
+        at_ns=message.at_ns,
+    )
 
 
 def batch_of(

@@ -68,12 +68,14 @@ class Layout:
         both = {name: spec[:2] for name, spec in prefix.fields.items()}
         for name, spec in self.dtype.fields.items():
             both[name] = (spec[0], prefix.itemsize + spec[1])
-        return np.dtype({
-            "names": list(both),
-            "formats": [spec[0] for spec in both.values()],
-            "offsets": [spec[1] for spec in both.values()],
-            "itemsize": prefix.itemsize + self.dtype.itemsize,
-        })
+        return np.dtype(
+            {
+                "names": list(both),
+                "formats": [spec[0] for spec in both.values()],
+                "offsets": [spec[1] for spec in both.values()],
+                "itemsize": prefix.itemsize + self.dtype.itemsize,
+            }
+        )
 
 
 @cache

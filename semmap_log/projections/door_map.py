@@ -162,7 +162,7 @@ class DoorMapState:
         )
 
     def to_arrays(self) -> dict[str, Any]:
-        """Return the whole state as arrays and lists, doors ascending: the same for equal states."""
+        """Return the whole state as arrays and lists, the same for equal states; doors ascend."""
         n = len(self._row_of)
         order = np.argsort(self._columns["door_id"][:n])
         arrays: dict[str, Any] = {
@@ -284,7 +284,9 @@ class DoorMapState:
             if kind not in batch:
                 continue
             positions = batch.where(kind)
-            stamps = zip(happened[positions].tolist(), batch.number[positions].tolist(), strict=True)
+            stamps = zip(
+                happened[positions].tolist(), batch.number[positions].tolist(), strict=True
+            )
             for event, stamp in zip(batch.objects[kind.kind], stamps, strict=True):
                 if isinstance(event, DoorAnnotated):
                     said = self._annotations.setdefault(int(event.door_id), {})

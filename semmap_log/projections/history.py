@@ -4,35 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
+from semmap_log.commits import Commit
 from semmap_log.doors import DoorId
 from semmap_log.events import DoorEvent, Event, EventBatch, RecordedEvent
 from semmap_log.projections.retraction import Retractions
-
-
-class Said(Protocol):
-    """A commit's note, as far as history shows it."""
-
-    @property
-    def actor(self) -> str: ...
-    @property
-    def source(self) -> str: ...
-    @property
-    def reason(self) -> str: ...
-    @property
-    def correlation(self) -> str: ...
-
-
-class Noted(Protocol):
-    """A commit, as far as history needs it."""
-
-    @property
-    def last_event(self) -> int: ...
-    @property
-    def command_id(self) -> bytes: ...
-    @property
-    def note(self) -> Said: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +44,7 @@ class HistoryEntry:
 
 
 def history(
-    batches: Iterable[EventBatch], commits: Iterable[Noted], retractions: Retractions
+    batches: Iterable[EventBatch], commits: Iterable[Commit], retractions: Retractions
 ) -> Iterator[HistoryEntry]:
     """Yield the events of the batches with what their commits say.
 

@@ -19,8 +19,9 @@ class Retractions:
         """Fold a batch in."""
         if Retracted in batch:
             rows = batch[Retracted]
-            self.ranges += zip(rows["first_event"].tolist(), rows["last_event"].tolist(),
-                                strict=True)
+            self.ranges += zip(
+                rows["first_event"].tolist(), rows["last_event"].tolist(), strict=True
+            )
 
     def __bool__(self) -> bool:
         return bool(self.ranges)
@@ -35,7 +36,8 @@ class Retractions:
         hidden = np.zeros(len(batch), np.bool_)
         for first, last in self.ranges:
             hidden |= (batch.number >= first) & (batch.number <= last)
-        return hidden & (batch.kind != Retracted.kind)
+        hidden &= batch.kind != Retracted.kind
+        return hidden
 
     def visible(self, batch: EventBatch) -> EventBatch:
         """Return the events of a batch that are not hidden."""

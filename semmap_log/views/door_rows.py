@@ -97,32 +97,32 @@ def _part(batch: EventBatch, kind: type[Event], fill: Callable[[Changes, Any], N
     return part
 
 
-def _fill_values(part: Changes, rows: Any) -> None:  # noqa: ANN401 - a structured numpy array
+def _fill_values(part: Changes, rows: Any) -> None:
     for name in VALUES:
         part[name] = rows[name]
 
 
-def _fill_added(part: Changes, rows: Any) -> None:  # noqa: ANN401
+def _fill_added(part: Changes, rows: Any) -> None:
     part["sets"] = int(ALL_CHANGED)
     _fill_values(part, rows)
 
 
-def _fill_updated(part: Changes, rows: Any) -> None:  # noqa: ANN401
+def _fill_updated(part: Changes, rows: Any) -> None:
     part["sets"] = rows["changed"]
     _fill_values(part, rows)
 
 
-def _fill_observed(part: Changes, rows: Any) -> None:  # noqa: ANN401
+def _fill_observed(part: Changes, rows: Any) -> None:
     part["sets"] = int(Changed.STATE)
     part["state"] = rows["state"]
 
 
-def _fill_passed(part: Changes, rows: Any) -> None:  # noqa: ANN401
+def _fill_passed(part: Changes, rows: Any) -> None:
     part["sets"] = np.where(rows["passed"], int(Changed.STATE), 0)
     part["state"] = int(DoorState.OPEN)
 
 
-def _fill_removed(part: Changes, rows: Any) -> None:  # noqa: ANN401
+def _fill_removed(part: Changes, rows: Any) -> None:
     """A removal sets nothing; its kind says it all."""
 
 
@@ -149,9 +149,9 @@ class Life:
 
 def _is_before(changes: Changes, stamp: Stamp) -> NDArray[np.bool_]:
     folds_ns, number = stamp
-    return (changes["folds_ns"] < folds_ns) | (
-        (changes["folds_ns"] == folds_ns) & (changes["number"] < number)
-    )
+    ties = (changes["folds_ns"] == folds_ns) & (changes["number"] < number)
+    earlier: NDArray[np.bool_] = (changes["folds_ns"] < folds_ns) | ties
+    return earlier
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,26 +191,28 @@ class DoorFold:
         )
 
     def _take_states(self, changes: Changes) -> Changes:
-        setting = changes[(changes["sets"] & int(Changed.STATE)) != 0]
+        setting: Changes = changes[(changes["sets"] & int(Changed.STATE)) != 0]
         if not len(setting):
             return setting
         states = setting["state"]
         differs = np.append(states[0] != self._last["state"][0], states[1:] != states[:-1])
         self._last["state"] = states[-1]
-        return setting[differs | self._repeats]
+        drawn: Changes = setting[differs | self._repeats]
+        return drawn
 
     def _take_places(self, changes: Changes) -> Changes:
-        placed = changes[(changes["sets"] & PLACE) != 0]
+        placed: Changes = changes[(changes["sets"] & PLACE) != 0]
         self._fill_forward(placed, Changed.POSE, ("level", "x", "y", "theta"))
         self._fill_forward(placed, Changed.WIDTH, ("width",))
         return placed
 
     def _take_curves(self, changes: Changes) -> Changes:
-        given = changes[(changes["sets"] & PROBABILITIES) != 0]
+        given: Changes = changes[(changes["sets"] & PROBABILITIES) != 0]
         self._fill_forward(given, Changed.PROB_OPEN, ("prob_open",))
         self._fill_forward(given, Changed.PROB_CLOSED, ("prob_closed",))
         known = ~(np.isnan(given["prob_open"]) & np.isnan(given["prob_closed"]))
-        return given[known | (given["kind"] != DoorAdded.kind)]
+        drawn: Changes = given[known | (given["kind"] != DoorAdded.kind)]
+        return drawn
 
     def _fill_forward(self, rows: Changes, bit: Changed, names: tuple[str, ...]) -> None:
         """Give the rows that do not set a field the value that the field had."""

@@ -28,7 +28,7 @@ from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.scene import Scene, SceneDoor
 
 if TYPE_CHECKING:
-    from semmap_log.log.commits import Commit
+    from semmap_log.commits import Commit
 
 INFO, WARN, DEBUG = "INFO", "WARN", "DEBUG"
 """INFO: the map is another than before; WARN: look here; DEBUG: it stayed as it was."""
@@ -76,7 +76,7 @@ class EventLines:
 
     def _what(self, event: Event, stamp: Stamp) -> tuple[str, str, DoorState | None]:
         """Return importance, words and state."""
-        said = words_of(event)
+        said = drawable(words_of(event))
         if not isinstance(event, DoorEvent):
             return WARN if isinstance(event, Retracted) else INFO, said, None
         door = self._scene.doors.get(event.door_id)

@@ -23,7 +23,6 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.drawable import drawable
 
 
 def words_of(event: Event) -> str:
@@ -52,14 +51,14 @@ def words_of(event: Event) -> str:
         case Retracted():
             return f"events {event.first_event} to {event.last_event} taken back"
         case DoorAnnotated():
-            return f"{drawable(event.key)} = {drawable(event.value)}"
+            return f"{event.key} = {event.value}"
         case LevelAdded():
-            return f"level {event.level} is called {drawable(event.name)}"
+            return f"level {event.level} is called {event.name}"
         case FloorMap():
             rows, columns = event.cells.shape
             return f"floor plan of level {event.level}: {columns} x {rows} cells"
         case LogExported():
-            return f"exported as {drawable(event.format)}: {drawable(event.file_name)}"
+            return f"exported as {event.format}: {event.file_name}"
         case _:
             raise TypeError(f"no words for {type(event).__name__}")
 
@@ -86,17 +85,15 @@ def _update(event: DoorUpdated) -> str:
     if event.changed & Changed.WIDTH:
         said.append(f"width {event.width:.2f} m")
     if event.changed & Changed.PROB_OPEN:
-        said.append(f"P(open) = {event.prob_open:.2f}")
+        said.append(f"P(open) {event.prob_open:.2f}")
     if event.changed & Changed.PROB_CLOSED:
-        said.append(f"P(closed) = {event.prob_closed:.2f}")
+        said.append(f"P(closed) {event.prob_closed:.2f}")
     return ", ".join(said)
 
 
 def _probabilities(event: DoorAdded) -> str:
-    said = "" if math.isnan(event.prob_open) else f", P(open) = {event.prob_open:.2f}"
-    return said + (
-        "" if math.isnan(event.prob_closed) else f", P(closed) = {event.prob_closed:.2f}"
-    )
+    said = "" if math.isnan(event.prob_open) else f", P(open) {event.prob_open:.2f}"
+    return said + ("" if math.isnan(event.prob_closed) else f", P(closed) {event.prob_closed:.2f}")
 
 
 def _accuracy(event: DoorObserved) -> str:

@@ -26,13 +26,17 @@ class Palette:
     """Around the plan, and where it is unknown; set, so that the light theme keeps it dark."""
     floor: Rgb = (41, 46, 57)
     wall: Rgb = (150, 160, 176)
+    plain_text: Rgb = (0x8A, 0x90, 0x9C)
+    """Of a line about no state: grey enough for white and for black."""
 
     def of_state(self, state: DoorState) -> Rgb:
         """Return what a door in that state is drawn with; MOVING and OFFLINE draw as unknown."""
         return self._by_state((self.unknown, self.open, self.closed), state)
 
-    def text_of_state(self, state: DoorState) -> Rgb:
-        """Return the colour of a line of text about that state."""
+    def text_of_state(self, state: DoorState | None) -> Rgb:
+        """Return the colour of a line of text about that state, or about none."""
+        if state is None:
+            return self.plain_text
         return self._by_state((self.unknown_text, self.open_text, self.closed_text), state)
 
     @staticmethod
@@ -46,7 +50,7 @@ DEFAULT = Palette(
     unknown=(0xF5, 0xB8, 0x3D),
     open_text=(0x1F, 0xA9, 0x71),
     closed_text=(0xE5, 0x48, 0x4D),
-    unknown_text=(0xC9, 0x8A, 0x12),
+    unknown_text=(0xBD, 0x82, 0x10),
     robot=(0x4C, 0xC2, 0xFF),
 )
 

@@ -36,7 +36,7 @@ View = Any
 
 def layout(
     scene: Scene, palette: Palette, *, chosen: Sequence[DoorId] | None, level: int | None
-) -> Any:  # noqa: ANN401
+) -> Any:
     """Return the blueprint of a recording.
 
     Args:
@@ -94,7 +94,7 @@ def _plan(level: SceneLevel, palette: Palette) -> View:
     )
 
 
-def _recent_track() -> Any:  # noqa: ANN401
+def _recent_track() -> Any:
     """Return the range of segments that make up the track behind the robot."""
     here = rrb.TimeRangeBoundary.cursor_relative()
     back = {
@@ -146,7 +146,7 @@ def _lane_view(scene: Scene, name: str, contents: list[str]) -> View:
     )
 
 
-def _time_axis(scene: Scene) -> Any:  # noqa: ANN401
+def _time_axis(scene: Scene) -> Any:
     """Return the axis that lanes and curves share."""
     edge = rrb.TimeRangeBoundary
     if scene.span_ns <= WHOLE_SPAN_NS:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
 from semmap_log.events import DoorRemoved
@@ -84,7 +85,7 @@ class _DoorTrack:
         self._writer = writer
         self._colours = rgba([palette.of_state(state) for state in DoorState])
         self._fold = DoorFold(door.life, repeats=door.has_late_events)
-        self._level: int | None = None
+        self._level = -1  # none yet
 
     def take(self, changes: Changes) -> None:
         self._waiting.append(changes)
@@ -157,7 +158,7 @@ class _DoorTrack:
                 path, placed[here],
                 lambda part: rr.LineStrips2D.columns(strips=strips_of(part)), late=late[here],
             )  # fmt: skip
-            left = ~here & (np.append(self._level, placed["level"])[:-1] == level)
+            left = ~here & (np.append(self._level, placed["level"][:-1]) == level)
             self._writer.rows(path, placed[left], _no_line, late=late[left])
         if len(placed):
             self._level = int(placed["level"][-1])
@@ -174,7 +175,7 @@ class _DoorTrack:
         for path in self.door.lines.values():
             self._writer.clear(path, removal)
 
-    def _late(self, changes: Changes) -> np.ndarray:
+    def _late(self, changes: Changes) -> NDArray[np.bool_]:
         if self.door.has_late_events and len(changes):
             return late_rows(changes)
         return np.zeros(len(changes), np.bool_)

@@ -10,17 +10,14 @@ import numpy as np
 
 from semmap_log.events import KINDS, EventBatch
 from semmap_log.views.event_lines import EventLine, EventLines
-from semmap_log.views.palette import Palette, packed
-from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter
+from semmap_log.views.palette import Palette
+from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter, rgba
 from semmap_log.views.rerun_sdk import rr
 from semmap_log.views.scene import EVENTS, EntityPath
 
 LINE = np.dtype([
     ("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("line", "i8")
 ])  # fmt: skip
-
-PLAIN = (0x90, 0x96, 0xA2)
-"""Of lines that are about no state: grey enough for white and for black."""
 
 
 class EventsWriter:
@@ -51,7 +48,7 @@ class EventsWriter:
             [(line.number, line.folds_ns, line.recorded_ns, i) for i, line in enumerate(lines)],
             LINE,
         )
-        colours = np.array([self._colour(line) for line in lines], np.uint32)
+        colours = rgba([self._palette.text_of_state(line.state) for line in lines])
 
         def columns(part: np.ndarray) -> Sequence[Any]:
             chosen = [lines[i] for i in part["line"].tolist()]
@@ -62,9 +59,6 @@ class EventsWriter:
             ))  # fmt: skip
 
         self._writer.rows(path_of_kind(kind), rows, columns)
-
-    def _colour(self, line: EventLine) -> int:
-        return packed(PLAIN if line.state is None else self._palette.text_of_state(line.state))
 
 
 def path_of_kind(kind: int) -> EntityPath:

@@ -28,10 +28,10 @@ Rows = NDArray[np.void]
 class RowWriter:
     """Writes rows to the entities of one recording."""
 
-    def __init__(self, recording: Any) -> None:  # noqa: ANN401 - rerun is untyped to us
+    def __init__(self, recording: Any) -> None:
         self._recording = recording
 
-    def static(self, path: EntityPath, *archetypes: Any) -> None:  # noqa: ANN401
+    def static(self, path: EntityPath, *archetypes: Any) -> None:
         """Write what holds at all times."""
         self._recording.log(entity(path), *archetypes, static=True, strict=True)
 
@@ -85,7 +85,7 @@ def rgba(colours: Sequence[Rgb], alpha: int = 255) -> NDArray[np.uint32]:
     return np.array([packed(colour, alpha) for colour in colours], np.uint32)
 
 
-def _index(timeline: str, rows: Rows) -> Any:  # noqa: ANN401
+def _index(timeline: str, rows: Rows) -> Any:
     if timeline == HAPPENED:
         return rr.TimeColumn(HAPPENED, timestamp=rows["folds_ns"].astype("M8[ns]"))
     if timeline == RECORDED:

@@ -22,7 +22,7 @@ LOCAL = "127.0.0.1"
 
 START_S = 60.0
 LOAD_S = 60.0
-ANSWER_S = 60.0
+ANSWER_S = 45.0
 """A call may take rerun's own limit of 15 s on a busy machine, and is then made again."""
 SETTLE_S = 20.0
 """A picture that still changes after this long is taken as it is."""
@@ -128,7 +128,7 @@ class Viewer:
         """Return once the recording and its layout are there."""
         self._until(LOAD_S, "did not load the recording", lambda: _is_loaded(self.state()))
 
-    def state(self) -> Any:  # noqa: ANN401 - rerun is untyped to us
+    def state(self) -> Any:
         """Return rerun's ViewerState: recordings, timelines, views with what failed in them."""
         return self.ask(lambda client: client.get_state())
 
@@ -146,14 +146,22 @@ class Viewer:
         )
         self.ask(lambda client: client.set_time(timeline, play_state="paused", **where))
 
+    def show(self, view: str) -> str:
+        """Bring a view to the front of its tabs, and return its id."""
+        ids = {each.name: each.view_id for each in self.state().views}
+        if view not in ids:
+            raise ViewerError(f"view {view!r}: expected one of {', '.join(sorted(ids))}.")
+        layout = self.ask(lambda client: client.get_blueprint()).blueprint
+        for part in layout.values():
+            container = part.get("ContainerBlueprint", {})
+            if "active_tab" in container and f"view/{ids[view]}" in container["contents"]:
+                container["active_tab"] = f"view/{ids[view]}"
+        self.ask(lambda client: client.set_blueprint(layout, of="recording"))
+        return str(ids[view])
+
     def picture(self, view: str | None = None) -> bytes:
         """Return what is shown, as PNG: the window, or the view of that name."""
-        view_id = None
-        if view is not None:
-            ids = {each.name: each.view_id for each in self.state().views}
-            if view not in ids:
-                raise ViewerError(f"view {view!r}: expected one of {', '.join(sorted(ids))}.")
-            view_id = ids[view]
+        view_id = None if view is None else self.show(view)
         # Nothing tells when all is drawn; so it is when a picture is the same as the one before.
         deadline = time.monotonic() + SETTLE_S
         earlier, picture = b"", b"-"
@@ -167,15 +175,23 @@ class Viewer:
         from rerun.experimental import ViewerClient
 
         answers: list[T] = []
+        said = ""
 
         def asked() -> bool:
+            nonlocal said
             try:
                 answers.append(question(ViewerClient.connect(self.url)))
-            except (OSError, RuntimeError):
+            except (OSError, RuntimeError) as error:
+                said = str(error)
                 return False
             return True
 
-        self._until(ANSWER_S, "did not answer", asked)
+        try:
+            self._until(ANSWER_S, "did not answer", asked)
+        except ViewerError as error:
+            if not said:
+                raise
+            raise ViewerError(f"{error} Its last word: {said.splitlines()[0]}") from None
         return answers[0]
 
     def failure(self) -> ViewerError:
@@ -222,7 +238,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _binary() -> Path:
-    """Return the viewer itself: the `rerun` script only starts it, and leaves it alive when killed."""
+    """Return the viewer itself: the `rerun` script only starts it, and does not end with it."""
     try:
         import rerun_cli
     except ImportError:
@@ -242,14 +258,14 @@ def _free_port() -> int:
         return port
 
 
-def _active(state: Any) -> Any:  # noqa: ANN401
+def _active(state: Any) -> Any:
     for recording in state.recordings:
         if recording.store_id == state.active_recording:
             return recording
     return None
 
 
-def _is_loaded(state: Any) -> bool:  # noqa: ANN401
+def _is_loaded(state: Any) -> bool:
     active = _active(state)
     return active is not None and bool(active.timelines and state.views) and not state.loading
 

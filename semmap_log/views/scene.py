@@ -68,6 +68,8 @@ class Scene:
 
     doors: Mapping[DoorId, SceneDoor]
     levels: Mapping[int, SceneLevel]
+    robot_level: int | None
+    """Where the robot is at the end; None: it never told."""
     events: int
     first_ns: int
     """Happened time of the first row; 0 where there is nothing."""

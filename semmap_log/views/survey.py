@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.doors import Door, DoorId
+from semmap_log.doors import Door, DoorId, Level
 from semmap_log.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
     DoorRemoved,
     EventBatch,
+    FloorMap,
     RobotPose,
 )
 from semmap_log.views.door_rows import (
@@ -38,12 +40,14 @@ from semmap_log.views.excerpt import Excerpt
 from semmap_log.views.scene import (
     ROOT,
     Bounds,
-    EntityPath,
     Scene,
     SceneDoor,
     SceneLevel,
     bounds_of_floor,
 )
+
+if TYPE_CHECKING:
+    from semmap_log.door_log import DoorLog
 
 
 def survey(excerpt: Excerpt) -> Scene:
@@ -57,6 +61,7 @@ def survey(excerpt: Excerpt) -> Scene:
     return Scene(
         doors=_doors(pass_, levels),
         levels=levels,
+        robot_level=pass_.robot_last[1],
         events=pass_.events,
         first_ns=first_ns,
         last_ns=max(first_ns, pass_.last_ns),
@@ -121,6 +126,8 @@ class _Pass:
                       for door_id, door in before.items()}  # fmt: skip
         self.bounds: dict[int, Bounds] = {}
         self.robot_levels: set[int] = set()
+        self.robot_last: tuple[int, int | None] = (-1, None)
+        """Happened time and level of the robot's latest pose."""
         self.events = 0
         self.first_ns = self.last_ns = 0
         self.first_number = self.first_recorded_ns = 0
@@ -152,6 +159,10 @@ class _Pass:
         if RobotPose not in batch:
             return
         poses = batch[RobotPose]
+        folds_ns = batch.folds_ns[batch.where(RobotPose)]
+        if folds_ns.max() >= self.robot_last[0]:
+            latest = int(np.flatnonzero(folds_ns == folds_ns.max())[-1])
+            self.robot_last = int(folds_ns[latest]), int(poses["level"][latest])
         for level in np.unique(poses["level"]).tolist():
             self.robot_levels.add(level)
             here = poses[poses["level"] == level]
@@ -174,8 +185,7 @@ class _Pass:
 
 def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
     """Return the levels with something on them; where there is one, its path is just `/map`."""
-    at_ns = excerpt.last_ns()
-    known = excerpt.log.replay(at=at_ns).levels
+    known = excerpt.log.replay(at=excerpt.last_ns()).levels
     there = [door for door in pass_.doors.values() if door.added != NEVER]
     used = {level for door in there for level in door.levels} | pass_.robot_levels
     if excerpt.doors is None:
@@ -185,7 +195,7 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
     parts = unique_parts((n, names.get(n) or str(n)) for n in numbers)
     levels = {}
     for n in numbers:
-        floor = excerpt.log.floor_map(n, at=at_ns)
+        floor = _floor_map(excerpt.log, known.get(n))
         bounds = pass_.bounds.get(n, Bounds())
         if floor is not None:
             bounds = bounds.including(bounds_of_floor(floor))
@@ -199,6 +209,14 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
             has_robot=n in pass_.robot_levels,
         )
     return levels
+
+
+def _floor_map(log: DoorLog, level: Level | None) -> FloorMap | None:
+    if level is None or level.floor_map_event is None:
+        return None
+    event = log.event(level.floor_map_event).event
+    assert isinstance(event, FloorMap)
+    return event
 
 
 def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, SceneDoor]:

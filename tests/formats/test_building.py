@@ -1,6 +1,7 @@
 """Open-RMF buildings: doors in metres with y up, levels in order, lifts left out and said."""
 
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -77,9 +78,7 @@ def test_cartesian_metres_are_taken_as_they_are(tmp_path):
     """
     levels = "  L1:\n" + ROOM.replace("[0, 1, {distance: [3, 4.0]}]", "[0, 1, {}]")
 
-    (door,) = read_building(
-        building(tmp_path, levels, "coordinate_system: cartesian_meters")
-    ).doors
+    (door,) = read_building(building(tmp_path, levels, "coordinate_system: cartesian_meters")).doors
 
     assert (40.0, 40.0, 20.0) == (door.x, door.y, door.width)
 
@@ -152,13 +151,13 @@ def test_a_level_without_walls_has_no_plan(tmp_path):
     [
         ("[4, 5, {name: [1, front]", "[4, 9, {name: [1, front]",
          r"\.yaml:\d+: one of the doors: expected one of the 6 vertices of level 'L1', .* got 9"),
-        ("[4, 5, {name: [1, front]", "[4, x, {name: [1, front]", "expected a whole number, got 'x'"),
+        ("[4, 5, {name: [1, front]", "[4, x, {name: [1, front]", "a whole number, got 'x'"),
         ("[4, 5, {name: [1, front]", "[4, 4, {name: [1, front]", "expected two different ends"),
         ("[4, 5, {name: [1, front]", "[4, 5, {name: [1, '']", "expected a door with a name"),
         ("[4, 5, {name: [1, front], type: [1, double_sliding]}]", "[4]", "two vertices, got fewer"),
-        ("- [20, 40, 0, \"\"]", "- [20, .nan, 0]", "expected a finite number, got .nan"),
-        ("- [20, 100, 0, \"\"]", "- [20, 1e300, 0]", "within 100 km of the zero point"),
-        ("- [20, 40, 0, \"\"]", "- [20]", r"expected a vertex \[x, y, …\]"),
+        ('- [20, 40, 0, ""]', "- [20, .nan, 0]", "expected a finite number, got .nan"),
+        ('- [20, 100, 0, ""]', "- [20, 1e300, 0]", "within 100 km of the zero point"),
+        ('- [20, 40, 0, ""]', "- [20]", r"expected a vertex \[x, y, …\]"),
         ("[0, 1, {distance: [3, 4.0]}]", "[0, 1, {distance: [3, 0]}]", "a distance above 0"),
         ("[0, 1, {distance: [3, 4.0]}]", "[0, 1, {}]", "expected a distance, got none"),
         ("    measurements:\n      - [0, 1, {distance: [3, 4.0]}]", "    measurements: []",
@@ -202,8 +201,8 @@ def test_a_name_may_come_again_on_another_level(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("coordinate_system: wgs84\nlevels: {}", "expected reference_image or cartesian_meters, "
-                                                 "got 'wgs84'"),
+        ("coordinate_system: wgs84\nlevels: {}",
+         "expected reference_image or cartesian_meters, got 'wgs84'"),
         ("1: {position: {x: 0}}", "expected an Open-RMF building, which has the key levels"),
         ("- a", "a building: expected keys and values, got a list"),
         ("levels: [L1]", "levels: expected keys and values"),
@@ -244,28 +243,27 @@ def test_a_plan_too_large_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "doors", "levels", "lifts", "widths"),
+    ("name", "doors", "levels", "lifts", "widths_m"),
     [
         ("office", {"L1": 3}, [("L1", 0)], 0, (0.88, 1.90)),
         ("hotel", {"L1": 5, "L2": 7, "L3": 7}, [("L1", 0), ("L2", 8), ("L3", 16)], 2, (1.28, 3.63)),
         ("clinic", {"L1": 76, "L2": 56}, [("L1", 0), ("L2", 10)], 4, (0.91, 3.52)),
     ],
 )
-def test_the_buildings_of_open_rmf(shared_data, name, doors, levels, lifts, widths):
+def test_the_buildings_of_open_rmf(  # noqa: PLR0917 - a row of the table above
+    shared_data, name, doors, levels, lifts, widths_m
+):
     """
     Every door of the three, with plausible widths, its way free in the floor plan.
     """
     table = read_building(shared_data / "maps" / f"rmf_{name}" / f"{name}.building.yaml")
 
     names = {level.level: level.name for level in table.levels}
-    counted = {level: 0 for level in names.values()}
-    for door in table.doors:
-        counted[names[door.level]] += 1
-    assert doors == counted
+    assert doors == Counter(names[door.level] for door in table.doors)
     assert levels == [(level.name, level.elevation) for level in table.levels]
     assert lifts == len(table.left_out)
     assert all("lifts are left out" in line for line in table.left_out)
-    assert all(widths[0] <= door.width <= widths[1] for door in table.doors)
+    assert all(widths_m[0] <= door.width <= widths_m[1] for door in table.doors)
     plans = {plan.level: plan for plan in table.floor_maps}
     assert sorted(names) == sorted(plans)
     for door in table.doors:

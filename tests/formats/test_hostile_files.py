@@ -16,11 +16,11 @@ import pytest
 MEMORY_BYTES = 512 * 2**20
 SECONDS = 10
 
-CHILD = """
+CHILD = f"""
 import resource, sys
 from pathlib import Path
-resource.setrlimit(resource.RLIMIT_AS, ({memory}, {memory}))
-resource.setrlimit(resource.RLIMIT_CPU, ({seconds}, {seconds}))
+resource.setrlimit(resource.RLIMIT_AS, ({MEMORY_BYTES}, {MEMORY_BYTES}))
+resource.setrlimit(resource.RLIMIT_CPU, ({SECONDS}, {SECONDS}))
 from semmap_log.doors import DoorMap
 from semmap_log.errors import FormatError
 from semmap_log.formats.building import read_building
@@ -29,20 +29,22 @@ from semmap_log.formats.importing import Present
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.map_server import read_map
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
+empty = Present(DoorMap({{}}, {{}}), frozenset())
 readers = {{
     "yaml": [read_thesis_yaml, read_building, read_map],
     "csv": [lambda path: read_door_csv(path, tz="UTC")],
-    "jsonl": [lambda path: plan_event_lines(path, Present(DoorMap({{}}, {{}}), frozenset()), tz="UTC")],
+    "jsonl": [lambda path: plan_event_lines(path, empty, tz="UTC")],
 }}
 path = Path(sys.argv[1])
-for read in readers[path.suffix[1:]]:
+some = readers[path.suffix[1:]]
+for read in some[:1] if path.name.startswith("wide") else some:
     try:
         read(path)
     except FormatError as error:
         print(str(error)[:300])
     else:
         sys.exit("it was read")
-""".format(memory=MEMORY_BYTES, seconds=SECONDS)
+"""
 
 M = 8 * 2**20 - 64
 
@@ -60,8 +62,7 @@ def merge_bomb():
 
 
 def floor_map_bomb():
-    packed = zlib.compress(bytes(300 * 2**20), 9)
-    packed = zlib.compress(packed, 9) and packed
+    packed = zlib.compress(bytes(300 * 2**20), 1)
     return (
         b'{"kind": "FloorMap", "level": 0, "resolution": 1, "origin_x": 0, "origin_y": 0,'
         b'"width": 10, "height": 10, "cells_zlib_base64": "' + b64encode(packed) + b'"}'

@@ -137,7 +137,7 @@ def test_an_id_that_was_removed_is_an_error():
     """
     Two doors must not share a history.
     """
-    with pytest.raises(DoorRemovedError, match="(?s)doors.yaml:3: door 5 was removed.*--renumber"):
+    with pytest.raises(DoorRemovedError, match=r"(?s)doors.yaml:3: door 5 was removed.*--renumber"):
         plan_doors(table(row(5)), present(door(1), used=[5]))
 
 
@@ -225,7 +225,9 @@ def test_a_building_with_a_moved_door_is_an_error_or_an_update():
     log = present(there, levels=[Level(1, "L1"), Level(2, "L2")])
     file = building(named("front", x=3.0))
 
-    with pytest.raises(DoorExistsError, match="x 1.0 there, 3.0 in the file, kind 'sliding' there"):
+    with pytest.raises(
+        DoorExistsError, match=r"x 1.0 there, 3.0 in the file, kind 'sliding' there"
+    ):
         plan_doors(file, log)
     moved, annotated = plan_doors(file, log, update=True).events
     assert Changed.POSE == moved.changed

@@ -13,7 +13,9 @@ from semmap_log.formats.importing_lines import plan_event_lines
 
 FRONT = Door(DoorId(3), 2, 0.0, 0.0, 0.0, 1.0, DoorState.OPEN, NAN, NAN,
              annotations={"name": "front"})  # fmt: skip
-PRESENT = Present(DoorMap({DoorId(3): FRONT}, {2: Level(2, "top")}), frozenset({DoorId(3), DoorId(7)}))
+PRESENT = Present(
+    DoorMap({DoorId(3): FRONT}, {2: Level(2, "top")}), frozenset({DoorId(3), DoorId(7)})
+)
 SEEN = {"kind": "DoorObserved", "state": "OPEN"}
 
 
@@ -98,4 +100,6 @@ def test_who_and_why_of_single_lines_is_said_to_be_lost(tmp_path):
     """
     found = plan(tmp_path, SEEN | {"door_id": 3, "actor": "eva"})
 
-    assert ("1 lines say who or why: an import is one commit, with one note",) == found.warnings
+    assert (
+        "lines that say who or why: 1; an import is one commit, with one note",
+    ) == found.warnings

@@ -109,8 +109,7 @@ def test_a_status_it_does_not_know_is_unknown_with_a_warning(text):
         ("width: 0.9", "width: -0.9", "doors.yaml:6: door 3: width: expected .* 0 or more"),
         ("open_prob: 1e-05", "open_prob: 1.01", "doors.yaml:9: .* expected a number from 0 to 1"),
         ("open_prob: 1e-05", "open_prob:", "open_prob: expected a number, got nothing"),
-        ("open_prob: 1e-05", "prob_open: 1", "doors.yaml:9: door 3: expected only the keys "
-         "position, width, status, closed_prob, open_prob; got 'prob_open'"),
+        ("open_prob: 1e-05", "prob_open: 1", "doors.yaml:9: .* only the keys .* got 'prob_open'"),
         ("    theta: -0.1", "    theta: -0.1\n    z: 1", "expected only the keys x, y, theta"),
     ],
 )  # fmt: skip
@@ -128,7 +127,9 @@ def test_a_door_twice_is_an_error_with_both_lines():
     """
     Other readers keep the last one without a word.
     """
-    with pytest.raises(FormatError, match="doors.yaml:10: key '3' is there twice: first on line 1"):
+    with pytest.raises(
+        FormatError, match=r"doors.yaml:10: key '3' is there twice: first on line 1"
+    ):
         read(FIGURE_4_1 + FIGURE_4_1)
 
 

@@ -148,7 +148,9 @@ def test_rosbags(log: Path, whole: bool) -> None:
 
     assert [(topic, recorded) for topic, recorded, _ in ours(log)] == theirs
     assert count == len(theirs)
-    assert observed(log) == [(v.door_id, v.state, v.accuracy_open, v.accuracy_closed) for v in values]
+    assert observed(log) == [
+        (v.door_id, v.state, v.accuracy_open, v.accuracy_closed) for v in values
+    ]
 
 
 def observed(log: Path) -> list[tuple[int, int, float, float]]:
@@ -235,5 +237,7 @@ def test_the_folder_is_a_rosbag2_without_its_live_segment(tmp_path: Path) -> Non
 
     assert (path / "metadata.yaml").exists()
     code = "import sys; from rosbags.rosbag2 import Reader; r = Reader(sys.argv[1]); r.open(); print(r.message_count)"
-    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
+    )
     assert "3" == done.stdout.strip()

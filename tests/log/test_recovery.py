@@ -42,7 +42,9 @@ def _cut(crashed: Path, to: Path, size: int, tail: bytes = b"") -> Path:
     return to
 
 
-def test_cut_at_every_byte_of_the_last_commits(crashed: tuple[Path, list[int]], tmp_path: Path) -> None:
+def test_cut_at_every_byte_of_the_last_commits(
+    crashed: tuple[Path, list[int]], tmp_path: Path
+) -> None:
     """
     Bare, with a tail of zeros and with garbage: exactly the whole commits before the cut.
     """
@@ -88,7 +90,9 @@ def test_the_torn_tail_is_kept_beside_it(crashed: tuple[Path, list[int]], tmp_pa
     assert first == {p.name: p.read_bytes() for p in path.iterdir()}
 
 
-def test_damage_before_whole_commits_is_an_error(crashed: tuple[Path, list[int]], tmp_path: Path) -> None:
+def test_damage_before_whole_commits_is_an_error(
+    crashed: tuple[Path, list[int]], tmp_path: Path
+) -> None:
     """
     A flipped bit in an acknowledged commit is no torn tail: it is named, and nothing is cut.
     """

@@ -9,6 +9,7 @@ import stat
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,6 @@ import pytest
 import semmap_log as sl
 from semmap_log.doors import DoorId
 from semmap_log.errors import (
-    LogAccessError,
     LogError,
     LogExistsError,
     LogLockedError,
@@ -42,9 +42,11 @@ def test_numbers_have_no_gaps_and_times_only_grow(tmp_path: Path, clock: SteadyC
             log.add_door()
 
     numbers = [n for batch in sl.read(path).batches() for n in batch.number.tolist()]
-    recorded = [t for _, page in sl.read(path).reader.pages() for t in page.heads["log_time"].tolist()]
+    recorded = [
+        t for _, page in sl.read(path).reader.pages() for t in page.heads["log_time"].tolist()
+    ]
     assert list(range(6)) == numbers
-    assert all(before < after for before, after in zip(recorded, recorded[1:], strict=False))
+    assert all(before < after for before, after in pairwise(recorded))
 
 
 def test_a_happened_time_is_kept_as_given(tmp_path: Path, clock: SteadyClock) -> None:
@@ -56,7 +58,10 @@ def test_a_happened_time_is_kept_as_given(tmp_path: Path, clock: SteadyClock) ->
         log.observe(door, "open", at=clock.now_ns + 10**15)
 
         (entry,) = log.history(kinds=[DoorObserved])
-        assert entry.happened_ns == clock.now_ns - 3 * 10**6 + 10**15 or entry.happened_ns > entry.recorded_ns
+        assert (
+            entry.happened_ns == clock.now_ns - 3 * 10**6 + 10**15
+            or entry.happened_ns > entry.recorded_ns
+        )
         assert log.replay(at=entry.recorded_ns)[door].state is sl.DoorState.OPEN
 
 
@@ -87,7 +92,9 @@ def test_opening_without_appending_changes_no_byte(tmp_path: Path) -> None:
 
     sl.append(path).close()
 
-    assert before == {p.name: (p.stat().st_mtime_ns, p.read_bytes()) for p in path.iterdir() if p.suffix}
+    assert before == {
+        p.name: (p.stat().st_mtime_ns, p.read_bytes()) for p in path.iterdir() if p.suffix
+    }
 
 
 @pytest.mark.parametrize("rule", ["ROLL_COMMITS", "ROLL_BYTES", "ROLL_AGE_NS"])
@@ -137,7 +144,9 @@ def test_the_chain_of_hashes_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             if channel == COMMIT_CHANNEL:
                 commit = next(commits)
                 assert previous == commit.previous_hash
-                assert commit.hash == commit_hash(record, {c: d.digest() for c, d in digests.items()})
+                assert commit.hash == commit_hash(
+                    record, {c: d.digest() for c, d in digests.items()}
+                )
                 previous, digests, checked = commit.hash, {}, checked + 1
             elif channel != KEYFRAME_CHANNEL:
                 digests.setdefault(channel, hashlib.sha256()).update(record)
@@ -294,7 +303,9 @@ def test_a_read_only_log_is_read_and_not_written(tmp_path: Path) -> None:
     (path / ".lock").unlink()
     path.chmod(0o555)
 
-    reading = _as_nobody("import sys, semmap_log as sl; print(len(sl.read(sys.argv[1]).replay()))", path)
+    reading = _as_nobody(
+        "import sys, semmap_log as sl; print(len(sl.read(sys.argv[1]).replay()))", path
+    )
     writing = _as_nobody("import sys, semmap_log as sl; sl.append(sys.argv[1])", path)
     path.chmod(0o755)
 
@@ -409,7 +420,9 @@ def test_the_same_seed_makes_the_same_bytes(tmp_path: Path) -> None:
     made = []
     for folder in ("a", "b"):
         path = tmp_path / folder / "log"
-        with sl.create(path, tz="UTC", clock=SteadyClock(), entropy=random.Random(5).randbytes) as log:
+        with sl.create(
+            path, tz="UTC", clock=SteadyClock(), entropy=random.Random(5).randbytes
+        ) as log:
             door = log.add_door(name="front", actor="me")
             log.observe(door, "open")
         made.append({p.name: p.read_bytes() for p in path.iterdir()})

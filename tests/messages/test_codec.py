@@ -119,8 +119,6 @@ def test_the_commit_has_the_layout_that_its_hash_relies_on() -> None:
     assert commit.dtype.fields["hash"][1] + 32 == commit.dtype.itemsize
 
 
-
-
 def test_type_hashes_are_what_was_written_before() -> None:
     """
     A changed message would be another type under the same name: it needs a new name instead.
@@ -128,7 +126,9 @@ def test_type_hashes_are_what_was_written_before() -> None:
     from tests.messages.frozen_types import TYPE_HASHES
 
     now = {kind.__name__: type_hash(ros_type(kind.kind)) for kind in KINDS if kind is not FloorMap}
-    now |= {name: type_hash(f"semmap_msgs/msg/{name}") for name in ("Commit", "CommitNote", "Keyframe")}
+    now |= {
+        name: type_hash(f"semmap_msgs/msg/{name}") for name in ("Commit", "CommitNote", "Keyframe")
+    }
 
     assert now == TYPE_HASHES
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.events import Event, Retracted
-from semmap_log.log.commits import Note
+from semmap_log.commits import Note
 
 MS_NS = 1_000_000
 

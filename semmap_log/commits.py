@@ -1,0 +1,46 @@
+"""The plain nouns of a commit: events that become visible together, and what was said of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Who did it, with what, why; empty texts say nothing."""
+
+    actor: str = ""
+    source: str = ""
+    """Which sensor, robot or file."""
+    reason: str = ""
+    correlation: str = ""
+    """What it belongs to: a goal, a ticket, a round."""
+    salt: bytes = field(default=b"", repr=False, compare=False)
+    """16 random bytes, so that a redacted note cannot be guessed from its digest."""
+
+    def __bool__(self) -> bool:
+        return bool(self.actor or self.source or self.reason or self.correlation)
+
+
+@dataclass(frozen=True, slots=True)
+class Commit:
+    """A commit as the log holds it."""
+
+    first_event: int
+    count: int
+    recorded_ns: int
+    """Log time of its first record: when it is known, by the log's strictly increasing time."""
+    closed_ns: int
+    """Log time of its Commit record, the last of it."""
+    command_id: bytes
+    wall_clock_ns: int
+    monotonic_clock_ns: int
+    boot_id: bytes
+    previous_hash: bytes
+    hash: bytes
+    note: Note = Note()
+
+    @property
+    def last_event(self) -> int:
+        """Number of its last event."""
+        return self.first_event + self.count - 1

@@ -1,0 +1,291 @@
+"""Tables for people. They fit 80 columns; colours only where there is a terminal (rich sees to it).
+
+Nothing is cut off: what does not fit goes on in the next line, since half a name is no name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from semmap_log.doors import Door, DoorMap, DoorState
+from semmap_log.events import RobotPose, field_names
+from semmap_log.moments import format_local
+from semmap_log.views.event_words import words_of
+
+if TYPE_CHECKING:
+    from semmap_log.projections.diff import Diff, FieldChange
+    from semmap_log.projections.history import HistoryEntry
+    from semmap_log.summary import LogSummary
+
+ABSENT = "-"
+"""Stands for what is not known or was not given."""
+
+STATE_COLOURS = {DoorState.OPEN: "green", DoorState.CLOSED: "red"}
+OTHER_STATE_COLOUR = "yellow"
+
+SECOND_NS = 10**9
+AGE_UNITS = ((365 * 86_400, "y"), (86_400, "d"), (3_600, "h"), (60, "min"), (1, "s"))
+"""Seconds in a unit, and its name."""
+
+LATE_NS = 60 * SECOND_NS
+"""An event that was recorded so much later than it happened says so."""
+
+MOST_EVENTS_OF_A_DIFF = 40
+PAGE_ROWS = 500
+SHORTEST_NAME = 14
+
+
+def door_table(door_map: DoorMap, *, now_ns: int, tz: str, width: int | None = None) -> Table:
+    """Return the doors of a map, ids ascending; columns that no door fills are left out.
+
+    Args:
+        door_map: The doors.
+        now_ns: The moment (ns, UTC) from which the age of a state counts.
+        tz: IANA zone of the caption's time.
+        width: Columns of text; None: what the doors need.
+    """
+    doors = list(door_map.doors.values())
+    levels = any(level.name for level in door_map.levels.values())
+    named, placed = any(door.name for door in doors), any(door.is_placed for door in doors)
+    open_given, closed_given = (
+        any(not math.isnan(getattr(door, name)) for door in doors)
+        for name in ("prob_open", "prob_closed")
+    )
+    table = _plain_table(width=width)
+    table.add_column("id", justify="right")
+    if named:
+        table.add_column("name", overflow="fold", min_width=SHORTEST_NAME)
+    if levels:
+        table.add_column("level", overflow="fold")
+    for name in ("x", "y", "theta", "width") if placed else ():
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("state", no_wrap=True)
+    for name, given in (("P of\nopen", open_given), ("P of\nclosed", closed_given)):
+        if given:
+            table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("age", justify="right", no_wrap=True)
+    for door in doors:
+        cells: list[RenderableType] = [str(door.door_id)]
+        cells += [Text(door.name or ABSENT)] * named
+        cells += [Text(door_map.level_name(door.level))] * levels
+        cells += [_number(getattr(door, n)) for n in ("x", "y", "theta", "width")] * placed
+        cells.append(_state(door.state))
+        cells += [_number(door.prob_open)] * open_given + [_number(door.prob_closed)] * closed_given
+        table.add_row(*cells, age(door.last_seen_ns, now_ns))
+    table.caption = f"{_count(len(doors), 'door')}, {_moment(door_map, tz)}"
+    return table
+
+
+def history_table(entries: Iterable[HistoryEntry], *, tz: str) -> RenderableType:
+    """Return events with who and why, one a row; for many, print `history_pages` one by one."""
+    return Group(*history_pages(entries, tz=tz))
+
+
+def history_pages(entries: Iterable[HistoryEntry], *, tz: str) -> Iterator[Table]:
+    """Yield the table of `history_table` in pieces whose columns line up; the first has the head.
+
+    Args:
+        entries: Events, in the order to show.
+        tz: IANA zone of the times.
+    """
+    waiting = iter(entries)
+    page = list(islice(waiting, PAGE_ROWS))
+    is_first = True
+    while page or is_first:
+        yield _history_page(page, tz=tz, show_header=is_first)
+        page, is_first = list(islice(waiting, PAGE_ROWS)), False
+
+
+def diff_table(found: Diff, *, tz: str) -> RenderableType:
+    """Return what is different between two door maps, and the last events between them.
+
+    The robot's poses are left out.
+
+    Args:
+        found: The difference.
+        tz: IANA zone of the times.
+    """
+    table = _plain_table()
+    table.add_column("door", overflow="fold")
+    table.add_column("what", no_wrap=True)
+    table.add_column("before", overflow="fold")
+    table.add_column("after", overflow="fold")
+    for door in found.added:
+        table.add_row(_who(door), "added", ABSENT, _door_in_short(door))
+    for door in found.removed:
+        table.add_row(_who(door), "removed", _door_in_short(door), ABSENT)
+    for change in found.changed:
+        table.add_row(_who(change.door), change.field, *_before_and_after(change))
+    moments = Text(
+        f"from {_moment(found.before, tz)}\nto   {_moment(found.after, tz)}", style="dim"
+    )
+    told = [entry for entry in found.events if not isinstance(entry.event, RobotPose)]
+    parts: list[RenderableType] = [table if found else Text("No door is different."), moments]
+    if told:
+        parts += [Text(), history_table(told[-MOST_EVENTS_OF_A_DIFF:], tz=tz)]
+    if len(told) > MOST_EVENTS_OF_A_DIFF:
+        earlier = _count(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
+        parts.append(Text(f"… and {earlier} before these", style="dim"))
+    return Group(*parts)
+
+
+def entry_table(entry: HistoryEntry, *, tz: str) -> Table:
+    """Return all that is known about one event, a field a row."""
+    table = _pairs()
+    table.add_row("event", f"{entry.number}{' (taken back)' if entry.retracted else ''}")
+    table.add_row("kind", entry.kind)
+    for name in field_names(type(entry.event)):
+        value = getattr(entry.event, name)
+        if name == "salt":
+            continue
+        table.add_row(name, _value(value))
+    table.add_row("happened", format_local(entry.happened_ns, tz))
+    table.add_row("recorded", format_local(entry.recorded_ns, tz))
+    for name in ("actor", "source", "reason", "correlation"):
+        if said := getattr(entry, name):
+            table.add_row(name, Text(said))
+    table.add_row("command id", entry.command_id.hex())
+    return table
+
+
+def summary_table(summary: LogSummary) -> RenderableType:
+    """Return what a log holds, a fact a row; then what looks wrong."""
+    info, tz = summary.info, summary.info.timezone
+    table = _pairs()
+    for name, text in (("building", info.building), ("robot", info.robot)):
+        if text:
+            table.add_row(name, Text(text))
+    table.add_row("log id", info.log_id)
+    table.add_row("time zone", tz)
+    table.add_row("doors", str(len(summary.door_map)))
+    table.add_row("events", f"{summary.events:,} in {_count(summary.commits, 'commit')}")
+    for kind, count in summary.counts.items():
+        table.add_row("", f"{count:>9,} {kind}")
+    for name, span in (("happened", summary.happened_ns), ("recorded", summary.recorded_ns)):
+        if span is not None:
+            table.add_row(name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
+    files = _count(len(summary.segments), "file")
+    table.add_row("size", f"{summary.bytes / 1e6:,.1f} MB in {files}")
+    table.add_row("head", summary.head.hex())
+    warnings = [Text(f"warning: {warning}", style="yellow") for warning in summary.warnings]
+    return Group(table, *warnings)
+
+
+def age(then_ns: int | None, now_ns: int) -> str:
+    """Return how long ago something was: `3 min`, `2 d`; in the largest unit that fits twice."""
+    if then_ns is None:
+        return ABSENT
+    seconds = max(0, now_ns - then_ns) // SECOND_NS
+    for unit_s, name in AGE_UNITS:
+        if seconds >= 2 * unit_s or unit_s == 1:
+            return f"{seconds // unit_s} {name}"
+    raise AssertionError
+
+
+def _history_page(entries: list[HistoryEntry], *, tz: str, show_header: bool) -> Table:
+    table = _plain_table(show_header=show_header, expand=True)
+    table.add_column("event", justify="right", width=6, overflow="fold")
+    table.add_column(f"happened\n{tz}", width=19, overflow="fold")
+    table.add_column("door", justify="right", width=4, overflow="fold")
+    table.add_column("what", ratio=3, overflow="fold")
+    table.add_column("who: why", ratio=2, overflow="fold")
+    for entry in entries:
+        table.add_row(
+            str(entry.number),
+            format_local(entry.happened_ns, tz)[:19],
+            ABSENT if entry.door_id is None else str(entry.door_id),
+            _what(entry),
+            Text(": ".join(part for part in (entry.actor, entry.reason) if part)),
+            style="dim" if entry.retracted else "",
+        )
+    return table
+
+
+def _what(entry: HistoryEntry) -> Text:
+    said = words_of(entry.event)
+    late_ns = entry.recorded_ns - entry.happened_ns
+    if late_ns > LATE_NS:
+        said += f" (told {age(0, late_ns)} later)"
+    return Text(said + " (taken back)" * entry.retracted)
+
+
+def _plain_table(
+    *, width: int | None = None, show_header: bool = True, expand: bool = False
+) -> Table:
+    return Table(
+        box=None,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+        width=width,
+        show_header=show_header,
+        expand=expand,
+        caption_justify="left",
+        caption_style="dim",
+    )
+
+
+def _pairs() -> Table:
+    """Return a table of names and values."""
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    return table
+
+
+def _state(state: DoorState) -> Text:
+    return Text(state.name, style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
+
+
+def _number(value: float) -> str:
+    return ABSENT if math.isnan(value) else f"{value:.3f}"
+
+
+def _value(value: object) -> RenderableType:
+    if isinstance(value, DoorState):
+        return _state(value)
+    if isinstance(value, float):
+        return _number(value)
+    shape = getattr(value, "shape", None)
+    if shape is not None:
+        return f"{shape[1]} x {shape[0]} cells"
+    return Text(str(value))
+
+
+def _who(door: Door) -> Text:
+    return Text(str(door.door_id) if door.name is None else f"{door.door_id} {door.name}")
+
+
+def _door_in_short(door: Door) -> Text:
+    place = f" at {door.x:.3f}, {door.y:.3f}" if door.is_placed else ""
+    return _state(door.state).append(place, style="default")
+
+
+def _before_and_after(change: FieldChange) -> tuple[RenderableType, RenderableType]:
+    if change.field != "annotations":
+        return _value(change.before), _value(change.after)
+    keys = sorted(k for k in {**change.before, **change.after}
+                  if change.before.get(k) != change.after.get(k))  # fmt: skip
+    before, after = (
+        Text("\n".join(f"{key} = {said.get(key, ABSENT)}" for key in keys))
+        for said in (change.before, change.after)
+    )
+    return before, after
+
+
+def _moment(door_map: DoorMap, tz: str) -> str:
+    """Return which moment the map is of, in words."""
+    said = "as of now" if door_map.at_ns is None else f"at {format_local(door_map.at_ns, tz)}"
+    if door_map.known_at_ns is not None:
+        said += f", as known at {format_local(door_map.known_at_ns, tz)}"
+    return f"{said} (event {door_map.event})" if door_map.event >= 0 else f"{said} (no events)"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,375 @@
+"""The commands as a user types them: real processes for what crosses one, else in this one."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+
+VERBS = ["demo", "init", "import", "add", "update", "remove", "observe", "annotate", "patrol", "record", "replay", "history", "show", "diff", "export", "info", "view"]  # fmt: skip
+
+
+class Result:
+    """What a command printed, and its exit code."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
+    """Run a command line in a folder of its own, with a log `office` of one door `front`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TZ", "UTC")
+
+    def run(*arguments: object) -> Result:
+        code = 0
+        try:
+            main([str(argument) for argument in arguments])
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else 1
+        captured = capsys.readouterr()
+        return Result(code, captured.out, captured.err)
+
+    run("init", "office", "--tz", "Europe/Vienna")
+    run(
+        "add",
+        "office",
+        "--from",
+        "2,1.5",
+        "--to",
+        "2.9,1.5",
+        "--name",
+        "front",
+        "--actor",
+        "survey",
+    )
+    return run
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help_with_an_example(verb: str, run) -> None:  # type: ignore[no-untyped-def]
+    """
+    Exit code 0, a summary, and a line that can be typed.
+    """
+    helped = run(verb, "--help")
+
+    assert 0 == helped.code
+    assert f"semmap-log {verb}" in helped.out.partition("Example")[2]
+
+
+def test_a_door_through_its_life(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    Added, seen, updated, annotated, removed; each answer names its event.
+    """
+    assert "2\n" == run("add", "office").out
+    assert "event 3\n" == run("observe", "office", "front", "open", "--accuracy", "0.9").out
+    assert (
+        "event 4\n"
+        == run("update", "office", "front", "--state", "closed", "--prob-open", 0.25).out
+    )
+    assert "event 5\n" == run("annotate", "office", "front", "rooms", "lobby,corridor").out
+    assert "event 6\n" == run("remove", "office", 2, "--reason", "was a mistake").out
+
+    replayed = run("replay", "office", "--json").json
+    (door,) = replayed["doors"]
+    assert (1, "front", "CLOSED", 0.25, None) == (
+        door["door_id"], door["name"], door["state"], door["prob_open"], door["prob_closed"]
+    )  # fmt: skip
+    assert (2.0, 1.5, 0.0, 0.9) == (door["x"], door["y"], door["theta"], round(door["width"], 12))
+    assert {"name": "front", "rooms": "lobby,corridor"} == door["annotations"]
+    assert 6 == replayed["event"]
+
+
+def test_history_says_who_and_why(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    As JSON with the names of the design, and as a table of at most 80 columns.
+    """
+    run("update", "office", "front", "--state", "open", "--actor", "porter", "--reason", "delivery")
+
+    entries = run("history", "office", "front", "--json").json
+    table = run("history", "office", "front").out
+
+    assert ["DoorAdded", "DoorAnnotated", "DoorUpdated"] == [e["kind"] for e in entries]
+    assert ("porter", "delivery", "OPEN") == tuple(
+        entries[2][k] for k in ("actor", "reason", "state")
+    )
+    assert "porter" in table
+    assert all(len(line) <= 80 for line in table.splitlines())
+    assert "\x1b" not in table
+
+
+def test_replay_at_and_known_at(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    What was true at noon is learnt in the evening: `--at` knows it, `--known-at` did not.
+    """
+    run("observe", "office", "front", "open", "--at", "2026-03-01T12:00")
+    added = run("history", "office", "front", "--json").json[0]["recorded"]
+
+    now = run("replay", "office", "--json").json
+    known = run("replay", "office", "--known-at", added, "--json").json
+
+    assert "UNKNOWN" == now["doors"][0]["state"], (
+        "it was seen before the door was added: history only"
+    )
+    assert added == known["known_at"]
+    assert 1 == known["event"]
+
+
+def test_diff_and_show(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    Between two events: what changed, and what did it.
+    """
+    run("observe", "office", "front", "open")
+
+    found = run("diff", "office", "event:1", "now", "--json").json
+    shown = run("show", "office", 2, "--json").json
+
+    assert [("front", "state", "UNKNOWN", "OPEN")] == [
+        (c["name"], c["field"], c["before"], c["after"]) for c in found["changed"]
+    ]
+    assert ("DoorObserved", "OPEN", 1.0) == (shown["kind"], shown["state"], shown["accuracy"])
+    for verb in (["diff", "office", "event:1", "now"], ["show", "office", 2], ["info", "office"],
+                 ["replay", "office"]):  # fmt: skip
+        printed = run(*verb)
+        assert 0 == printed.code
+        assert all(len(line) <= 80 for line in printed.out.splitlines()), printed.out
+
+
+def test_info_counts(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    Of the log, and of one of its files.
+    """
+    whole = run("info", "office", "--json").json
+    file = run("info", "office/office_000000.mcap", "--json").json
+
+    assert {"DoorAdded": 1, "DoorAnnotated": 1} == whole["kinds"] == file["kinds"]
+    assert ("Europe/Vienna", 2, 1, []) == tuple(
+        whole[key] for key in ("timezone", "events", "commits", "warnings")
+    )
+
+
+def test_warnings_of_info(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    Probabilities above 1 together, and times from the future, are named.
+    """
+    run("update", "office", "front", "--prob-open", 0.8, "--prob-closed", 0.7)
+    run("observe", "office", "front", "open", "--at", "2200-01-01")
+
+    warnings = run("info", "office", "--json").json["warnings"]
+
+    assert any("front: P(open) + P(closed) = 1.5" in text for text in warnings)
+    assert any("happened after they were recorded" in text for text in warnings)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["observe", "office", "7", "open"], 1, "door 7 is not in the map"),
+        (["observe", "office", "frnt", "open"], 1, "Did you mean front?"),
+        (["observe", "office", "front", "ajar"], 2, "expected one of"),
+        (["observe", "office", "front", "open", "--accuracy", "0.2"], 1, "0.5 to 1"),
+        (["add", "office", "--x", "1"], 2, "all together"),
+        (["add", "office", "--from", "1,2"], 2, "--from and --to together"),
+        (["add", "office", "--id", "1"], 1, "in the map already"),
+        (["add", "office", "--id", "4294967296"], 1, "4294967295"),
+        (["add", "office", "--prob-open", "1.2"], 1, "0 to 1"),
+        (["add", "office", "--prob-open", "nan", "--x", "nan"], 2, "all together"),
+        (["add", "office", "--level", "L9"], 1, "no level 'L9'"),
+        (["update", "office", "front"], 2, "nothing to set"),
+        (["replay", "nolog"], 1, "no such log"),
+        (["replay", "office", "--at", "soon"], 1, "soon"),
+        (["show", "office", "99"], 1, "no event 99"),
+        (["export", "office", "doors.doc"], 1, ".yaml"),
+        (["export", "office", "doors.yaml"], 1, "--default-prob"),
+        (["history", "office", "--kind", "DoorSlammed"], 2, "DoorObserved"),
+        (["init", "office"], 1, "something here already"),
+        (["patrol", "office", "finish"], 1, "no patrol round"),
+        (["import", "office", "nothing.yaml"], 1, "nothing.yaml"),
+        (["init", "other", "--tz", "Mars/Olympus"], 1, "Mars/Olympus"),
+    ],
+)
+def test_errors_are_one_line_and_change_nothing(
+    arguments: list[str], code: int, said: str, run, tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    """
+    1 is our error, 2 is usage; the log's bytes stay as they are.
+    """
+    before = (tmp_path / "office" / "office_000000.mcap").read_bytes()
+
+    failed = run(*arguments)
+
+    assert code == failed.code, failed.err
+    assert said in failed.err
+    assert "" == failed.out
+    assert "Traceback" not in failed.err
+    assert before == (tmp_path / "office" / "office_000000.mcap").read_bytes()
+
+
+def test_patrol_rounds_are_numbered(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    Each start counts one on; a finish closes the last.
+    """
+    numbers = [run("patrol", "office", phase, "--json").json["patrol"]
+               for phase in ("start", "finish", "start", "finish")]  # fmt: skip
+
+    assert [1, 1, 2, 2] == numbers
+
+
+def test_export_and_import_again(run) -> None:  # type: ignore[no-untyped-def]
+    """
+    YAML, CSV and JSON lines of a log read back as the same doors, states and events.
+    """
+    run("update", "office", "front", "--state", "open", "--prob-open", 0.1, "--prob-closed", 0.2)
+    run("observe", "office", "front", "closed", "--accuracy", 0.75)
+    for name in ("doors.yaml", "states.csv", "events.jsonl"):
+        assert 0 == run("export", "office", name).code
+        run("init", name.partition(".")[0])
+        assert 0 == run("import", name.partition(".")[0], name).code
+
+    office = run("replay", "office", "--json").json["doors"][0]
+    doors = run("replay", "doors", "--json").json["doors"][0]
+    events = run("replay", "events", "--json").json["doors"][0]
+    states = run("replay", "states", "--json").json["doors"][0]
+    geometry = ("x", "y", "theta", "width", "state", "prob_open", "prob_closed")
+    assert [office[k] for k in geometry] == [doors[k] for k in geometry]
+    assert office == events
+    assert ("front", "CLOSED", office["last_seen"]) == (
+        states["name"], states["state"], states["last_seen"]
+    )  # fmt: skip
+
+
+def test_the_same_file_again_changes_nothing(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """
+    A file's digest is its command id; with other values it is an error that says what to do.
+    """
+    (tmp_path / "a.yaml").write_text(
+        "5:\n  position:\n    x: 1\n    y: 2\n    theta: 0\n  width: 1\n  status: OPEN\n"
+    )
+    first = run("import", "office", "a.yaml", "--json").json[0]
+    again = run("import", "office", "a.yaml", "--json").json[0]
+    (tmp_path / "b.yaml").write_text((tmp_path / "a.yaml").read_text().replace("OPEN", "CLOSED"))
+    other = run("import", "office", "b.yaml")
+    forced = run("import", "office", "b.yaml", "--update", "--json").json[0]
+
+    assert (1, False, 0, True) == (first["count"], first["known_before"], again["count"],
+                                   again["known_before"])  # fmt: skip
+    assert (1, True) == (other.code, "--update" in other.err)
+    assert 1 == forced["count"]
+
+
+def _start(*arguments: object, **more: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "semmap_log", *map(str, arguments)], text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more,
+    )  # fmt: skip
+
+
+def test_record_answers_each_line(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """
+    By its event once it is durable, or by what is wrong with it; then the exit code is 1.
+    """
+    lines = [
+        '{"kind": "DoorObserved", "door": "front", "state": "OPEN", "accuracy": 0.9}',
+        '{"kind": "RobotPose", "x": 1, "y": 2, "theta": 0}',
+        "not json",
+        '{"kind": "DoorObserved", "door_id": 99, "state": "OPEN"}',
+        '{"kind": "DoorAdded", "actor": "me"}',
+    ]
+    process = _start("record", tmp_path / "office", "--ack")
+    out, err = process.communicate("\n".join(lines))
+
+    answers = {answer["line"]: answer for answer in map(json.loads, out.splitlines())}
+    assert {1: 2, 2: 3, 5: 4} == {n: a["event"] for n, a in answers.items() if "event" in a}
+    assert {3, 4} == {n for n, a in answers.items() if "error" in a}
+    assert 1 == process.returncode
+    assert "door 99" in err
+    kinds = [type(e.event).__name__ for e in sl.read(tmp_path / "office").history()]
+    assert ["DoorObserved", "RobotPose", "DoorAdded"] == kinds[2:]
+
+
+def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """
+    What came before it is stored, what comes after is not.
+    """
+    good = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}'
+    process = _start("record", tmp_path / "office", "--strict")
+    _, err = process.communicate(f"{good}\nbad\n{good}\n")
+
+    assert (1, 3) == (process.returncode, sl.read(tmp_path / "office").replay().event + 1)
+    assert "line 2" in err
+
+
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
+def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """
+    Ctrl-C and SIGTERM: what was read is stored, the segment is closed, the exit code is 0.
+    """
+    process = _start("record", tmp_path / "office", "--ack")
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write('{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n')
+    process.stdin.flush()
+    assert {"line": 1, "event": 2} == json.loads(process.stdout.readline())
+
+    process.send_signal(sign)
+
+    assert 0 == process.wait(timeout=20)
+    assert sl.read(tmp_path / "office").reader.segments[-1].closed
+
+
+def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """
+    SIGKILL at any moment: the log opens, and every answered line is in it.
+    """
+    process = _start("record", tmp_path / "office", "--ack")
+    assert process.stdin is not None
+    assert process.stdout is not None
+    line = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
+    process.stdin.write(line * 200)
+    process.stdin.flush()
+    time.sleep(1.0)
+    process.kill()
+    answered = [json.loads(text)["event"] for text in process.stdout.read().splitlines()]
+
+    with sl.append(tmp_path / "office") as log:
+        assert log.replay().event >= max(answered, default=1)
+
+
+def test_python_m_is_the_same(tmp_path: Path) -> None:
+    """
+    `python -m semmap_log` runs the same program, with `--version`.
+    """
+    done = subprocess.run([sys.executable, "-m", "semmap_log", "--version"], capture_output=True,
+                          text=True, check=True)  # fmt: skip
+
+    assert done.stdout.startswith("semmap-log ")
+
+
+def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """
+    As `| head` does: no traceback.
+    """
+    with sl.append(tmp_path / "office") as log:
+        for _ in range(300):
+            log.observe("front", "open")
+    done = subprocess.run(
+        f"{sys.executable} -m semmap_log history office --json | head -1", shell=True,
+        capture_output=True, text=True, cwd=tmp_path, check=False, env={**os.environ, "TZ": "UTC"},
+    )  # fmt: skip
+
+    assert ("[\n", "") == (done.stdout, done.stderr)
