@@ -6,6 +6,7 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap
 from semmap_log.errors import (
@@ -29,16 +30,69 @@ from semmap_log.events import (
 from semmap_log.projections.door_map import DoorMapState
 
 
-class Gatekeeper:
-    """Checks the events of one commit, each against the state and the events before it."""
+@dataclass(slots=True)
+class Roster:
+    """Which doors and levels there are, as far as commands need to know: cheap to keep current."""
 
-    def __init__(self, state: DoorMapState, next_event: int, now_ns: int) -> None:
-        self._state = state
+    placed: dict[int, bool]
+    """Doors in the map -> whether they have a place."""
+    added_ns: dict[int, int]
+    removed_ns: dict[int, int]
+    used_ids: set[int]
+    """Every id that was ever given."""
+    levels: set[int]
+
+    @classmethod
+    def of(cls, state: DoorMapState) -> Roster:
+        """Return the roster of a door map."""
+        ids = state.used_door_ids
+        return cls(
+            placed={i: state.is_placed(i) for i in ids if state.is_present(i)},
+            added_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "added"))},
+            removed_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "removed"))},
+            used_ids=set(ids),
+            levels=state.known_levels() | {0},
+        )
+
+    def copy(self) -> Roster:
+        """Return one that can be changed without changing this."""
+        return Roster(
+            dict(self.placed), dict(self.added_ns), dict(self.removed_ns),
+            set(self.used_ids), set(self.levels),
+        )  # fmt: skip
+
+    @property
+    def next_free_id(self) -> DoorId:
+        """The id after the greatest that was ever given."""
+        return DoorId(max(self.used_ids, default=0) + 1)
+
+    def apply(self, event: Event, now_ns: int) -> None:
+        """Take in what an event changes."""
+        happened_ns = now_ns if event.happened_ns is None else event.happened_ns
+        if isinstance(event, DoorAdded):
+            self.placed[event.door_id] = not math.isnan(event.x)
+            self.added_ns[event.door_id] = happened_ns
+            self.used_ids.add(event.door_id)
+        elif isinstance(event, DoorRemoved):
+            self.placed.pop(event.door_id, None)
+            self.removed_ns[event.door_id] = happened_ns
+        elif isinstance(event, DoorUpdated) and event.door_id in self.placed:
+            self.placed[event.door_id] = True
+        elif isinstance(event, (LevelAdded, FloorMap)):
+            self.levels.add(event.level)
+
+
+class Gatekeeper:
+    """Checks the events of one commit, each against the map and the events before it."""
+
+    def __init__(self, roster: Roster, next_event: int, now_ns: int) -> None:
+        self.roster = roster
+        """The roster after the events that passed; the one that was given stays as it was."""
+        self.has_retraction = False
+        """A roster cannot follow a retraction: it must be made anew."""
+        self._is_own = False
         self._next_event = next_event
         self._now_ns = now_ns
-        self._added: dict[int, DoorAdded] = {}
-        self._removed: set[int] = set()
-        self._levels = state.known_levels() | {0}
 
     def check(self, event: Event) -> None:
         """Let the event pass.
@@ -48,65 +102,68 @@ class Gatekeeper:
         """
         if isinstance(event, DoorAdded):
             self._check_new(event)
-            self._added[event.door_id] = event
         elif isinstance(event, DoorEvent):
             self._check_known(event)
             if isinstance(event, DoorUpdated):
                 self._check_update(event)
-            if isinstance(event, DoorRemoved):
+            elif isinstance(event, DoorRemoved):
                 self._check_removal(event)
-                self._removed.add(event.door_id)
         elif isinstance(event, Retracted):
             self._check_retraction(event)
-        elif isinstance(event, (LevelAdded, FloorMap)):
-            self._levels.add(event.level)
+            self.has_retraction = True
+        if self._changes_roster(event):
+            if not self._is_own:
+                self.roster, self._is_own = self.roster.copy(), True
+            self.roster.apply(event, self._now_ns)
         self._next_event += 1
+
+    def _changes_roster(self, event: Event) -> bool:
+        if isinstance(event, DoorUpdated):
+            return bool(self._moves(event)) and not self.roster.placed.get(event.door_id, True)
+        return isinstance(event, (DoorAdded, DoorRemoved, LevelAdded, FloorMap))
 
     def _check_new(self, event: DoorAdded) -> None:
         door_id = event.door_id
-        if door_id in self._added or self._state.is_present(door_id):
+        if door_id in self.roster.placed:
             raise DoorExistsError(f"door {door_id} is in the map already; choose another id.")
-        if door_id in self._state.used_door_ids:
+        if door_id in self.roster.used_ids:
             raise DoorRemovedError(
                 f"door {door_id} was removed, and an id is never used twice; "
-                f"the next free id is {next_free_id(self._state)}."
+                f"the next free id is {self.roster.next_free_id}."
             )
         self._check_level(event.level)
 
     def _check_known(self, event: DoorEvent) -> None:
         door_id = event.door_id
-        if door_id in self._removed:
-            raise DoorRemovedError(f"door {door_id} was removed just before.")
-        if door_id in self._added or self._state.is_present(door_id):
+        if door_id in self.roster.placed:
             return
-        removed = self._state.stamp(door_id, "removed")
-        if removed is None:
+        removed_ns = self.roster.removed_ns.get(door_id)
+        if removed_ns is None:
             raise UnknownDoorError(f"door {door_id} is not in the map.")
-        if event.happened_ns is None or event.happened_ns > removed[0]:
+        if event.happened_ns is None or event.happened_ns > removed_ns:
             raise DoorRemovedError(
                 f"door {door_id} was removed; only what happened before that can be added to it."
             )
 
     def _check_update(self, event: DoorUpdated) -> None:
-        if event.changed & Changed.POSE:
+        moves = self._moves(event)
+        if moves & Changed.POSE:
             self._check_level(event.level)
-        geometry = event.changed & (Changed.POSE | Changed.WIDTH)
-        if geometry and geometry != Changed.POSE | Changed.WIDTH and not self._is_placed(event):
+        if moves and moves != PLACING and not self.roster.placed.get(event.door_id, True):
             raise CommandError(
                 f"door {event.door_id} has no place yet; to place it, give pose and width together."
             )
 
+    @staticmethod
+    def _moves(event: DoorUpdated) -> Changed:
+        return event.changed & PLACING
+
     def _check_removal(self, event: DoorRemoved) -> None:
-        added = self._added.get(event.door_id)
-        if added is not None:
-            added_ns = self._now_ns if added.happened_ns is None else added.happened_ns
-        else:
-            stamp = self._state.stamp(event.door_id, "added")
-            added_ns = stamp[0] if stamp else 0
+        if event.door_id not in self.roster.placed:
+            raise DoorRemovedError(f"door {event.door_id} was removed already.")
+        added_ns = self.roster.added_ns.get(event.door_id, 0)
         if event.happened_ns is not None and event.happened_ns < added_ns:
-            raise CommandError(
-                f"door {event.door_id} cannot have been removed before it was added."
-            )
+            raise CommandError(f"door {event.door_id} cannot be removed before it was added.")
 
     def _check_retraction(self, event: Retracted) -> None:
         if event.last_event >= self._next_event:
@@ -116,23 +173,15 @@ class Gatekeeper:
             )
 
     def _check_level(self, level: int) -> None:
-        if level not in self._levels:
-            known = ", ".join(str(number) for number in sorted(self._levels))
+        if level not in self.roster.levels:
+            known = ", ".join(str(number) for number in sorted(self.roster.levels))
             raise UnknownLevelError(f"no level {level}; there are: {known}.")
 
-    def _is_placed(self, event: DoorUpdated) -> bool:
-        added = self._added.get(event.door_id)
-        if added is not None:
-            return not math.isnan(added.x)
-        return self._state.is_placed(event.door_id)
 
+PLACING = Changed.POSE | Changed.WIDTH
+"""What an update must set together to give a door its first place."""
 
 MOST_ID_DIGITS = len(str(MAX_DOOR_ID))
-
-
-def next_free_id(state: DoorMapState) -> DoorId:
-    """Return the id after the greatest that was ever given."""
-    return DoorId(max(state.used_door_ids, default=0) + 1)
 
 
 def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:

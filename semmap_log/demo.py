@@ -15,6 +15,7 @@ from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorMap
 from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
+from semmap_log.events import Retracted
 from semmap_log.exporting import export
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.live.event_lines import Answer, LineRecorder
@@ -56,7 +57,7 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
             f"{folder}: there is something here already; name another folder: semmap-log demo OTHER"
         )
     source = sl.read(shipped_recording(RECORDING))
-    history = [entry for entry in source.history() if not entry.retracted]
+    history = [entry for entry in source.history() if not _is_of_that_log_only(entry)]
     half = _middle(history)
     path = folder / RECORDING
     info = source.info
@@ -86,6 +87,11 @@ def shipped_recording(name: str) -> Path:
         if (folder / name).is_dir():
             return folder / name
     raise NotALogError(f"the recording {name!r} is not here; install semmap-log from its sources.")
+
+
+def _is_of_that_log_only(entry: HistoryEntry) -> bool:
+    """Tell whether an event makes sense only under the numbers that its own log gave."""
+    return entry.retracted or isinstance(entry.event, Retracted)
 
 
 def _middle(history: list[HistoryEntry]) -> int:

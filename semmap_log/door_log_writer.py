@@ -9,7 +9,7 @@ from itertools import chain
 from types import TracebackType
 from typing import TYPE_CHECKING, TypedDict
 
-from semmap_log.commands import Gatekeeper, next_free_id, resolve_door
+from semmap_log.commands import Gatekeeper, Roster, resolve_door
 from semmap_log.commits import Commit, Note
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import NAN, DoorId, DoorState
@@ -76,6 +76,14 @@ class DoorLogWriter(DoorLog):
         self._poses: list[RobotPose] = []
         self._pose_timer: threading.Timer | None = None
         self._is_stale = False
+        self._roster: Roster | None = None
+
+    @property
+    def roster(self) -> Roster:
+        """Which doors and levels there are after the last commit."""
+        if self._roster is None:
+            self._roster = Roster.of(self._writer.state)
+        return self._roster
 
     @property
     def reader(self) -> LogReader:
@@ -117,11 +125,17 @@ class DoorLogWriter(DoorLog):
                 if known is not None:
                     return Appended(known, repeated=True)
             self._is_stale = True
+            gatekeeper = Gatekeeper(
+                self.roster,
+                self._writer.next_event + len(self._poses),
+                self._writer.clock.wall_ns(),
+            )
             commit = self._writer.append(
-                chain(self._poses, self._checked(events)),
+                chain(self._poses, _checked(events, gatekeeper)),
                 note=note, command_id=command_id, sync=sync,
             )  # fmt: skip
             self._poses = []
+            self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
             return Appended(commit)
 
     def find_command(self, command_id: bytes, *, everywhere: bool = False) -> Commit | None:
@@ -163,7 +177,7 @@ class DoorLogWriter(DoorLog):
             InvalidEventError: A value that no door can have.
         """
         with self._mutex:
-            given = door_id if door_id is not None else next_free_id(self._writer.state)
+            given = self.roster.next_free_id if door_id is None else door_id
             added = DoorAdded(
                 door_id=given, level=level, x=x, y=y, theta=theta, width=width,
                 state=_state(state), prob_open=prob_open, prob_closed=prob_closed,
@@ -328,10 +342,15 @@ class DoorLogWriter(DoorLog):
 
     def resolve(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name, as of now."""
+        if isinstance(door, int):
+            return DoorId(door)  # whether it is there, the gatekeeper says
         with self._mutex:
-            if isinstance(door, int) and not self._writer.state.is_present(door):
-                return DoorId(door)  # may have been removed: the gatekeeper says what is wrong
             return resolve_door(door, self._writer.state.door_map())
+
+    def level_of(self, door: DoorId) -> int:
+        """Return the level that a door is on; 0 for one that is not there."""
+        known = self.state.door_map().doors.get(door)
+        return known.level if known else 0
 
     def close(self) -> None:
         """Write what waits, close the segment so that every tool reads it, let the lock go."""
@@ -352,14 +371,6 @@ class DoorLogWriter(DoorLog):
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-    def _checked(self, events: Iterable[Event]) -> Iterator[Event]:
-        gatekeeper = Gatekeeper(
-            self._writer.state, self._writer.next_event, self._writer.clock.wall_ns()
-        )
-        for event in events:
-            gatekeeper.check(event)
-            yield event
 
     def _commit(self, events: list[Event], about: About) -> Appended:
         note = Note(
@@ -396,6 +407,13 @@ class DoorLogWriter(DoorLog):
                 self._is_stale = True
                 self._writer.append(self._poses)
                 self._poses = []
+
+
+def _checked(events: Iterable[Event], gatekeeper: Gatekeeper) -> Iterator[Event]:
+    """Pass the events on, each once it is checked."""
+    for event in events:
+        gatekeeper.check(event)
+        yield event
 
 
 def _state(state: DoorState | str) -> DoorState:

@@ -50,7 +50,7 @@ def run(
     import semmap_log as sl
     from semmap_log.events import KIND_BY_NAME
     from semmap_log.formats.door_json import entry_to_json
-    from semmap_log.views.tables import history_table
+    from semmap_log.views.tables import history_pages
 
     for name in kind or []:
         if name not in KIND_BY_NAME:
@@ -65,5 +65,7 @@ def run(
         entries = iter(deque(entries, maxlen=last))
     if as_json:
         print_json_list(entry_to_json(entry) for entry in entries)
-    else:
-        console().print(history_table(entries, tz=opened.info.timezone))
+        return
+    out = console()
+    for page in history_pages(entries, tz=opened.info.timezone):
+        out.print(page)

@@ -63,9 +63,9 @@ def run(
     if save is not None:
         say(f"{save}: {summary.events} events, {summary.bytes / 1e6:.1f} MB, "
             f"{summary.seconds:.1f} s. To look at it: rerun {save}")  # fmt: skip
+    at_ns = opened.moment(at).ns if at else None
     if screenshot is not None:
-        at_ns = opened.moment(at).ns if at else None
         take_screenshot(path, screenshot, at_ns=at_ns)
         say(f"{screenshot}: written.")
     if save is None and screenshot is None:
-        open_viewer(path)
+        open_viewer(path, at_ns=at_ns)

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from semmap_log.commands import next_free_id
 from semmap_log.commits import Note
 from semmap_log.door_log_writer import POSES_WAIT_S, Appended, DoorLogWriter
 from semmap_log.errors import CommandError, FormatError, SemmapError
@@ -92,11 +91,10 @@ class LineRecorder:
         return True
 
     def _parse(self, text: bytes) -> ParsedLine:
-        state = self.log.state
         lookup = DoorLookup(
             resolve=self.log.resolve,
-            next_id=lambda: next_free_id(state),
-            level_of=lambda door_id: state.door_map().doors[door_id].level,
+            next_id=lambda: self.log.roster.next_free_id,
+            level_of=self.log.level_of,
         )
         return parse_event_line(
             text, tz=self.log.info.timezone, lookup=lookup, path="line", line=self._line
