@@ -29,33 +29,31 @@ def run(
     from semmap_log.views.tables import door_table
 
     made = run_demo(folder, tell=say)
-    out = console()
     tz = _zone(made.log)
     titles = ("Before the recording", "In the middle of it", "After it")
     for title, door_map in zip(titles, made.moments, strict=True):
         assert door_map.at_ns is not None
-        out.print(f"\n{title}, at {format_local(door_map.at_ns, tz)}:")
-        out.print(door_table(door_map, now_ns=door_map.at_ns, tz=tz))
-    end = made.moments[-1].at_ns
-    assert end is not None
-    moment = format_local(end - 3600 * 10**9, tz)
-    out.print(f"\nMade in {made.folder}:")
-    out.print(
-        f"  {made.log.name}/       the log: {made.copied} events copied, {made.recorded} recorded"
+        typer.echo(f"\n{title}:")
+        console().print(door_table(door_map, now_ns=door_map.at_ns, tz=tz))
+    end_ns = made.moments[-1].at_ns
+    assert end_ns is not None
+    picture = f"{made.rrd.name}   the history, for the rerun viewer" if made.rrd else "no picture"
+    typer.echo(
+        f"\nMade in {made.folder}:\n"
+        f"  {made.log.name}/      the log: {made.copied} events copied, {made.recorded} recorded\n"
+        f"  {made.yaml.name}   the doors, for the thesis's server\n"
+        f"  {picture}"
     )
-    out.print(f"  {made.yaml.name}    the doors for the thesis's server")
-    if made.rrd is not None:
-        out.print(f"  {made.rrd.name}    the history for the rerun viewer")
-    else:
-        out.print(f"  (no picture: {made.rrd_problem})")
-    out.print("\nWhat to type next:")
-    for command in (
-        f"semmap-log history {made.log} -n 10",
-        f'semmap-log replay {made.log} --at "{moment}"',
-        f'semmap-log diff {made.log} "2h ago" now',
-        f"semmap-log view {made.log}",
-    ):
-        out.print(f"  {command}")
+    if made.rrd_problem:
+        say(made.rrd_problem)
+    noon = format_local(end_ns - 8 * 3600 * 10**9, tz)[:16]
+    typer.echo(
+        "\nWhat to type next:\n"
+        f"  semmap-log history {made.log} -n 10\n"
+        f'  semmap-log replay {made.log} --at "{noon}"\n'
+        f'  semmap-log diff {made.log} "2h ago" now\n'
+        f"  semmap-log view {made.log}"
+    )
 
 
 def _zone(log: Path) -> str:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import typer
 
-POINT_METAVAR = "X,Y"
+X = Annotated[float | None, typer.Option(help="Start of the door's line, metres.")]
+Y = Annotated[float | None, typer.Option(help="Start of the door's line, metres.")]
+Theta = Annotated[float | None, typer.Option(help="Its direction, radians.")]
+Width = Annotated[float | None, typer.Option(help="Its length, metres.")]
+Start = Annotated[str | None, typer.Option("--from", metavar="X,Y", help="Start of the line …")]
+End = Annotated[str | None, typer.Option("--to", metavar="X,Y", help="… and its end.")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
-from semmap_log.cli.geometry import POINT_METAVAR, Line, line_of
+from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
     from semmap_log.door_log_writer import About
@@ -18,16 +18,12 @@ def run(
     log: LogPath,
     door: DoorName,
     *,
-    x: Annotated[float | None, typer.Option(help="Start of the door's line, metres.")] = None,
-    y: Annotated[float | None, typer.Option(help="Start of the door's line, metres.")] = None,
-    theta: Annotated[float | None, typer.Option(help="Its direction, radians.")] = None,
-    width: Annotated[float | None, typer.Option(help="Its length, metres.")] = None,
-    start: Annotated[
-        str | None, typer.Option("--from", metavar=POINT_METAVAR, help="Start of the line …")
-    ] = None,
-    end: Annotated[
-        str | None, typer.Option("--to", metavar=POINT_METAVAR, help="… and its end.")
-    ] = None,
+    x: X = None,
+    y: Y = None,
+    theta: Theta = None,
+    width: Width = None,
+    start: Start = None,
+    end: End = None,
     level: Annotated[str | None, typer.Option(help="Level, by number or name.")] = None,
     state: Annotated[
         str | None, typer.Option(help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE.")
