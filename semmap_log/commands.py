@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from semmap_log.commits import Commit
 from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap
 from semmap_log.errors import (
     CommandError,
@@ -17,6 +18,7 @@ from semmap_log.errors import (
     UnknownLevelError,
 )
 from semmap_log.events import (
+    MAX_TIME_NS,
     Changed,
     DoorAdded,
     DoorEvent,
@@ -66,9 +68,9 @@ class Roster:
         """The id after the greatest that was ever given."""
         return DoorId(max(self.used_ids, default=0) + 1)
 
-    def apply(self, event: Event, now_ns: int) -> None:
-        """Take in what an event changes."""
-        happened_ns = now_ns if event.happened_ns is None else event.happened_ns
+    def apply(self, event: Event) -> None:
+        """Take in what an event changes; one without a time counts from the end of time."""
+        happened_ns = MAX_TIME_NS if event.happened_ns is None else event.happened_ns
         if isinstance(event, DoorAdded):
             self.placed[event.door_id] = not math.isnan(event.x)
             self.added_ns[event.door_id] = happened_ns
@@ -85,14 +87,14 @@ class Roster:
 class Gatekeeper:
     """Checks the events of one commit, each against the map and the events before it."""
 
-    def __init__(self, roster: Roster, next_event: int, now_ns: int) -> None:
+    def __init__(self, roster: Roster, next_event: int) -> None:
         self.roster = roster
         """The roster after the events that passed; the one that was given stays as it was."""
         self.has_retraction = False
         """A roster cannot follow a retraction: it must be made anew."""
         self._is_own = False
         self._next_event = next_event
-        self._now_ns = now_ns
+        self._timeless: list[tuple[int, DoorAdded | DoorRemoved]] = []
 
     def check(self, event: Event) -> None:
         """Let the event pass.
@@ -114,8 +116,19 @@ class Gatekeeper:
         if self._changes_roster(event):
             if not self._is_own:
                 self.roster, self._is_own = self.roster.copy(), True
-            self.roster.apply(event, self._now_ns)
+            self.roster.apply(event)
+            if event.happened_ns is None and isinstance(event, (DoorAdded, DoorRemoved)):
+                self._timeless.append((self._next_event, event))
         self._next_event += 1
+
+    def settle(self, commit: Commit) -> None:
+        """Give the doors that came and went without a time the one at which it was recorded."""
+        for number, event in self._timeless:
+            recorded_ns = commit.recorded_ns + number - commit.first_event
+            if isinstance(event, DoorAdded):
+                self.roster.added_ns[event.door_id] = recorded_ns
+            else:
+                self.roster.removed_ns[event.door_id] = recorded_ns
 
     def _changes_roster(self, event: Event) -> bool:
         if isinstance(event, DoorUpdated):

@@ -125,16 +125,13 @@ class DoorLogWriter(DoorLog):
                 if known is not None:
                     return Appended(known, repeated=True)
             self._is_stale = True
-            gatekeeper = Gatekeeper(
-                self.roster,
-                self._writer.next_event + len(self._poses),
-                self._writer.clock.wall_ns(),
-            )
+            gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(self._poses))
             commit = self._writer.append(
                 chain(self._poses, _checked(events, gatekeeper)),
                 note=note, command_id=command_id, sync=sync,
             )  # fmt: skip
             self._poses = []
+            gatekeeper.settle(commit)
             self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
             return Appended(commit)
 

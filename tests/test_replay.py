@@ -91,7 +91,7 @@ def random_log(path: Path, dice: random.Random, commits: int) -> list[Told]:
 def _allowed(log: sl.DoorLogWriter, dice: random.Random, count: int) -> Iterator[Event]:
     """Yield those of `count` random events that the map lets pass."""
     number = log.state.event + 1
-    gatekeeper = Gatekeeper(log.roster, number, log._writer.clock.wall_ns())
+    gatekeeper = Gatekeeper(log.roster, number)
     for _ in range(count):
         try:
             event = random_event(dice, number, log._writer.clock.wall_ns())

@@ -85,7 +85,6 @@ class _DoorTrack:
         self._writer = writer
         self._colours = rgba([palette.of_state(state) for state in DoorState])
         self._fold = DoorFold(door.life, repeats=door.has_late_events)
-        self._level = -1  # none yet
 
     def take(self, changes: Changes) -> None:
         self._waiting.append(changes)
@@ -150,18 +149,13 @@ class _DoorTrack:
             self._writer.rows(path, changes, columns, late=late)
 
     def _write_lines(self, placements: Changes) -> None:
+        """Write each place as a line on its level, and as no line on the others."""
         placed = placements[np.isfinite(placements["x"]) & np.isfinite(placements["width"])]
         late = self._late(placed)
         for level, path in self.door.lines.items():
             here = placed["level"] == level
-            self._writer.rows(
-                path, placed[here],
-                lambda part: rr.LineStrips2D.columns(strips=strips_of(part)), late=late[here],
-            )  # fmt: skip
-            left = ~here & (np.append(self._level, placed["level"][:-1]) == level)
-            self._writer.rows(path, placed[left], _no_line, late=late[left])
-        if len(placed):
-            self._level = int(placed["level"][-1])
+            self._writer.rows(path, placed[here], _line, late=late[here])
+            self._writer.rows(path, placed[~here], _no_line, late=late[~here])
 
     def _write_curves(self, given: Changes) -> None:
         def points(part: Changes) -> Sequence[Any]:
@@ -181,7 +175,10 @@ class _DoorTrack:
         return np.zeros(len(changes), np.bool_)
 
 
+def _line(part: Changes) -> Sequence[Any]:
+    return list(rr.LineStrips2D.columns(strips=strips_of(part)))
+
+
 def _no_line(part: Changes) -> Sequence[Any]:
-    """Return rows without any line: the door is on another level from there on."""
     nothing = rr.LineStrips2D.from_fields(strips=[]).as_component_batches()
     return [batch.partition([0] * len(part)) for batch in nothing]

@@ -79,7 +79,10 @@ def save_rrd(
     blueprint = layout(scene, palette, chosen=None if doors is None else list(doors), level=front)
     try:
         with whole_file(path) as temporary:
-            write_recording(excerpt, scene, temporary, blueprint, palette, progress)
+            write_recording(
+                temporary, excerpt,
+                scene=scene, blueprint=blueprint, palette=palette, progress=progress,
+            )  # fmt: skip
     except OSError as error:
         raise SemmapError(f"{path}: cannot be written: {error.strerror or error}.") from None
     return RrdSummary(scene.events, time.monotonic() - started, path.stat().st_size)

@@ -51,10 +51,14 @@ class RowWriter:
             columns: Gives the component columns for some of the rows.
             late: Rows that exist on the timeline `happened` only; None: none.
         """
-        if late is not None and late.any():
+        everywhere = [HAPPENED, RECORDED, EVENT]
+        if late is None:
+            self._send(path, rows, columns, everywhere)
+        else:
+            self._send(path, rows[~late], columns, everywhere)
+            # Behind the others: of rows at one time the last written wins, and late ones have the
+            # greater numbers there.
             self._send(path, rows[late], columns, [HAPPENED])
-            rows = rows[~late]
-        self._send(path, rows, columns, [HAPPENED, RECORDED, EVENT])
 
     def clear(self, path: EntityPath, rows: Rows) -> None:
         """Let the entity vanish at these rows; what is static of it stays for its return."""

@@ -196,7 +196,7 @@ class Viewer:
 
     def failure(self) -> ViewerError:
         """Return why the viewer ended, as far as it said."""
-        return _failure(self.log.read_text(errors="replace"))
+        return explained(self.log.read_text(errors="replace"))
 
     def _until(self, most_s: float, problem: str, done: Callable[[], bool]) -> None:
         deadline = time.monotonic() + most_s
@@ -270,7 +270,7 @@ def _is_loaded(state: Any) -> bool:
     return active is not None and bool(active.timelines and state.views) and not state.loading
 
 
-def _failure(log: str) -> ViewerError:
+def explained(log: str) -> ViewerError:
     """Return what the viewer's own words mean."""
     if re.search("graphics adapter|render context", log):
         return ViewerError(
