@@ -25,7 +25,7 @@ from semmap_log.errors import MomentError
 from semmap_log.events import Event, EventBatch, FloorMap, RecordedEvent, Retracted
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
-from semmap_log.moments import Moment, parse_moment
+from semmap_log.moments import Moment, parse_moment, parse_range
 from semmap_log.projections.diff import Diff, diff
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.replay import Projection, Scope, fold, replay, visible_batches
@@ -33,9 +33,9 @@ from semmap_log.replay import Projection, Scope, fold, replay, visible_batches
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-Time = int | str | datetime | None
-"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), or a
-datetime (a naive one is in the log's zone)."""
+Time = int | str | datetime | Moment | None
+"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
+datetime (a naive one is in the log's zone), or what `moment` made of one."""
 
 P = TypeVar("P", bound=Projection)
 
@@ -238,6 +238,8 @@ class DoorLog:
         """
         if time is None:
             return Moment()
+        if isinstance(time, Moment):
+            return time
         if isinstance(time, datetime):
             time = time.isoformat()
         if isinstance(time, str):
@@ -245,6 +247,14 @@ class DoorLog:
             end_ns = self.end_ns() if relative else 0
             return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
         return Moment(ns=int(time))
+
+    def span(self, text: str) -> tuple[Moment, Moment]:
+        """Return the two moments of `T1..T2`.
+
+        Raises:
+            MomentError: It is not two moments, the earlier first.
+        """
+        return parse_range(text, tz=self.info.timezone, end_ns=self.end_ns())
 
     def scope(self, at: Time = None, known_at: Time = None, event: int | None = None) -> Scope:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.

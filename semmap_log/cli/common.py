@@ -38,7 +38,8 @@ UpToEvent = Annotated[
     int | None, typer.Option("--event", metavar="N", help="Only events up to this number.")
 ]
 Since = Annotated[
-    str | None, typer.Option("--since", metavar="TIME", help="From then on (happened time).")
+    str | None,
+    typer.Option("--since", metavar="TIME", help="From then on; or T1..T2 (happened time)."),
 ]
 Until = Annotated[
     str | None, typer.Option("--until", metavar="TIME", help="Before then (happened time).")

@@ -11,7 +11,9 @@ from semmap_log.cli.common import AsJson, LogPath, console, print_json
 
 def run(
     log: LogPath,
-    first: Annotated[str, typer.Argument(metavar="T1", help="The earlier moment.")],
+    first: Annotated[
+        str, typer.Argument(metavar="T1", help="The earlier moment; or both, as T1..T2.")
+    ],
     second: Annotated[str, typer.Argument(metavar="T2", help="The later moment.")] = "now",
     *,
     as_json: AsJson = False,
@@ -23,6 +25,7 @@ def run(
     \b
     Examples:
       semmap-log diff office "yesterday 08:00" "yesterday 20:00"
+      semmap-log diff office yesterday..now
       semmap-log diff office event:100 event:200 --json
     """  # noqa: D301
     import semmap_log as sl
@@ -30,7 +33,8 @@ def run(
     from semmap_log.views.tables import diff_table
 
     opened = sl.read(log)
-    found = opened.diff(first, second)
+    start, end = opened.span(first) if ".." in first else (first, second)
+    found = opened.diff(start, end)
     if as_json:
         print_json(diff_to_json(found))
     else:

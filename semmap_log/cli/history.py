@@ -45,6 +45,7 @@ def run(
     Examples:
       semmap-log history office front
       semmap-log history office --since yesterday --kind DoorUpdated
+      semmap-log history office --since 2026-03-02T08:00..2026-03-02T12:00
       semmap-log history office -n 20 --json
     """  # noqa: D301
     import semmap_log as sl
@@ -57,8 +58,9 @@ def run(
             known = ", ".join(KIND_BY_NAME)
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
     opened = sl.read(log)
+    start, end = opened.span(since) if since and ".." in since else (since, until)
     entries = opened.history(
-        None if door is None else opened.resolve_ever(door), since, until, recorded=recorded,
+        None if door is None else opened.resolve_ever(door), start, end, recorded=recorded,
         kinds=[KIND_BY_NAME[name] for name in kind] if kind else None,
     )  # fmt: skip
     if last is not None:
