@@ -56,8 +56,8 @@ class DoorLog:
 
     @property
     def info(self) -> LogInfo:
-        """Log id, zone, building and robot."""
-        return self.reader.info
+        """Log id, zone, building and robot: fixed, so that asking costs nothing."""
+        return self._reader.info
 
     @property
     def reader(self) -> LogReader:

@@ -178,10 +178,11 @@ class DoorFold:
         """
         self._life = life
         self._repeats = repeats
-        self._last = np.zeros(1, CHANGE)
-        self._last["state"] = NO_STATE
+        self.last: Changes = np.zeros(1, CHANGE)
+        """One row: the values after the last event taken."""
+        self.last["state"] = NO_STATE
         for name in ("x", "y", "theta", "width", "prob_open", "prob_closed"):
-            self._last[name] = np.nan
+            self.last[name] = np.nan
 
     def take(self, changes: Changes) -> DoorPicture:
         """Return what the next events draw; they come in the order in which they count."""
@@ -195,8 +196,8 @@ class DoorFold:
         if not len(setting):
             return setting
         states = setting["state"]
-        differs = np.append(states[0] != self._last["state"][0], states[1:] != states[:-1])
-        self._last["state"] = states[-1]
+        differs = np.append(states[0] != self.last["state"][0], states[1:] != states[:-1])
+        self.last["state"] = states[-1]
         drawn: Changes = setting[differs | self._repeats]
         return drawn
 
@@ -221,8 +222,8 @@ class DoorFold:
         sets = (rows["sets"] & int(bit)) != 0
         source = np.maximum.accumulate(np.where(sets, np.arange(len(rows)), -1))
         for name in names:
-            rows[name] = np.where(source >= 0, rows[name][source], self._last[name])
-            self._last[name] = rows[name][-1]
+            rows[name] = np.where(source >= 0, rows[name][source], self.last[name])
+            self.last[name] = rows[name][-1]
 
 
 def late_rows(changes: Changes) -> NDArray[np.bool_]:

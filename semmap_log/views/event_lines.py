@@ -57,6 +57,7 @@ class EventLines:
     def __init__(self, scene: Scene, commits: Iterable[Commit]) -> None:
         self._scene = scene
         self._notes = _Notes(commits)
+        self._time_from = _year_digits(scene.first_ns, scene.last_ns)
         self._states: dict[int, tuple[int, DoorState]] = {
             door_id: (-1, door.before.state)
             for door_id, door in scene.doors.items()
@@ -71,7 +72,8 @@ class EventLines:
         for recorded, t, time in zip(told, folds_ns.tolist(), times, strict=True):
             event, number = recorded.event, recorded.number
             importance, said, state = self._what(event, (t, number))
-            text = f"{time.replace('T', ' ')}  {said}{self._notes.of(number)}"
+            when = time[self._time_from :].replace("T", " ")
+            text = f"{when}  {said}{self._notes.of(number)}"
             yield EventLine(number, t, recorded.recorded_ns, event.kind, importance, text, state)
 
     def _what(self, event: Event, stamp: Stamp) -> tuple[str, str, DoorState | None]:
@@ -110,6 +112,12 @@ class EventLines:
             return isinstance(event, DoorAdded)  # a late event: the map has moved on
         self._states[event.door_id] = stamp[0], state
         return state != known
+
+
+def _year_digits(first_ns: int, last_ns: int) -> int:
+    """Return how much of `2026-03-01T…` to leave away: the year, where there is only one."""
+    first, last = np.array([first_ns, last_ns]).astype("M8[ns]").astype("M8[Y]")
+    return len("2026-") if first == last else 0
 
 
 def _who(door: SceneDoor) -> str:

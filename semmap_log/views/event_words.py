@@ -97,12 +97,16 @@ def _probabilities(event: DoorAdded) -> str:
 
 
 def _accuracy(event: DoorObserved) -> str:
-    """Return how far the sensor is to be trusted, where it is not without fault."""
-    to_open, to_closed = event.accuracy_open, event.accuracy_closed
-    if to_open == to_closed:
-        return "" if to_open == 1 else f" ({to_open:.0%})"
-    return f" (open {to_open:.0%}, closed {to_closed:.0%})"
+    """Return how often the sensor reads such a state right, where it is not without fault."""
+    match event.state:
+        case DoorState.OPEN:
+            right = event.accuracy_open
+        case DoorState.CLOSED:
+            right = event.accuracy_closed
+        case _:
+            return ""
+    return "" if right == 1 else f" ({right:.0%})"
 
 
 def _opening(event: DoorObserved) -> str:
-    return "" if math.isnan(event.opening) else f", {event.opening:.0%} of the way"
+    return "" if math.isnan(event.opening) else f", {event.opening:.0%} open"

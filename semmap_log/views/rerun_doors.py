@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
-from semmap_log.events import DoorRemoved
+from semmap_log.events import MAX_TIME_NS, DoorRemoved
 from semmap_log.views.door_rows import (
     Changes,
     DoorFold,
@@ -47,6 +47,7 @@ class DoorsWriter:
             track.write_style(
                 doors_beside=max(scene.levels[level].doors for level in track.door.lines)
             )
+        self._last_ns = scene.last_ns
         self.take(
             opening_changes(
                 [door.before for door in scene.doors.values() if door.before is not None],
@@ -67,9 +68,10 @@ class DoorsWriter:
                 track.write()
 
     def finish(self) -> None:
-        """Write what still waits."""
+        """Write what still waits, and let the curves go on to the end."""
         for track in self._tracks.values():
             track.write()
+            track.write_end_of_curve(self._last_ns)
 
 
 class _DoorTrack:
@@ -85,6 +87,7 @@ class _DoorTrack:
         self._writer = writer
         self._colours = rgba([palette.of_state(state) for state in DoorState])
         self._fold = DoorFold(door.life, repeats=door.has_late_events)
+        self._curve_until_ns = MAX_TIME_NS  # no curve yet, so none to go on
 
     def take(self, changes: Changes) -> None:
         self._waiting.append(changes)
@@ -158,11 +161,26 @@ class _DoorTrack:
             self._writer.rows(path, placed[~here], _no_line, late=late[~here])
 
     def _write_curves(self, given: Changes) -> None:
+        if len(given):
+            self._curve_until_ns = int(given["folds_ns"].max())
+            self._write_points(given, late=self._late(given))
+
+    def _write_points(self, given: Changes, *, late: NDArray[np.bool_]) -> None:
         def points(part: Changes) -> Sequence[Any]:
             both = np.stack([part["prob_open"], part["prob_closed"]], -1)
             return list(rr.Scalars.columns(scalars=both))
 
-        self._writer.rows(self.door.path, given, points, late=self._late(given))
+        self._writer.rows(self.door.path, given, points, late=late)
+
+    def write_end_of_curve(self, last_ns: int) -> None:
+        """Repeat the last probabilities where the recording, or the door, ends.
+
+        They hold until they are set again; without it, one that was set once would be a dot.
+        """
+        end = self._fold.last.copy()
+        end["folds_ns"] = min(last_ns, self.door.life.removed[0] - 1)
+        if self.door.has_probabilities and end["folds_ns"][0] > self._curve_until_ns:
+            self._write_points(end, late=np.ones(1, np.bool_))
 
     def _write_removal(self, changes: Changes) -> None:
         removal = changes[changes["kind"] == DoorRemoved.kind]
