@@ -21,6 +21,7 @@ from semmap_log.events import (
     MAX_TIME_NS,
     Changed,
     DoorAdded,
+    DoorAnnotated,
     DoorEvent,
     DoorRemoved,
     DoorUpdated,
@@ -92,6 +93,8 @@ class Gatekeeper:
         """The roster after the events that passed; the one that was given stays as it was."""
         self.has_retraction = False
         """A roster cannot follow a retraction: it must be made anew."""
+        self.keeps_names = True
+        """Which name means which door is as it was before."""
         self._is_own = False
         self._next_event = next_event
         self._timeless: list[tuple[int, DoorAdded | DoorRemoved]] = []
@@ -113,6 +116,7 @@ class Gatekeeper:
         elif isinstance(event, Retracted):
             self._check_retraction(event)
             self.has_retraction = True
+        self.keeps_names &= not isinstance(event, NAMING)
         if self._changes_roster(event):
             if not self._is_own:
                 self.roster, self._is_own = self.roster.copy(), True
@@ -190,6 +194,9 @@ class Gatekeeper:
             known = ", ".join(str(number) for number in sorted(self.roster.levels))
             raise UnknownLevelError(f"no level {level}; there are: {known}.")
 
+
+NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
+"""Kinds that may change which name means which door (an update: by its level)."""
 
 PLACING = Changed.POSE | Changed.WIDTH
 """What an update must set together to give a door its first place."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict
 from semmap_log.commands import Gatekeeper, Roster, resolve_door
 from semmap_log.commits import Commit, Note
 from semmap_log.door_log import DoorLog, Time
-from semmap_log.doors import NAN, DoorId, DoorState
+from semmap_log.doors import NAN, DoorId, DoorMap, DoorState
 from semmap_log.errors import CommandError, MomentError
 from semmap_log.events import (
     Changed,
@@ -77,6 +77,8 @@ class DoorLogWriter(DoorLog):
         self._pose_timer: threading.Timer | None = None
         self._is_stale = False
         self._roster: Roster | None = None
+        self._named: DoorMap | None = None
+        """A map as of some moment since which no name has changed."""
 
     @property
     def roster(self) -> Roster:
@@ -132,6 +134,8 @@ class DoorLogWriter(DoorLog):
             )  # fmt: skip
             self._poses = []
             gatekeeper.settle(commit)
+            if not gatekeeper.keeps_names:
+                self._named = None
             self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
             return Appended(commit)
 
@@ -342,7 +346,9 @@ class DoorLogWriter(DoorLog):
         if isinstance(door, int):
             return DoorId(door)  # whether it is there, the gatekeeper says
         with self._mutex:
-            return resolve_door(door, self._writer.state.door_map())
+            if self._named is None:
+                self._named = self._writer.state.door_map()
+            return resolve_door(door, self._named)
 
     def level_of(self, door: DoorId) -> int:
         """Return the level that a door is on; 0 for one that is not there."""
