@@ -104,7 +104,7 @@ def test_segments_roll(
     """
     By commits, by size and by age; each segment begins with the state so far.
     """
-    limit = {"ROLL_COMMITS": 5, "ROLL_BYTES": 20_000, "ROLL_AGE_NS": 30 * 10**6}[rule]
+    limit = {"ROLL_COMMITS": 5, "ROLL_BYTES": 20_000, "ROLL_AGE_NS": 10 * 10**6}[rule]
     monkeypatch.setattr(writer_module, rule, limit)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=clock) as log:
