@@ -14,7 +14,7 @@ from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
 from semmap_log.log import records as mcap
-from semmap_log.log.form import COMPRESS_FROM_BYTES, kind_of_channel
+from semmap_log.log.form import COMPRESS_FROM_BYTES, FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL
 
 _BODY = struct.Struct("<QQQI")
 """Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
@@ -107,7 +107,7 @@ def build_chunk(
         index_offsets[channel_id] = at
         counts[channel_id] = int(np.count_nonzero(mine))
         at += len(parts[-1])
-    is_event = np.isin(channel_ids, [c for c in counts if kind_of_channel(c) is not None])
+    is_event = (channel_ids <= LAST_EVENT_CHANNEL) | (channel_ids >= FLOOR_MAP_CHANNEL)
     happened = np.minimum(heads["publish_time"], log_times)[is_event]
     return BuiltChunk(
         records=records,

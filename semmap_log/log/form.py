@@ -47,6 +47,8 @@ ROLL_AGE_NS = 24 * 3600 * 10**9
 CONTINUE_BELOW_BYTES = 2**20
 """A smaller last segment is continued (in a copy), so that a thousand commands make one file."""
 
+LAST_EVENT_CHANNEL = len(KINDS)
+"""A kind's number is its channel; only floor maps have theirs further up."""
 COMMIT_CHANNEL = 90
 NOTE_CHANNEL = 91
 KEYFRAME_CHANNEL = 92
@@ -104,7 +106,7 @@ def kind_of_channel(channel_id: int) -> int | None:
     """Return the kind of event on that channel; None: Commit, CommitNote, Keyframe or foreign."""
     if channel_id >= FLOOR_MAP_CHANNEL:
         return FloorMap.kind
-    return channel_id if 1 <= channel_id <= len(KINDS) else None
+    return channel_id if 1 <= channel_id <= LAST_EVENT_CHANNEL else None
 
 
 def segment_name(log: Path, number: int) -> str:
