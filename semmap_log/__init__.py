@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from semmap_log.door_log_writer import DoorLogWriter
     from semmap_log.doors import Door, DoorId, DoorMap, DoorState
     from semmap_log.errors import SemmapError
-    from semmap_log.events import EventBatch
+    from semmap_log.event_batch import EventBatch
     from semmap_log.opening import append, create, read
 
 __all__ = [
@@ -46,7 +46,7 @@ _HOMES = {
     "door_log": ("DoorLog",),
     "door_log_writer": ("DoorLogWriter",),
     "errors": ("SemmapError",),
-    "events": ("EventBatch",),
+    "event_batch": ("EventBatch",),
     "opening": ("append", "create", "read"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -60,9 +60,12 @@ class Roster:
     def copy(self) -> Roster:
         """Return one that can be changed without changing this."""
         return Roster(
-            dict(self.placed), dict(self.added_ns), dict(self.removed_ns),
-            set(self.used_ids), set(self.levels),
-        )  # fmt: skip
+            dict(self.placed),
+            dict(self.added_ns),
+            dict(self.removed_ns),
+            set(self.used_ids),
+            set(self.levels),
+        )
 
     @property
     def next_free_id(self) -> DoorId:

@@ -22,7 +22,8 @@ from semmap_log.commands import resolve_door
 from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import MomentError
-from semmap_log.events import Event, EventBatch, FloorMap, RecordedEvent, Retracted
+from semmap_log.event_batch import EventBatch, RecordedEvent
+from semmap_log.events import Event, FloorMap, Retracted
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.moments import Moment, parse_moment, parse_range
@@ -161,9 +162,13 @@ class DoorLog:
             kinds: Only these kinds.
         """
         batches = self.batches(
-            since, until, recorded=recorded, doors=None if door is None else [door],
-            kinds=kinds, retracted=True,
-        )  # fmt: skip
+            since,
+            until,
+            recorded=recorded,
+            doors=None if door is None else [door],
+            kinds=kinds,
+            retracted=True,
+        )
         return history(batches, self.commits(), self.reader.retractions())
 
     def entry(self, number: int) -> HistoryEntry:
@@ -176,10 +181,17 @@ class DoorLog:
         note, command_id = self.reader.said_about(number)
         hidden = any(first <= number <= last for first, last in self.reader.retractions().ranges)
         return HistoryEntry(
-            number, recorded.event, recorded.happened_ns, recorded.recorded_ns,
-            note.actor, note.source, note.reason, note.correlation, command_id,
+            number,
+            recorded.event,
+            recorded.happened_ns,
+            recorded.recorded_ns,
+            note.actor,
+            note.source,
+            note.reason,
+            note.correlation,
+            command_id,
             retracted=hidden and not isinstance(recorded.event, Retracted),
-        )  # fmt: skip
+        )
 
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.

@@ -130,8 +130,10 @@ class DoorLogWriter(DoorLog):
             gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(self._poses))
             commit = self._writer.append(
                 chain(self._poses, _checked(events, gatekeeper)),
-                note=note, command_id=command_id, sync=sync,
-            )  # fmt: skip
+                note=note,
+                command_id=command_id,
+                sync=sync,
+            )
             self._poses = []
             gatekeeper.settle(commit)
             if not gatekeeper.keeps_names:
@@ -180,10 +182,17 @@ class DoorLogWriter(DoorLog):
         with self._mutex:
             given = self.roster.next_free_id if door_id is None else door_id
             added = DoorAdded(
-                door_id=given, level=level, x=x, y=y, theta=theta, width=width,
-                state=_state(state), prob_open=prob_open, prob_closed=prob_closed,
+                door_id=given,
+                level=level,
+                x=x,
+                y=y,
+                theta=theta,
+                width=width,
+                state=_state(state),
+                prob_open=prob_open,
+                prob_closed=prob_closed,
                 happened_ns=self._happened(about),
-            )  # fmt: skip
+            )
             events: list[Event] = [added]
             if name:
                 events.append(
@@ -286,16 +295,18 @@ class DoorLogWriter(DoorLog):
         self, door: DoorId | str, key: str, value: str, **about: Unpack[About]
     ) -> Appended:
         """Say something about a door in words; an empty value takes it back."""
-        event = DoorAnnotated(door_id=self.resolve(door), key=key, value=value,
-                              happened_ns=self._happened(about))  # fmt: skip
+        event = DoorAnnotated(
+            door_id=self.resolve(door), key=key, value=value, happened_ns=self._happened(about)
+        )
         return self._commit([event], about)
 
     def request(
         self, door: DoorId | str, state: DoorState | str, **about: Unpack[About]
     ) -> Appended:
         """Record that somebody asked for a state; the door's state stays as it is."""
-        event = DoorRequested(door_id=self.resolve(door), state=_state(state),
-                              happened_ns=self._happened(about))  # fmt: skip
+        event = DoorRequested(
+            door_id=self.resolve(door), state=_state(state), happened_ns=self._happened(about)
+        )
         return self._commit([event], about)
 
     def passed(
@@ -303,8 +314,12 @@ class DoorLogWriter(DoorLog):
         **about: Unpack[About],
     ) -> Appended:  # fmt: skip
         """Record that a robot went through a door, or gave up waiting."""
-        event = DoorPassed(door_id=self.resolve(door), passed=passed, waited_s=waited_s,
-                           happened_ns=self._happened(about))  # fmt: skip
+        event = DoorPassed(
+            door_id=self.resolve(door),
+            passed=passed,
+            waited_s=waited_s,
+            happened_ns=self._happened(about),
+        )
         return self._commit([event], about)
 
     def start_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
@@ -332,9 +347,14 @@ class DoorLogWriter(DoorLog):
         with self._mutex:
             if pose.happened_ns is None:
                 pose = RobotPose(
-                    happened_ns=self._writer.clock.wall_ns(), level=pose.level, x=pose.x, y=pose.y,
-                    theta=pose.theta, sd_xy=pose.sd_xy, sd_theta=pose.sd_theta,
-                )  # fmt: skip
+                    happened_ns=self._writer.clock.wall_ns(),
+                    level=pose.level,
+                    x=pose.x,
+                    y=pose.y,
+                    theta=pose.theta,
+                    sd_xy=pose.sd_xy,
+                    sd_theta=pose.sd_theta,
+                )
             self._poses.append(pose)
             if self._pose_timer is None:
                 self._pose_timer = threading.Timer(POSES_WAIT_S, self._write_poses)
@@ -377,9 +397,11 @@ class DoorLogWriter(DoorLog):
 
     def _commit(self, events: list[Event], about: About) -> Appended:
         note = Note(
-            actor=about.get("actor", ""), source=about.get("source", ""),
-            reason=about.get("reason", ""), correlation=about.get("correlation", ""),
-        )  # fmt: skip
+            actor=about.get("actor", ""),
+            source=about.get("source", ""),
+            reason=about.get("reason", ""),
+            correlation=about.get("correlation", ""),
+        )
         return self.append(events, note=note, command_id=about.get("command_id"))
 
     def _happened(self, about: About) -> int | None:

@@ -120,8 +120,9 @@ def _plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) ->
 
 
 def _plan_table(log: DoorLogWriter, table: DoorTable, options: ImportOptions) -> ImportPlan:
-    return plan_doors(table, _present(log), update=options.update, renumber=options.renumber,
-                      at_ns=options.at_ns)  # fmt: skip
+    return plan_doors(
+        table, _present(log), update=options.update, renumber=options.renumber, at_ns=options.at_ns
+    )
 
 
 def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:

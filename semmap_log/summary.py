@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from semmap_log.commits import Commit
 from semmap_log.doors import DoorMap
-from semmap_log.events import KINDS, EventBatch
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import KINDS
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.log.scan import Segment

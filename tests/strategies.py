@@ -44,19 +44,31 @@ def added(draw: st.DrawFn) -> DoorAdded:
     placed = draw(st.booleans())
     place = {"x": draw(numbers), "y": draw(numbers), "theta": draw(numbers), "width": draw(lengths)}
     return DoorAdded(
-        happened_ns=draw(times), door_id=draw(doors), level=draw(levels), state=draw(states),
-        prob_open=draw(shares), prob_closed=draw(shares), **(place if placed else {}),
-    )  # fmt: skip
+        happened_ns=draw(times),
+        door_id=draw(doors),
+        level=draw(levels),
+        state=draw(states),
+        prob_open=draw(shares),
+        prob_closed=draw(shares),
+        **(place if placed else {}),
+    )
 
 
 @st.composite
 def updated(draw: st.DrawFn) -> DoorUpdated:
     return DoorUpdated(
-        happened_ns=draw(times), door_id=draw(doors),
-        changed=Changed(draw(st.integers(1, int(ALL_CHANGED)))), level=draw(levels),
-        x=draw(numbers), y=draw(numbers), theta=draw(numbers), width=draw(lengths),
-        state=draw(states), prob_open=draw(shares), prob_closed=draw(shares),
-    )  # fmt: skip
+        happened_ns=draw(times),
+        door_id=draw(doors),
+        changed=Changed(draw(st.integers(1, int(ALL_CHANGED)))),
+        level=draw(levels),
+        x=draw(numbers),
+        y=draw(numbers),
+        theta=draw(numbers),
+        width=draw(lengths),
+        state=draw(states),
+        prob_open=draw(shares),
+        prob_closed=draw(shares),
+    )
 
 
 @st.composite
@@ -64,10 +76,13 @@ def floor_maps(draw: st.DrawFn) -> FloorMap:
     height, width = draw(st.integers(0, 5)), draw(st.integers(0, 5))
     cells = draw(st.lists(st.integers(-1, 100), min_size=height * width, max_size=height * width))
     return FloorMap(
-        happened_ns=draw(times), level=draw(levels),
-        resolution=draw(st.floats(2**-10, 8, width=32)), origin_x=draw(numbers),
-        origin_y=draw(numbers), cells=np.array(cells, np.int8).reshape(height, width),
-    )  # fmt: skip
+        happened_ns=draw(times),
+        level=draw(levels),
+        resolution=draw(st.floats(2**-10, 8, width=32)),
+        origin_x=draw(numbers),
+        origin_y=draw(numbers),
+        cells=np.array(cells, np.int8).reshape(height, width),
+    )
 
 
 patrols = st.integers(0, 2**32 - 1)
@@ -76,27 +91,49 @@ fixed_size = st.one_of(
     added(),
     updated(),
     st.builds(DoorRemoved, happened_ns=times, door_id=doors),
-    st.builds(DoorObserved, happened_ns=times, door_id=doors, state=states,
-              accuracy_open=accuracies, accuracy_closed=accuracies, opening=shares),
+    st.builds(
+        DoorObserved,
+        happened_ns=times,
+        door_id=doors,
+        state=states,
+        accuracy_open=accuracies,
+        accuracy_closed=accuracies,
+        opening=shares,
+    ),
     st.builds(DoorRequested, happened_ns=times, door_id=doors, state=states),
     st.builds(DoorPassed, happened_ns=times, door_id=doors, passed=st.booleans(), waited_s=lengths),
     st.builds(PatrolStarted, happened_ns=times, patrol=patrols),
     st.builds(PatrolFinished, happened_ns=times, patrol=patrols),
-    st.builds(RobotPose, happened_ns=times, level=levels, x=numbers, y=numbers, theta=numbers,
-              sd_xy=lengths, sd_theta=lengths),
-    st.integers(0, 2**63 - 1).flatmap(
-        lambda last: st.builds(Retracted, happened_ns=times, first_event=st.integers(0, last),
-                               last_event=st.just(last))
+    st.builds(
+        RobotPose,
+        happened_ns=times,
+        level=levels,
+        x=numbers,
+        y=numbers,
+        theta=numbers,
+        sd_xy=lengths,
+        sd_theta=lengths,
     ),
-)  # fmt: skip
+    st.integers(0, 2**63 - 1).flatmap(
+        lambda last: st.builds(
+            Retracted, happened_ns=times, first_event=st.integers(0, last), last_event=st.just(last)
+        )
+    ),
+)
 
 with_objects = st.one_of(
-    st.builds(DoorAnnotated, happened_ns=times, door_id=doors,
-              key=texts.filter(bool), value=texts, salt=st.binary(min_size=16, max_size=16)),
+    st.builds(
+        DoorAnnotated,
+        happened_ns=times,
+        door_id=doors,
+        key=texts.filter(bool),
+        value=texts,
+        salt=st.binary(min_size=16, max_size=16),
+    ),
     st.builds(LevelAdded, happened_ns=times, level=levels, name=texts, elevation=numbers),
     st.builds(LogExported, happened_ns=times, format=texts, file_name=texts, at_ns=times),
     floor_maps(),
-)  # fmt: skip
+)
 
 events: st.SearchStrategy[Event] = fixed_size | with_objects
 

@@ -79,8 +79,12 @@ try:
 except OutputError as error:
     print(error)
 """
-    done = subprocess.run([sys.executable, "-c", code, tmp_path / "log", tmp_path / name],
-                          capture_output=True, text=True, check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "log", tmp_path / name],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
 
     assert f"{name}: could not be written" in done.stdout
     assert "old" == (tmp_path / name).read_text()

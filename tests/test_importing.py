@@ -78,8 +78,9 @@ def test_the_log_agrees_with_the_csv_at_random_moments(
     dice = random.Random(name)
     edges = [t for door in truth.rows for t, _ in truth.rows[door]]
     edges += [t for windows in truth.windows.values() for window in windows for t in window]
-    moments = [dice.choice(edges) + dice.choice([0, 0, -1, 1, dice.randrange(10**13)])
-               for _ in range(1000)]  # fmt: skip
+    moments = [
+        dice.choice(edges) + dice.choice([0, 0, -1, 1, dice.randrange(10**13)]) for _ in range(1000)
+    ]
 
     for ns in moments:
         door = dice.choice(list(doors))
@@ -94,9 +95,11 @@ def test_the_log_agrees_with_the_csv_at_random_moments(
 
 def _timeline(log: sl.DoorLog, door: DoorId) -> list[tuple[int, str]]:
     """Return (happened, state) of a door's history, in order."""
-    said = [(entry.happened_ns, entry.number, entry.event.state.name)
-            for entry in log.history(door, kinds=[DoorUpdated, DoorObserved])
-            if isinstance(entry.event, (DoorUpdated, DoorObserved))]  # fmt: skip
+    said = [
+        (entry.happened_ns, entry.number, entry.event.state.name)
+        for entry in log.history(door, kinds=[DoorUpdated, DoorObserved])
+        if isinstance(entry.event, (DoorUpdated, DoorObserved))
+    ]
     return [(happened, state) for happened, _, state in sorted(said)]
 
 
@@ -129,8 +132,7 @@ def test_every_name_of_every_script_is_kept(shared_data: Path, tmp_path: Path) -
     folder = shared_data / "doors" / "spaces_polled"
     truth = Csv(folder, "UTC")
     with sl.create(tmp_path / "log", tz="UTC") as log:
-        import_file(log, folder / "doors.csv.gz",
-                    ImportOptions(windows=folder / "obs_windows.csv"))  # fmt: skip
+        import_file(log, folder / "doors.csv.gz", ImportOptions(windows=folder / "obs_windows.csv"))
 
         assert set(truth.rows) == {door.name for door in log.replay().doors.values()}
         for name in truth.rows:

@@ -21,8 +21,15 @@ from semmap_log.moments import (
 
 VIENNA = "Europe/Vienna"
 END_NS = parse_instant("2026-03-01T14:00", tz=VIENNA)
-ZONES = [VIENNA, "UTC", "America/St_Johns", "Asia/Kathmandu", "Australia/Lord_Howe",
-         "Pacific/Apia", "America/New_York"]  # fmt: skip
+ZONES = [
+    VIENNA,
+    "UTC",
+    "America/St_Johns",
+    "Asia/Kathmandu",
+    "Australia/Lord_Howe",
+    "Pacific/Apia",
+    "America/New_York",
+]
 
 
 def utc(text: str) -> int:

@@ -24,8 +24,9 @@ def test_the_python_example_runs(tmp_path: Path) -> None:
     """
     (code,) = _blocks("python")
 
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True,
-                          check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
 
     assert done.stdout.startswith("OPEN\n")
 
@@ -37,8 +38,9 @@ def test_the_commands_run_as_they_stand(tmp_path: Path) -> None:
     program = f"{shlex.quote(sys.executable)} -m semmap_log"
     for block in _blocks("sh")[2:]:
         commands = block.replace("semmap-log", program).replace("view office ", "info office ")
-        done = subprocess.run(["bash", "-euc", commands], cwd=tmp_path, capture_output=True,
-                              text=True, check=False)  # fmt: skip
+        done = subprocess.run(
+            ["bash", "-euc", commands], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
 
         assert 0 == done.returncode, f"{commands}\n{done.stderr}"
 

@@ -39,12 +39,18 @@ def number(value: float) -> float | None:
 
 def as_json(door: Door) -> dict[str, Any]:
     return {
-        "door_id": door.door_id, "name": door.name, "level": door.level,
-        "x": door.x, "y": door.y, "theta": door.theta, "width": door.width,
+        "door_id": door.door_id,
+        "name": door.name,
+        "level": door.level,
+        "x": door.x,
+        "y": door.y,
+        "theta": door.theta,
+        "width": door.width,
         "state": door.state.name,
-        "prob_open": number(door.prob_open), "prob_closed": number(door.prob_closed),
+        "prob_open": number(door.prob_open),
+        "prob_closed": number(door.prob_closed),
         "last_seen": None if door.last_seen_ns is None else format_utc(door.last_seen_ns),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize(
@@ -101,10 +107,20 @@ def test_clinic_week_holds_what_readme_says() -> None:
 
 
 CLINIC_WEEK = {
-    "DoorAdded": 133, "DoorUpdated": 52, "DoorRemoved": 1, "DoorObserved": 18_364,
-    "DoorRequested": 280, "DoorPassed": 918, "PatrolStarted": 104, "PatrolFinished": 104,
-    "RobotPose": 56_936, "Retracted": 2, "DoorAnnotated": 267, "LevelAdded": 2, "FloorMap": 2,
-}  # fmt: skip
+    "DoorAdded": 133,
+    "DoorUpdated": 52,
+    "DoorRemoved": 1,
+    "DoorObserved": 18_364,
+    "DoorRequested": 280,
+    "DoorPassed": 918,
+    "PatrolStarted": 104,
+    "PatrolFinished": 104,
+    "RobotPose": 56_936,
+    "Retracted": 2,
+    "DoorAnnotated": 267,
+    "LevelAdded": 2,
+    "FloorMap": 2,
+}
 
 
 @pytest.mark.parametrize(("name", "most_bytes"), [("office", 100_000), ("clinic_week", 6_000_000)])
@@ -138,8 +154,8 @@ def test_robot_drives_on_free_floor(name: str, levels: tuple[int, ...]) -> None:
         for share in np.linspace(0, 1, 41):
             way = points[pairs] * (1 - share) + points[pairs + 1] * share
             columns, rows = (
-                (way - (floor.origin_x, floor.origin_y)) // floor.resolution
-            ).astype(int).T  # fmt: skip
+                ((way - (floor.origin_x, floor.origin_y)) // floor.resolution).astype(int).T
+            )
 
             assert set(np.unique(floor.cells[rows, columns]).tolist()) == {0}
 
@@ -189,8 +205,9 @@ def test_tool_remakes_the_office(tmp_path: Path, shared_data: Path) -> None:
 
 def test_another_seed_is_another_day(tmp_path: Path, shared_data: Path) -> None:
     """Another seed makes another recording, which is whole as well."""
-    done = make("--only", "office", "--seed", "2", "--out", tmp_path, "--maps",
-                shared_data / "maps")  # fmt: skip
+    done = make(
+        "--only", "office", "--seed", "2", "--out", tmp_path, "--maps", shared_data / "maps"
+    )
 
     assert done.returncode == 0, done.stderr
     assert sl.read(RECORDINGS / "office").info.log_id != sl.read(tmp_path / "office").info.log_id

@@ -40,24 +40,46 @@ START_NS = 1_772_400_000 * 10**9
 
 def random_event(dice: random.Random, number: int, now_ns: int) -> Event:
     """Return an event of few doors, few values, and times that are late, equal, or to come."""
-    happened = dice.choice([None, None, None, now_ns - dice.randrange(0, 50) * 10**6,
-                            now_ns + 10**9, START_NS + dice.randrange(40) * 10**6])  # fmt: skip
+    happened = dice.choice(
+        [
+            None,
+            None,
+            None,
+            now_ns - dice.randrange(0, 50) * 10**6,
+            now_ns + 10**9,
+            START_NS + dice.randrange(40) * 10**6,
+        ]
+    )
     door_id = DoorId(dice.randint(1, 4))
     place = dict.fromkeys(("x", "y", "theta", "width"), float(dice.randint(0, 3)))
     state = dice.choice(list(DoorState))
     kind = dice.randrange(10)
     if kind <= 1:
-        return DoorAdded(door_id=door_id, happened_ns=happened, state=state,
-                         **(place if dice.random() < 0.8 else {}))  # fmt: skip
+        return DoorAdded(
+            door_id=door_id,
+            happened_ns=happened,
+            state=state,
+            **(place if dice.random() < 0.8 else {}),
+        )
     if kind <= 3:
-        return DoorUpdated(door_id=door_id, happened_ns=happened, state=state, prob_open=0.25,
-                           prob_closed=0.5, changed=Changed(dice.randint(1, int(ALL_CHANGED))),
-                           **place)  # fmt: skip
+        return DoorUpdated(
+            door_id=door_id,
+            happened_ns=happened,
+            state=state,
+            prob_open=0.25,
+            prob_closed=0.5,
+            changed=Changed(dice.randint(1, int(ALL_CHANGED))),
+            **place,
+        )
     if kind == 4:
         return DoorRemoved(door_id=door_id, happened_ns=happened)
     if kind == 5:
-        return DoorAnnotated(door_id=door_id, happened_ns=happened, key=dice.choice("ab"),
-                             value=dice.choice(["", "x", "y"]))  # fmt: skip
+        return DoorAnnotated(
+            door_id=door_id,
+            happened_ns=happened,
+            key=dice.choice("ab"),
+            value=dice.choice(["", "x", "y"]),
+        )
     if kind == 6:
         return DoorPassed(door_id=door_id, happened_ns=happened, passed=dice.random() < 0.5)
     if kind == 7 and number and dice.random() < 0.4:
@@ -132,8 +154,13 @@ def test_every_moment_is_what_the_model_says(seed: int) -> None:
         if not told:
             return
         log = sl.read(Path(folder) / "log")
-        times = sorted({t for number, happened, recorded, commit, _ in told
-                        for t in (happened, recorded, commit, commit - 1)})  # fmt: skip
+        times = sorted(
+            {
+                t
+                for number, happened, recorded, commit, _ in told
+                for t in (happened, recorded, commit, commit - 1)
+            }
+        )
         for _ in range(12):
             at, known_at = dice.choice([None, *times]), dice.choice([None, *times])
             event = dice.choice([None, dice.randrange(len(told))])

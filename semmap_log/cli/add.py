@@ -60,7 +60,10 @@ def run(
     given = [math.nan if value is None else value for value in place]
     with sl.append(log) as opened:
         added = opened.add_door(
-            x=given[0], y=given[1], theta=given[2], width=given[3],
+            x=given[0],
+            y=given[1],
+            theta=given[2],
+            width=given[3],
             level=resolve_level(level, opened.state.door_map()),
             name=name,
             state=state_of(state),
@@ -68,7 +71,7 @@ def run(
             prob_closed=math.nan if prob_closed is None else prob_closed,
             door_id=None if door_id is None else sl.DoorId(door_id),
             **about,
-        )  # fmt: skip
+        )
     if as_json:
         print_json({"door_id": added})
     else:

@@ -124,9 +124,13 @@ def _bar(unit: str) -> Any:
 
     amount = DownloadColumn() if unit == "bytes" else MofNCompleteColumn()
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), amount, TimeRemainingColumn(),
-        console=Console(stderr=True), transient=True,
-    )  # fmt: skip
+        TextColumn("{task.description}"),
+        BarColumn(),
+        amount,
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
 
 
 _ABOUT = {
@@ -189,6 +193,7 @@ def _command_id(text: str) -> bytes | None:
     except ValueError:
         command_id = b""
     if len(command_id) != 16:
-        raise typer.BadParameter(f"expected 32 hexadecimal digits, got {text!r}",
-                                 param_hint="--command-id")  # fmt: skip
+        raise typer.BadParameter(
+            f"expected 32 hexadecimal digits, got {text!r}", param_hint="--command-id"
+        )
     return command_id

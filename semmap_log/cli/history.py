@@ -60,9 +60,12 @@ def run(
     opened = sl.read(log)
     start, end = opened.span(since) if since and ".." in since else (since, until)
     entries = opened.history(
-        None if door is None else opened.resolve_ever(door), start, end, recorded=recorded,
+        None if door is None else opened.resolve_ever(door),
+        start,
+        end,
+        recorded=recorded,
         kinds=[KIND_BY_NAME[name] for name in kind] if kind else None,
-    )  # fmt: skip
+    )
     if last is not None:
         entries = iter(deque(entries, maxlen=last))
     if as_json:

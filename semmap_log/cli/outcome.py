@@ -16,8 +16,14 @@ def tell(appended: Appended, *, as_json: bool, **more: Any) -> None:
     """Print which event a command became."""
     commit = appended.commit
     if as_json:
-        print_json({"event": commit.first_event, "count": commit.count,
-                    "repeated": appended.repeated, **more})  # fmt: skip
+        print_json(
+            {
+                "event": commit.first_event,
+                "count": commit.count,
+                "repeated": appended.repeated,
+                **more,
+            }
+        )
         return
     numbers = str(commit.first_event)
     if commit.count > 1:

@@ -63,7 +63,10 @@ def run(
         if sys.stdin.isatty():
             say("Reading events from the keyboard, one JSON object a line; Ctrl-D ends.")
         recorder.run(sys.stdin.fileno())
-    say(f"{log}: {recorder.recorded} events recorded"
-        + (f", {recorder.refused} lines refused" if recorder.refused else "") + ".")  # fmt: skip
+    say(
+        f"{log}: {recorder.recorded} events recorded"
+        + (f", {recorder.refused} lines refused" if recorder.refused else "")
+        + "."
+    )
     if recorder.refused:
         raise typer.Exit(1)

@@ -53,11 +53,14 @@ def run(
     with sl.append(log) as opened:
         appended = opened.update_door(
             door,
-            x=line.x, y=line.y, theta=line.theta, width=line.width,
+            x=line.x,
+            y=line.y,
+            theta=line.theta,
+            width=line.width,
             level=None if level is None else resolve_level(level, opened.state.door_map()),
             state=None if state is None else state_of(state),
             prob_open=prob_open,
             prob_closed=prob_closed,
             **about,
-        )  # fmt: skip
+        )
     tell(appended, as_json=as_json)

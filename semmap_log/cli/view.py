@@ -61,8 +61,10 @@ def run(
             opened, path, since=since, until=until, doors=doors, at=at, progress=told
         )
     if save is not None:
-        say(f"{save}: {summary.events} events, {summary.bytes / 1e6:.1f} MB, "
-            f"{summary.seconds:.1f} s. To look at it: rerun {save}")  # fmt: skip
+        say(
+            f"{save}: {summary.events} events, {summary.bytes / 1e6:.1f} MB, "
+            f"{summary.seconds:.1f} s. To look at it: rerun {save}"
+        )
     at_ns = opened.moment(at).ns if at else None
     if screenshot is not None:
         take_screenshot(path, screenshot, at_ns=at_ns)

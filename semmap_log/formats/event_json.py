@@ -19,15 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
-from semmap_log.events import (
-    Changed,
-    DoorObserved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    RecordedEvent,
-    field_names,
-)
+from semmap_log.event_batch import RecordedEvent
+from semmap_log.events import Changed, DoorObserved, DoorUpdated, Event, FloorMap, field_names
 from semmap_log.moments import format_utc
 
 CHANGED_FIELDS: Mapping[Changed, tuple[str, ...]] = {

@@ -100,18 +100,28 @@ class CommitBuilder:
     def _add_note(self) -> None:
         note = self._note
         salt = note.salt or _derived_salt(self._salt, -1)
-        data = serialize(type_name("CommitNote"), salt=np.frombuffer(salt, np.uint8),
-                         actor=note.actor, source=note.source, reason=note.reason,
-                         correlation=note.correlation)  # fmt: skip
+        data = serialize(
+            type_name("CommitNote"),
+            salt=np.frombuffer(salt, np.uint8),
+            actor=note.actor,
+            source=note.source,
+            reason=note.reason,
+            correlation=note.correlation,
+        )
         self._add(NOTE_CHANNEL, self._number - 1, self._time, data)
 
     def _add_commit(self) -> None:
         stamp = self._stamp
         data = layout("Commit").pack(
-            stamp.first_event, self._number - stamp.first_event, stamp.command_id,
-            stamp.wall_clock_ns, stamp.monotonic_clock_ns, stamp.boot_id, stamp.previous_hash,
+            stamp.first_event,
+            self._number - stamp.first_event,
+            stamp.command_id,
+            stamp.wall_clock_ns,
+            stamp.monotonic_clock_ns,
+            stamp.boot_id,
+            stamp.previous_hash,
             NO_HASH,
-        )  # fmt: skip
+        )
         record = mcap.message(COMMIT_CHANNEL, self._number - 1, self._time, self._time, data)
         digests = {channel: digest.digest() for channel, digest in self._digests.items()}
         self._hash = commit_hash(record, digests)

@@ -44,16 +44,19 @@ class SegmentHeader:
 
     def to_metadata(self) -> Metadata:
         """Return the MCAP record."""
-        return _signed(LOG_METADATA, {
-            "format_version": FORMAT_VERSION,
-            "log_id": self.info.log_id,
-            "timezone": self.info.timezone,
-            "building": self.info.building,
-            "robot": self.info.robot,
-            "segment": str(self.number),
-            "first_event": str(self.first_event),
-            "hash_so_far": self.hash_so_far.hex(),
-        })  # fmt: skip
+        return _signed(
+            LOG_METADATA,
+            {
+                "format_version": FORMAT_VERSION,
+                "log_id": self.info.log_id,
+                "timezone": self.info.timezone,
+                "building": self.info.building,
+                "robot": self.info.robot,
+                "segment": str(self.number),
+                "first_event": str(self.first_event),
+                "hash_so_far": self.hash_so_far.hex(),
+            },
+        )
 
     @classmethod
     def from_metadata(cls, metadata: Metadata) -> SegmentHeader:
@@ -88,9 +91,13 @@ def index_metadata(least_ns: Sequence[int], greatest_ns: Sequence[int]) -> Metad
 
     A chunk without events has -1 for both. Values: base64 of zlib of little-endian int64s.
     """
-    return _signed(INDEX_METADATA, {
-        "least_happened_ns": _pack(least_ns), "greatest_happened_ns": _pack(greatest_ns),
-    })  # fmt: skip
+    return _signed(
+        INDEX_METADATA,
+        {
+            "least_happened_ns": _pack(least_ns),
+            "greatest_happened_ns": _pack(greatest_ns),
+        },
+    )
 
 
 def read_index(metadata: Metadata) -> tuple[list[int], list[int]]:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from semmap_log.commits import Commit, Note
 from semmap_log.errors import CorruptLogError
-from semmap_log.events import Event, EventBatch
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import Event
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import ChunkDamage, gather, heads_of, walk
 from semmap_log.log.form import (

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from semmap_log.commits import Commit, Note
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
-from semmap_log.events import EventBatch, RecordedEvent, Retracted
+from semmap_log.event_batch import EventBatch, RecordedEvent
+from semmap_log.events import Retracted
 from semmap_log.log import keyframes
 from semmap_log.log.bag_metadata import statistics_of
 from semmap_log.log.chunks import ChunkDamage, StoredChunk

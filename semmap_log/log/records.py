@@ -22,12 +22,14 @@ MESSAGE = struct.Struct("<BQHIQQ")
 """Opcode, length, channel id, sequence, log time, publish time; the CDR bytes follow."""
 MESSAGE_BODY_HEAD = MESSAGE.size - FRAME.size
 
-MESSAGE_DTYPE: np.dtype[np.void] = np.dtype({
-    "names": ["opcode", "length", "channel_id", "sequence", "log_time", "publish_time"],
-    "formats": ["u1", "<u8", "<u2", "<u4", "<i8", "<i8"],
-    "offsets": [0, 1, 9, 11, 15, 23],
-    "itemsize": MESSAGE.size,
-})  # fmt: skip
+MESSAGE_DTYPE: np.dtype[np.void] = np.dtype(
+    {
+        "names": ["opcode", "length", "channel_id", "sequence", "log_time", "publish_time"],
+        "formats": ["u1", "<u8", "<u2", "<u4", "<i8", "<i8"],
+        "offsets": [0, 1, 9, 11, 15, 23],
+        "itemsize": MESSAGE.size,
+    }
+)
 """The same for numpy; times are below 2^63."""
 
 _CHUNK = struct.Struct("<BQQQQI")
@@ -64,10 +66,15 @@ def chunk(
     """
     name = compression.encode()
     length = _CHUNK.size - FRAME.size + 4 + len(name) + 8 + len(stored)
-    return b"".join((
-        _CHUNK.pack(Opcode.CHUNK, length, start, end, len(records), crc),
-        struct.pack("<I", len(name)), name, struct.pack("<Q", len(stored)), stored,
-    ))  # fmt: skip
+    return b"".join(
+        (
+            _CHUNK.pack(Opcode.CHUNK, length, start, end, len(records), crc),
+            struct.pack("<I", len(name)),
+            name,
+            struct.pack("<Q", len(stored)),
+            stored,
+        )
+    )
 
 
 def message_index(

@@ -181,12 +181,16 @@ class SegmentWriter:
         for opcode, group in groups:
             if group:
                 data = mcap.record(*group)
-                offset = SummaryOffset(group_opcode=opcode, group_start=self.size + len(summary),
-                                       group_length=len(data))  # fmt: skip
+                offset = SummaryOffset(
+                    group_opcode=opcode,
+                    group_start=self.size + len(summary),
+                    group_length=len(data),
+                )
                 summary += data
                 offsets += mcap.record(offset)
-        footer = Footer(summary_start=self.size, summary_offset_start=self.size + len(summary),
-                        summary_crc=0)  # fmt: skip
+        footer = Footer(
+            summary_start=self.size, summary_offset_start=self.size + len(summary), summary_crc=0
+        )
         everything = summary + offsets + mcap.record(footer)
         crc = zlib.crc32(everything[:-4])
         return everything[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from semmap_log.doors import DoorId
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     KINDS,
     DoorAnnotated,
     Event,
-    EventBatch,
     FloorMap,
     LevelAdded,
     LogExported,
@@ -124,10 +124,13 @@ def batch_of(
     """
     listed = list(events)
     recorded = np.asarray(range(len(listed)) if recorded_ns is None else recorded_ns, np.int64)
-    happened = np.array([
-        known if (known := event.happened_ns) is not None else recorded[i]
-        for i, event in enumerate(listed)
-    ], np.int64)  # fmt: skip
+    happened = np.array(
+        [
+            known if (known := event.happened_ns) is not None else recorded[i]
+            for i, event in enumerate(listed)
+        ],
+        np.int64,
+    )
     kinds = np.array([event.kind for event in listed], np.uint8)
     columns: dict[int, np.ndarray[Any, np.dtype[np.void]]] = {}
     objects: dict[int, list[Event]] = {}

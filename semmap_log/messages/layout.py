@@ -104,8 +104,12 @@ def layout(name: str) -> Layout:
         offsets.append(len(CDR_HEADER) + end + padding)
         codes += "x" * padding + (f"{count}s" if match["count"] else code)
         end += padding + count * size
-    dtype = np.dtype({
-        "names": names, "formats": formats, "offsets": offsets,
-        "itemsize": len(CDR_HEADER) + end,
-    })  # fmt: skip
+    dtype = np.dtype(
+        {
+            "names": names,
+            "formats": formats,
+            "offsets": offsets,
+            "itemsize": len(CDR_HEADER) + end,
+        }
+    )
     return Layout(name, tuple(names), dtype, struct.Struct(codes))

@@ -11,10 +11,23 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 OWN_MESSAGES = (
-    "DoorAdded", "DoorUpdated", "DoorRemoved", "DoorObserved", "DoorRequested", "DoorPassed",
-    "PatrolStarted", "PatrolFinished", "RobotPose", "Retracted",
-    "DoorAnnotated", "LevelAdded", "LogExported", "Commit", "CommitNote", "Keyframe",
-)  # fmt: skip
+    "DoorAdded",
+    "DoorUpdated",
+    "DoorRemoved",
+    "DoorObserved",
+    "DoorRequested",
+    "DoorPassed",
+    "PatrolStarted",
+    "PatrolFinished",
+    "RobotPose",
+    "Retracted",
+    "DoorAnnotated",
+    "LevelAdded",
+    "LogExported",
+    "Commit",
+    "CommitNote",
+    "Keyframe",
+)
 OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
     DoorAdded,
@@ -25,7 +26,6 @@ from semmap_log.events import (
     DoorPassed,
     DoorRemoved,
     DoorUpdated,
-    EventBatch,
     FloorMap,
     LevelAdded,
 )
@@ -211,19 +211,22 @@ class DoorMapState:
             if arrays["level_event"][i] != NEVER:
                 stamp = (int(arrays["level_happened_ns"][i]), int(arrays["level_event"][i]))
                 state._levels[number] = (
-                    stamp, str(arrays["level_name"][i]), float(arrays["level_elevation"][i])
-                )  # fmt: skip
+                    stamp,
+                    str(arrays["level_name"][i]),
+                    float(arrays["level_elevation"][i]),
+                )
             if arrays["floor_map_event"][i] != NEVER:
                 state._floor_maps[number] = (
-                    int(arrays["floor_map_happened_ns"][i]), int(arrays["floor_map_event"][i])
-                )  # fmt: skip
+                    int(arrays["floor_map_happened_ns"][i]),
+                    int(arrays["floor_map_event"][i]),
+                )
         return state
 
     def _annotations_of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
         said = self._annotations.get(door_id, {})
-        return MappingProxyType({
-            key: value for key, (stamp, value) in sorted(said.items()) if value and stamp > added
-        })  # fmt: skip
+        return MappingProxyType(
+            {key: value for key, (stamp, value) in sorted(said.items()) if value and stamp > added}
+        )
 
     def _level_map(self) -> dict[int, Level]:
         levels = {}

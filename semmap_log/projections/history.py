@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from semmap_log.commits import Commit
 from semmap_log.doors import DoorId
-from semmap_log.events import DoorEvent, Event, EventBatch, RecordedEvent
+from semmap_log.event_batch import EventBatch, RecordedEvent
+from semmap_log.events import DoorEvent, Event
 from semmap_log.projections.retraction import Retractions
 
 

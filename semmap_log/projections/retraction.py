@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.events import EventBatch, Retracted
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import Retracted
 
 
 class Retractions:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorState
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     ALL_CHANGED,
     Changed,
@@ -23,7 +24,6 @@ from semmap_log.events import (
     DoorRemoved,
     DoorUpdated,
     Event,
-    EventBatch,
 )
 
 Changes = NDArray[Any]
@@ -59,15 +59,26 @@ def changes_of(batch: EventBatch) -> Changes:
     return changes[np.argsort(changes["number"])]
 
 
-def opening_changes(
-    doors: Iterable[Door], *, folds_ns: int, number: int, recorded_ns: int
-) -> Changes:
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """Where a recording begins or ends, on each of its timelines."""
+
+    folds_ns: int
+    number: int
+    recorded_ns: int
+
+    def stamp(self, changes: Changes) -> None:
+        """Put the rows there."""
+        changes["folds_ns"], changes["number"] = self.folds_ns, self.number
+        changes["recorded_ns"] = self.recorded_ns
+
+
+def opening_changes(doors: Iterable[Door], begin: Edge) -> Changes:
     """Return one row a door that sets all of it to what it is: how a recording begins in midst."""
     listed = list(doors)
     opening = np.zeros(len(listed), CHANGE)
     opening["kind"], opening["sets"] = DoorAdded.kind, int(ALL_CHANGED)
-    opening["folds_ns"], opening["number"] = folds_ns, number
-    opening["recorded_ns"] = recorded_ns
+    begin.stamp(opening)
     for name in ("door_id", *VALUES):
         opening[name] = [getattr(door, name) for door in listed]
     return opening

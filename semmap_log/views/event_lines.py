@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semmap_log.doors import DoorState
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
     DoorAdded,
@@ -18,7 +19,6 @@ from semmap_log.events import (
     DoorRemoved,
     DoorUpdated,
     Event,
-    EventBatch,
     Retracted,
     RobotPose,
 )
@@ -57,7 +57,7 @@ class EventLines:
     def __init__(self, scene: Scene, commits: Iterable[Commit]) -> None:
         self._scene = scene
         self._notes = _Notes(commits)
-        self._time_from = _year_digits(scene.first_ns, scene.last_ns)
+        self._time_from = _year_digits(scene.begin.folds_ns, scene.end.folds_ns)
         self._states: dict[int, tuple[int, DoorState]] = {
             door_id: (-1, door.before.state)
             for door_id, door in scene.doors.items()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.events import EventBatch
+from semmap_log.event_batch import EventBatch
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time

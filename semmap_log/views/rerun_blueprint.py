@@ -45,10 +45,13 @@ def layout(
         chosen: Doors that were asked for; None: those that change most get the curves.
         level: The level whose plan is in front; None: the one with most doors.
     """
-    left = rrb.Vertical(*_plans_and_curves(scene, palette, chosen, level), row_shares=[7, 3])
-    right = rrb.Vertical(_lanes(scene), _event_log(), row_shares=[3, 2])
+    plans, curves = _plans(scene, palette, level), _curves(scene, chosen)
+    left = [part for part in (plans, curves) if part is not None]
+    right = [_lanes(scene), _event_log()]
     return rrb.Blueprint(
-        rrb.Horizontal(left, right, column_shares=[5, 3]),
+        rrb.Horizontal(_column(left, [7, 3]), _column(right, [3, 2]), column_shares=[5, 3])
+        if left
+        else _column(right, [3, 2]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
@@ -66,16 +69,19 @@ def liveliest(scene: Scene, most: int) -> list[SceneDoor]:
     return doors[:most]
 
 
-def _plans_and_curves(
-    scene: Scene, palette: Palette, chosen: Sequence[DoorId] | None, level: int | None
-) -> list[View]:
-    levels = list(scene.levels.values())
+def _column(parts: list[View], shares: list[int]) -> View:
+    return rrb.Vertical(*parts, row_shares=shares) if len(parts) > 1 else parts[0]
+
+
+def _plans(scene: Scene, palette: Palette, level: int | None) -> View | None:
+    """Return a tab a level; None where nothing has a place."""
+    levels = [each for each in scene.levels.values() if not each.is_empty]
+    if not levels:
+        return None
     numbers = [each.level for each in levels]
     busiest = max(levels, key=lambda each: each.doors).level
     front = numbers.index(level if level in numbers else busiest)
-    plans = rrb.Tabs(*(_plan(each, palette) for each in levels), active_tab=front)
-    curves = _curves(scene, chosen)
-    return [plans] if curves is None else [plans, curves]
+    return rrb.Tabs(*(_plan(each, palette) for each in levels), active_tab=front)
 
 
 def _plan(level: SceneLevel, palette: Palette) -> View:
@@ -151,8 +157,8 @@ def _time_axis(scene: Scene) -> Any:
     edge = rrb.TimeRangeBoundary
     if scene.span_ns <= WHOLE_SPAN_NS:
         room_ns = max(scene.span_ns // 50, 10**9)
-        start = edge.absolute(time=scene.first_ns - room_ns)
-        end = edge.absolute(time=scene.last_ns + room_ns)
+        start = edge.absolute(time=scene.begin.folds_ns - room_ns)
+        end = edge.absolute(time=scene.end.folds_ns + room_ns)
     else:
         start = edge.cursor_relative(seconds=-WINDOW_BEFORE_NS / 1e9)
         end = edge.cursor_relative(seconds=WINDOW_AFTER_NS / 1e9)

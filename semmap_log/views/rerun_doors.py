@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
-from semmap_log.events import MAX_TIME_NS, DoorRemoved
+from semmap_log.events import DoorRemoved
 from semmap_log.views.door_rows import (
+    CHANGE,
+    NEVER,
     Changes,
     DoorFold,
+    Edge,
     by_door,
     late_rows,
     opening_changes,
@@ -47,13 +50,11 @@ class DoorsWriter:
             track.write_style(
                 doors_beside=max(scene.levels[level].doors for level in track.door.lines)
             )
-        self._last_ns = scene.last_ns
+        self._end = scene.end
         self.take(
             opening_changes(
                 [door.before for door in scene.doors.values() if door.before is not None],
-                folds_ns=scene.first_ns,
-                number=scene.first_number - 1,
-                recorded_ns=scene.first_recorded_ns - 1,
+                scene.begin,
             )
         )
 
@@ -70,8 +71,7 @@ class DoorsWriter:
     def finish(self) -> None:
         """Write what still waits, and let the curves go on to the end."""
         for track in self._tracks.values():
-            track.write()
-            track.write_end_of_curve(self._last_ns)
+            track.write(self._end)
 
 
 class _DoorTrack:
@@ -87,7 +87,7 @@ class _DoorTrack:
         self._writer = writer
         self._colours = rgba([palette.of_state(state) for state in DoorState])
         self._fold = DoorFold(door.life, repeats=door.has_late_events)
-        self._curve_until_ns = MAX_TIME_NS  # no curve yet, so none to go on
+        self._last_point: Changes = np.empty(0, CHANGE)
 
     def take(self, changes: Changes) -> None:
         self._waiting.append(changes)
@@ -95,18 +95,19 @@ class _DoorTrack:
         if self.rows_waiting >= MOST_ROWS and not self.door.has_late_events:
             self.write()
 
-    def write(self) -> None:
-        if not self._waiting:
-            return
-        changes = np.concatenate(self._waiting)
+    def write(self, end: Edge | None = None) -> None:
+        """Write what waits; with `end`, it is the last, and the curves go on to there."""
+        changes = np.concatenate([np.empty(0, CHANGE), *self._waiting])
         self._waiting, self.rows_waiting = [], 0
         if self.door.has_late_events:
             changes = sorted_by_stamp(changes)
         picture = self._fold.take(changes)
+        removal = changes[changes["kind"] == DoorRemoved.kind]
         self._write_states(picture.state_changes)
         self._write_lines(picture.placements)
-        self._write_curves(picture.probabilities)
-        self._write_removal(changes)
+        self._write_curves(picture.probabilities, self._end_of_curve(removal, end))
+        for path in self.door.lines.values():
+            self._writer.clear(path, removal)
 
     def write_style(self, *, doors_beside: int) -> None:
         """Write what holds at all times: label, colours of the states, look of the curves."""
@@ -160,32 +161,34 @@ class _DoorTrack:
             self._writer.rows(path, placed[here], _line, late=late[here])
             self._writer.rows(path, placed[~here], _no_line, late=late[~here])
 
-    def _write_curves(self, given: Changes) -> None:
-        if len(given):
-            self._curve_until_ns = int(given["folds_ns"].max())
-            self._write_points(given, late=self._late(given))
+    def _write_curves(self, given: Changes, end: Changes) -> None:
+        """Write the points of the curves, each chunk from the last point of the one before.
 
-    def _write_points(self, given: Changes, *, late: NDArray[np.bool_]) -> None:
-        def points(part: Changes) -> Sequence[Any]:
-            both = np.stack([part["prob_open"], part["prob_closed"]], -1)
-            return list(rr.Scalars.columns(scalars=both))
-
-        self._writer.rows(self.door.path, given, points, late=late)
-
-    def write_end_of_curve(self, last_ns: int) -> None:
-        """Repeat the last probabilities where the recording, or the door, ends.
-
-        They hold until they are set again; without it, one that was set once would be a dot.
+        Looking for the neighbours of what it shows, the viewer does not go beyond the chunks that
+        reach into its window: a chunk must span the gap, or there would be no line across.
         """
-        end = self._fold.last.copy()
-        end["folds_ns"] = min(last_ns, self.door.life.removed[0] - 1)
-        if self.door.has_probabilities and end["folds_ns"][0] > self._curve_until_ns:
-            self._write_points(end, late=np.ones(1, np.bool_))
+        points = np.concatenate([self._last_point, given])
+        if len(points):
+            points = np.concatenate([points, end])
+        if len(points) > len(self._last_point):
+            self._writer.rows(self.door.path, points, _points, late=self._late(points))
+            self._last_point = points[-1:]
 
-    def _write_removal(self, changes: Changes) -> None:
-        removal = changes[changes["kind"] == DoorRemoved.kind]
-        for path in self.door.lines.values():
-            self._writer.clear(path, removal)
+    def _end_of_curve(self, removal: Changes, end: Edge | None) -> Changes:
+        """Return the last probabilities once more, where the door or the recording ends.
+
+        They hold until they are set again; without this, one that was set once would be a dot.
+        """
+        last: Changes = self._fold.last.copy()
+        if len(removal):
+            for name in ("number", "folds_ns", "recorded_ns"):
+                last[name] = removal[name]
+            last["folds_ns"] -= 1  # at the removal itself the door is gone
+            return last
+        if end is not None and self.door.life.removed == NEVER:
+            end.stamp(last)
+            return last
+        return np.empty(0, CHANGE)
 
     def _late(self, changes: Changes) -> NDArray[np.bool_]:
         if self.door.has_late_events and len(changes):
@@ -195,6 +198,11 @@ class _DoorTrack:
 
 def _line(part: Changes) -> Sequence[Any]:
     return list(rr.LineStrips2D.columns(strips=strips_of(part)))
+
+
+def _points(part: Changes) -> Sequence[Any]:
+    both = np.stack([part["prob_open"], part["prob_closed"]], -1)
+    return list(rr.Scalars.columns(scalars=both))
 
 
 def _no_line(part: Changes) -> Sequence[Any]:

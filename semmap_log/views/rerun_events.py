@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.events import KINDS, EventBatch
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import KINDS
 from semmap_log.views.event_lines import EventLine, EventLines
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter, rgba

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.events import EventBatch, RobotPose
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import RobotPose
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter
 from semmap_log.views.rerun_sdk import rr

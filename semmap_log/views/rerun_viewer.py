@@ -80,12 +80,16 @@ def screenshot(
     Raises:
         MissingExtraError: rerun is not installed.
         ViewerError: There is no Vulkan driver, or the viewer failed.
-        OSError: The picture cannot be written.
+        SemmapError: The picture cannot be written.
     """
     with headless(rrd, size=size) as viewer:
         if at_ns is not None:
             viewer.go_to(timeline, at_ns)
-        replace_file(png, viewer.picture(view))
+        picture = viewer.picture(view)
+    try:
+        replace_file(png, picture)
+    except OSError as error:
+        raise SemmapError(f"{png}: cannot be written: {error.strerror or error}.") from None
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId
 from semmap_log.events import FloorMap
-from semmap_log.views.door_rows import Life
+from semmap_log.views.door_rows import Edge, Life
 
 EntityPath = tuple[str, ...]
 """The parts of a rerun entity path."""
@@ -58,6 +58,8 @@ class SceneLevel:
     """Of all that is drawn on it."""
     floor: FloorMap | None
     bounds: Bounds
+    is_empty: bool
+    """Nothing on it has a place: its doors are sensors without geometry."""
     doors: int
     has_robot: bool
 
@@ -71,16 +73,15 @@ class Scene:
     robot_level: int | None
     """Where the robot is at the end; None: it never told."""
     events: int
-    first_ns: int
-    """Happened time of the first row; 0 where there is nothing."""
-    last_ns: int
-    first_number: int
-    first_recorded_ns: int
+    begin: Edge
+    """Before every event; its happened time is that of the first row."""
+    end: Edge
+    """Of the last happened time, the greatest number, and the last recorded time."""
 
     @property
     def span_ns(self) -> int:
         """From the first row to the last."""
-        return self.last_ns - self.first_ns
+        return self.end.folds_ns - self.begin.folds_ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +111,18 @@ class Bounds:
 
     def framed(self) -> Bounds:
         """Return the rectangle with a margin, and not too small to look at."""
-        if self.low_x > self.high_x:
+        if self.is_empty:
             return Bounds(0.0, 0.0, 0.0, 0.0).framed()
         grow_x = max(MARGIN_M, (SMALLEST_SIDE_M - (self.high_x - self.low_x)) / 2)
         grow_y = max(MARGIN_M, (SMALLEST_SIDE_M - (self.high_y - self.low_y)) / 2)
         return Bounds(
             self.low_x - grow_x, self.low_y - grow_y, self.high_x + grow_x, self.high_y + grow_y
         )
+
+    @property
+    def is_empty(self) -> bool:
+        """True for a rectangle around nothing."""
+        return self.low_x > self.high_x
 
     @property
     def longest_side_m(self) -> float:

@@ -8,26 +8,20 @@ numbers a door, whatever the log's length.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from semmap_log.doors import Door, DoorId, Level
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorAnnotated,
-    DoorRemoved,
-    EventBatch,
-    FloorMap,
-    RobotPose,
-)
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorRemoved, FloorMap, RobotPose
 from semmap_log.views.door_rows import (
     ALWAYS,
     NEVER,
     PROBABILITIES,
     Changes,
+    Edge,
     Life,
     Stamp,
     by_door,
@@ -49,6 +43,8 @@ from semmap_log.views.scene import (
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
 
+NOWHERE = Edge(-1, -1, -1)
+
 
 def survey(excerpt: Excerpt) -> Scene:
     """Return what a recording of that part of a log has to show."""
@@ -57,16 +53,17 @@ def survey(excerpt: Excerpt) -> Scene:
     for batch in excerpt.batches():
         pass_.take(batch)
     levels = _levels(excerpt, pass_)
-    first_ns = pass_.first_ns if excerpt.since_ns is None else excerpt.since_ns
     return Scene(
         doors=_doors(pass_, levels),
         levels=levels,
         robot_level=pass_.robot_last[1],
         events=pass_.events,
-        first_ns=first_ns,
-        last_ns=max(first_ns, pass_.last_ns),
-        first_number=pass_.first_number,
-        first_recorded_ns=pass_.first_recorded_ns,
+        begin=pass_.begin
+        if excerpt.since_ns is None
+        else replace(pass_.begin, folds_ns=excerpt.since_ns),
+        end=pass_.end
+        if excerpt.since_ns is None
+        else replace(pass_.end, folds_ns=max(excerpt.since_ns, pass_.end.folds_ns)),
     )
 
 
@@ -129,19 +126,18 @@ class _Pass:
         self.robot_last: tuple[int, int | None] = (-1, None)
         """Happened time and level of the robot's latest pose."""
         self.events = 0
-        self.first_ns = self.last_ns = 0
-        self.first_number = self.first_recorded_ns = 0
-        self._take_changes(opening_changes(before.values(), folds_ns=-1, number=-1, recorded_ns=-1))
+        self.begin = self.end = NOWHERE
+        self._take_changes(opening_changes(before.values(), NOWHERE))
 
     def take(self, batch: EventBatch) -> None:
         folds_ns = batch.folds_ns
         if not self.events:
-            self.first_number = int(batch.number[0])
-            self.first_recorded_ns = int(batch.recorded_ns[0])
-            self.first_ns = int(folds_ns[0])
+            self.begin = Edge(int(folds_ns[0]), int(batch.number[0]) - 1,
+                              int(batch.recorded_ns[0]) - 1)  # fmt: skip
         self.events += len(batch)
-        self.first_ns = min(self.first_ns, int(folds_ns.min()))
-        self.last_ns = max(self.last_ns, int(folds_ns.max()))
+        self.begin = replace(self.begin, folds_ns=min(self.begin.folds_ns, int(folds_ns.min())))
+        self.end = Edge(max(self.end.folds_ns, int(folds_ns.max())), int(batch.number[-1]),
+                        int(batch.recorded_ns[-1]))  # fmt: skip
         self._take_changes(changes_of(batch))
         self._take_poses(batch)
         self._take_names(batch)
@@ -205,6 +201,7 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
             path=(ROOT,) if len(numbers) == 1 else (ROOT, parts[n]),
             floor=floor,
             bounds=bounds.framed(),
+            is_empty=bounds.is_empty,
             doors=sum(door.last_level == n for door in there),
             has_robot=n in pass_.robot_levels,
         )

@@ -16,7 +16,25 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 
-VERBS = ["demo", "init", "import", "add", "update", "remove", "observe", "annotate", "patrol", "record", "replay", "history", "show", "diff", "export", "info", "view"]  # fmt: skip
+VERBS = [
+    "demo",
+    "init",
+    "import",
+    "add",
+    "update",
+    "remove",
+    "observe",
+    "annotate",
+    "patrol",
+    "record",
+    "replay",
+    "history",
+    "show",
+    "diff",
+    "export",
+    "info",
+    "view",
+]
 
 
 class Result:
@@ -88,8 +106,12 @@ def test_a_door_through_its_life(run) -> None:  # type: ignore[no-untyped-def]
     replayed = run("replay", "office", "--json").json
     (door,) = replayed["doors"]
     assert (1, "front", "CLOSED", 0.25, None) == (
-        door["door_id"], door["name"], door["state"], door["prob_open"], door["prob_closed"]
-    )  # fmt: skip
+        door["door_id"],
+        door["name"],
+        door["state"],
+        door["prob_open"],
+        door["prob_closed"],
+    )
     assert (2.0, 1.5, 0.0, 0.9) == (door["x"], door["y"], door["theta"], round(door["width"], 12))
     assert {"name": "front", "rooms": "lobby,corridor"} == door["annotations"]
     assert 6 == replayed["event"]
@@ -143,8 +165,12 @@ def test_diff_and_show(run) -> None:  # type: ignore[no-untyped-def]
         (c["name"], c["field"], c["before"], c["after"]) for c in found["changed"]
     ]
     assert ("DoorObserved", "OPEN", 1.0) == (shown["kind"], shown["state"], shown["accuracy"])
-    for verb in (["diff", "office", "event:1", "now"], ["show", "office", 2], ["info", "office"],
-                 ["replay", "office"]):  # fmt: skip
+    for verb in (
+        ["diff", "office", "event:1", "now"],
+        ["show", "office", 2],
+        ["info", "office"],
+        ["replay", "office"],
+    ):
         printed = run(*verb)
         assert 0 == printed.code
         assert all(len(line) <= 80 for line in printed.out.splitlines()), printed.out
@@ -224,8 +250,10 @@ def test_patrol_rounds_are_numbered(run) -> None:  # type: ignore[no-untyped-def
     """
     Each start counts one on; a finish closes the last.
     """
-    numbers = [run("patrol", "office", phase, "--json").json["patrol"]
-               for phase in ("start", "finish", "start", "finish")]  # fmt: skip
+    numbers = [
+        run("patrol", "office", phase, "--json").json["patrol"]
+        for phase in ("start", "finish", "start", "finish")
+    ]
 
     assert [1, 1, 2, 2] == numbers
 
@@ -249,8 +277,10 @@ def test_export_and_import_again(run) -> None:  # type: ignore[no-untyped-def]
     assert [office[k] for k in geometry] == [doors[k] for k in geometry]
     assert office == events
     assert ("front", "CLOSED", office["last_seen"]) == (
-        states["name"], states["state"], states["last_seen"]
-    )  # fmt: skip
+        states["name"],
+        states["state"],
+        states["last_seen"],
+    )
 
 
 def test_the_same_file_again_changes_nothing(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -266,17 +296,25 @@ def test_the_same_file_again_changes_nothing(run, tmp_path: Path) -> None:  # ty
     other = run("import", "office", "b.yaml")
     forced = run("import", "office", "b.yaml", "--update", "--json").json[0]
 
-    assert (1, False, 0, True) == (first["count"], first["known_before"], again["count"],
-                                   again["known_before"])  # fmt: skip
+    assert (1, False, 0, True) == (
+        first["count"],
+        first["known_before"],
+        again["count"],
+        again["known_before"],
+    )
     assert (1, True) == (other.code, "--update" in other.err)
     assert 1 == forced["count"]
 
 
 def _start(*arguments: object, **more: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "semmap_log", *map(str, arguments)], text=True,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more,
-    )  # fmt: skip
+        [sys.executable, "-m", "semmap_log", *map(str, arguments)],
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        **more,
+    )
 
 
 def test_record_answers_each_line(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -354,8 +392,12 @@ def test_python_m_is_the_same(tmp_path: Path) -> None:
     """
     `python -m semmap_log` runs the same program, with `--version`.
     """
-    done = subprocess.run([sys.executable, "-m", "semmap_log", "--version"], capture_output=True,
-                          text=True, check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "semmap_log", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
 
     assert done.stdout.startswith("semmap-log ")
 
@@ -368,8 +410,13 @@ def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:  # ty
         for _ in range(300):
             log.observe("front", "open")
     done = subprocess.run(
-        f"{sys.executable} -m semmap_log history office --json | head -1", shell=True,
-        capture_output=True, text=True, cwd=tmp_path, check=False, env={**os.environ, "TZ": "UTC"},
-    )  # fmt: skip
+        f"{sys.executable} -m semmap_log history office --json | head -1",
+        shell=True,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+        env={**os.environ, "TZ": "UTC"},
+    )
 
     assert ("[\n", "") == (done.stdout, done.stderr)

@@ -42,8 +42,12 @@ DOOR = DoorId(1)
 
 ONE_OF_EACH: list[Event] = [
     LevelAdded(level=1, name="ground floor", elevation=0.5),
-    FloorMap(level=0, resolution=0.5, origin_x=-1.0, origin_y=2.0, cells=np.eye(4, 3, dtype=np.int8)),
-    FloorMap(level=1, resolution=0.5, origin_x=0.0, origin_y=0.0, cells=np.ones((300, 400), np.int8)),
+    FloorMap(
+        level=0, resolution=0.5, origin_x=-1.0, origin_y=2.0, cells=np.eye(4, 3, dtype=np.int8)
+    ),
+    FloorMap(
+        level=1, resolution=0.5, origin_x=0.0, origin_y=0.0, cells=np.ones((300, 400), np.int8)
+    ),
     DoorAdded(door_id=DOOR, level=1, x=1.5, y=2.5, theta=0.25, width=0.9, state=DoorState.CLOSED),
     DoorAdded(door_id=DoorId(2)),
     DoorAnnotated(door_id=DOOR, key="name", value="Tür 1 / вход"),
@@ -57,7 +61,7 @@ ONE_OF_EACH: list[Event] = [
     DoorRemoved(door_id=DoorId(2)),
     LogExported(format="yaml", file_name="doors.yaml", at_ns=5),
     Retracted(first_event=7, last_event=7),
-]  # fmt: skip
+]
 
 
 @pytest.fixture(params=["as written", "compacted"])
@@ -69,8 +73,17 @@ def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
         made.append(ONE_OF_EACH, note=sl.Note(actor="survey", reason="first visit"))
         for i in range(50):
             made.observe(DOOR, "open" if i % 2 else "closed", accuracy=0.9, at=1000 + i)
-        made.append([FloorMap(level=1, resolution=0.5, origin_x=0.0, origin_y=0.0,
-                              cells=np.zeros((2, 2), np.int8))])  # fmt: skip
+        made.append(
+            [
+                FloorMap(
+                    level=1,
+                    resolution=0.5,
+                    origin_x=0.0,
+                    origin_y=0.0,
+                    cells=np.zeros((2, 2), np.int8),
+                )
+            ]
+        )
         made.append(DoorObserved(door_id=DOOR, state=DoorState.OPEN) for _ in range(20_000))
     if request.param == "compacted":
         compact(path)
@@ -85,9 +98,12 @@ def ours(path: Path) -> list[tuple[str, int, int]]:
     found = []
     for _, page in sl.read(path).reader.pages():
         heads = page.heads
-        for channel, recorded, happened in zip(heads["channel_id"].tolist(),
-                                               heads["log_time"].tolist(),
-                                               heads["publish_time"].tolist(), strict=True):  # fmt: skip
+        for channel, recorded, happened in zip(
+            heads["channel_id"].tolist(),
+            heads["log_time"].tolist(),
+            heads["publish_time"].tolist(),
+            strict=True,
+        ):
             topic = names.get(channel) or floor_map_topic(channel - FLOOR_MAP_CHANNEL).topic
             found.append((topic, recorded, happened))
     return found
@@ -142,8 +158,11 @@ def test_rosbags(log: Path, whole: bool) -> None:
     paths = [log] if whole else sorted(log.glob("*.mcap"))
     with AnyReader(paths) as reader:
         theirs = [(c.topic, t) for c, t, _ in reader.messages()]
-        values = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()
-                  if c.topic == "/semmap/door_observed"]  # fmt: skip
+        values = [
+            reader.deserialize(raw, c.msgtype)
+            for c, _, raw in reader.messages()
+            if c.topic == "/semmap/door_observed"
+        ]
         count = reader.message_count
 
     assert [(topic, recorded) for topic, recorded, _ in ours(log)] == theirs
@@ -187,8 +206,9 @@ def test_rerun_finds_nothing_wrong(log: Path) -> None:
     rerun_cli = pytest.importorskip("rerun_cli")
     binary = Path(rerun_cli.__path__[0]) / "rerun"
     for path in sorted(log.glob("*.mcap")):
-        done = subprocess.run([binary, "mcap", "check", path], capture_output=True, text=True,
-                              check=False)  # fmt: skip
+        done = subprocess.run(
+            [binary, "mcap", "check", path], capture_output=True, text=True, check=False
+        )
 
         assert (0, True) == (done.returncode, "/semmap/commit" in done.stdout), done.stderr
 
@@ -200,9 +220,12 @@ def test_node_reads_the_same(log: Path, node_packages: Path) -> None:
     """
     script = Path(__file__).with_name("read_mcap.mjs")
     done = subprocess.run(
-        ["node", script, *sorted(log.glob("*.mcap"))], capture_output=True, text=True, check=False,
+        ["node", script, *sorted(log.glob("*.mcap"))],
+        capture_output=True,
+        text=True,
+        check=False,
         env={"PATH": str(Path(which("node") or "").parent), "NODE_PACKAGES": str(node_packages)},
-    )  # fmt: skip
+    )
     assert 0 == done.returncode, done.stderr
 
     theirs = [json.loads(line) for line in done.stdout.splitlines()]
@@ -217,10 +240,21 @@ def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if which("node") is None or which("npm") is None:
         pytest.skip("Node.js is not installed")
     folder = tmp_path_factory.mktemp("node")
-    packages = ["@mcap/core@2", "@mcap/support@1", "@mcap/nodejs@1", "@foxglove/rosmsg@5",
-                "@foxglove/rosmsg2-serialization@3"]  # fmt: skip
-    done = subprocess.run(["npm", "install", "--no-audit", "--no-fund", "--silent", *packages],
-                          cwd=folder, capture_output=True, text=True, check=False, timeout=240)  # fmt: skip
+    packages = [
+        "@mcap/core@2",
+        "@mcap/support@1",
+        "@mcap/nodejs@1",
+        "@foxglove/rosmsg@5",
+        "@foxglove/rosmsg2-serialization@3",
+    ]
+    done = subprocess.run(
+        ["npm", "install", "--no-audit", "--no-fund", "--silent", *packages],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=240,
+    )
     if done.returncode:
         pytest.skip(f"npm cannot install @mcap/core here: {done.stderr.strip()[:200]}")
     return folder
@@ -236,7 +270,10 @@ def test_the_folder_is_a_rosbag2_without_its_live_segment(tmp_path: Path) -> Non
         assert not (path / "metadata.yaml").exists()
 
     assert (path / "metadata.yaml").exists()
-    code = "import sys; from rosbags.rosbag2 import Reader; r = Reader(sys.argv[1]); r.open(); print(r.message_count)"
+    code = (
+        "import sys; from rosbags.rosbag2 import Reader\n"
+        "with Reader(sys.argv[1]) as reader: print(reader.message_count)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
     )

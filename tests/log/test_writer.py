@@ -138,8 +138,9 @@ def test_the_chain_of_hashes_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert segment.header.first_event > 0 or segment.header.hash_so_far == bytes(32)
         commits = iter(page.commits())
         ends = [*page.offsets.tolist()[1:], len(page.records)]
-        for start, end, channel in zip(page.offsets.tolist(), ends,
-                                       page.heads["channel_id"].tolist(), strict=True):  # fmt: skip
+        for start, end, channel in zip(
+            page.offsets.tolist(), ends, page.heads["channel_id"].tolist(), strict=True
+        ):
             record = bytes(page.records[start:end])
             if channel == COMMIT_CHANNEL:
                 commit = next(commits)
@@ -165,8 +166,9 @@ def test_a_second_writer_is_refused_before_it_touches_anything(tmp_path: Path) -
         with pytest.raises(LogLockedError, match=f"process {os.getpid()} is writing"):
             sl.append(path)
         code = "import sys, semmap_log as sl; sl.append(sys.argv[1])"
-        done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True,
-                              check=False)  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-c", code, path], capture_output=True, text=True, check=False
+        )
         log.add_door()
 
     assert "LogLockedError" in done.stderr
@@ -339,8 +341,9 @@ except LogPoisonedError:
     print(stored)
 log.close()
 """
-    done = subprocess.run([sys.executable, "-c", code, tmp_path / "log"], capture_output=True,
-                          text=True, check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "log"], capture_output=True, text=True, check=True
+    )
     stored = int(done.stdout)
 
     with sl.append(tmp_path / "log") as log:
@@ -366,8 +369,21 @@ log.close()
 """
     trace = tmp_path / "trace"
     calls = "write,fsync,fdatasync,rename,openat,stat,newfstatat"
-    subprocess.run(["strace", "-f", "-o", trace, "-e", f"trace={calls}", sys.executable, "-c", code,
-                    tmp_path / "log"], check=True)  # fmt: skip
+    subprocess.run(
+        [
+            "strace",
+            "-f",
+            "-o",
+            trace,
+            "-e",
+            f"trace={calls}",
+            sys.executable,
+            "-c",
+            code,
+            tmp_path / "log",
+        ],
+        check=True,
+    )
     text = trace.read_text()
 
     between = text[text.index('"/before"') : text.index('"/after"')]

@@ -65,8 +65,10 @@ def test_our_layouts_read_what_rosbags_wrote(event: Event) -> None:
 
 def ours_as_plain(values: dict[str, Any]) -> dict[str, Any]:
     """Return states and bits as the numbers that they are in a message."""
-    return {name: int(v) if isinstance(v, int) and not isinstance(v, bool) else v
-            for name, v in values.items()}  # fmt: skip
+    return {
+        name: int(v) if isinstance(v, int) and not isinstance(v, bool) else v
+        for name, v in values.items()
+    }
 
 
 @given(st.lists(events, max_size=20), st.integers(0, 2**40))

@@ -21,10 +21,12 @@ Told = tuple[int, int, int, int, Event]
 """(event number, happened, recorded, recorded time of its commit, event)"""
 
 FIELDS = {
-    Changed.POSE: ("level", "x", "y", "theta"), Changed.WIDTH: ("width",),
-    Changed.STATE: ("state",), Changed.PROB_OPEN: ("prob_open",),
+    Changed.POSE: ("level", "x", "y", "theta"),
+    Changed.WIDTH: ("width",),
+    Changed.STATE: ("state",),
+    Changed.PROB_OPEN: ("prob_open",),
     Changed.PROB_CLOSED: ("prob_closed",),
-}  # fmt: skip
+}
 ALL = tuple(name for names in FIELDS.values() for name in names)
 
 
@@ -32,12 +34,22 @@ def model(
     told: list[Told], at: int | None = None, known_at: int | None = None, event: int | None = None
 ) -> dict[int, dict[str, Any]]:
     """Return door id -> values, by the rules of the design and nothing else."""
-    known = [t for t in told if (known_at is None or t[3] <= known_at)
-             and (event is None or t[0] <= event)]  # fmt: skip
-    hidden = {n for *_, e in known if isinstance(e, Retracted)
-              for n in range(e.first_event, e.last_event + 1)}  # fmt: skip
-    counted = [(min(happened, recorded), number, e) for number, happened, recorded, _, e in known
-               if number not in hidden or isinstance(e, Retracted)]  # fmt: skip
+    known = [
+        t
+        for t in told
+        if (known_at is None or t[3] <= known_at) and (event is None or t[0] <= event)
+    ]
+    hidden = {
+        n
+        for *_, e in known
+        if isinstance(e, Retracted)
+        for n in range(e.first_event, e.last_event + 1)
+    }
+    counted = [
+        (min(happened, recorded), number, e)
+        for number, happened, recorded, _, e in known
+        if number not in hidden or isinstance(e, Retracted)
+    ]
     doors: dict[int, dict[str, Any]] = {}
     gone: set[int] = set()
     for time, _, e in sorted(counted, key=lambda c: c[:2]):
