@@ -135,5 +135,5 @@ def test_a_peer_that_fails_stops_the_run() -> None:
     """
     An error in a peer's process comes out with its traceback.
     """
-    with pytest.raises(PeerFailedError, match="broken:(.|\n)*no such luck"):
+    with pytest.raises(PeerFailedError, match=r"(?s)broken:.*no such luck"):
         measure(_case(Peer("broken", _fails, expected=1)))

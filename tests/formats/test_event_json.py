@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from semmap_log.doors import MAX_DOOR_ID, NAN, DoorId, DoorState
 from semmap_log.errors import FormatError, UnknownDoorError
+from semmap_log.event_batch import RecordedEvent
 from semmap_log.events import (
     ALL_CHANGED,
     KINDS,
@@ -28,7 +29,6 @@ from semmap_log.events import (
     LogExported,
     PatrolFinished,
     PatrolStarted,
-    RecordedEvent,
     Retracted,
     RobotPose,
 )

@@ -1,0 +1,96 @@
+"""What the viewer is told to show, read back from the recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
+
+import semmap_log as sl
+from semmap_log.doors import DoorId, DoorState
+from semmap_log.events import DoorAdded, DoorObserved, LevelAdded
+from semmap_log.views.rerun_recording import save_rrd
+from tests.conftest import SteadyClock
+from tests.views.some_logs import SECOND, START, room, small_log
+
+pytestmark = pytest.mark.viewer
+
+
+def views_of(log: sl.DoorLog, tmp_path: Path, **how: Any) -> list[str]:
+    """Names of the views, in the order in which they were made."""
+    import rerun as rr
+
+    save_rrd(log, tmp_path / "x.rrd", **how)
+    reader = rr.chunk.RrdReader(tmp_path / "x.rrd")
+    (store,) = reader.blueprints()
+    names = []
+    for chunk in reader.stream(store=store):
+        batch = chunk.to_record_batch()
+        if "ViewBlueprint:display_name" in batch.schema.names:
+            names += [name for (name,) in batch.column("ViewBlueprint:display_name").to_pylist()]
+    return sorted(names)
+
+
+def test_a_building_of_one_level(tmp_path: Path) -> None:
+    """
+    Plan, curves of the door that has probabilities, lanes, text.
+    """
+    log = small_log(tmp_path / "log")
+
+    assert ["Door states", "Event log (UTC)", "Floor plan", "front"] == views_of(log, tmp_path)
+
+
+def test_each_level_has_its_plan(tmp_path: Path) -> None:
+    """
+    Named as the level is; one without anything on it is left out.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([LevelAdded(level=n, name=name) for n, name in enumerate("ABC", start=1)])
+        log.append([room(1)])
+        log.append([DoorAdded(door_id=DoorId(1), level=2, x=0, y=0, theta=0, width=1)])
+
+    assert ["A", "B", "Door states", "Event log (UTC)"] == views_of(
+        sl.read(tmp_path / "log"), tmp_path
+    )
+
+
+def test_sensors_without_a_place_need_no_plan(tmp_path: Path) -> None:
+    """
+    Nor curves, where nobody gave probabilities.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([DoorAdded(door_id=DoorId(1))])
+
+    assert ["Door states", "Event log (UTC)"] == views_of(sl.read(tmp_path / "log"), tmp_path)
+
+
+def test_the_liveliest_doors_stand_before_all_of_them(tmp_path: Path) -> None:
+    """
+    Of 20 doors 16 lanes fit the screen: those that change; curves go to the 8 liveliest.
+    """
+    clock = SteadyClock(START)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([DoorAdded(door_id=DoorId(n), prob_open=0.5) for n in range(1, 21)])
+        for turn in range(20):
+            clock.now_ns += 60 * SECOND
+            state = DoorState.OPEN if turn % 2 else DoorState.CLOSED
+            log.append([DoorObserved(door_id=DoorId(n), state=state) for n in range(20, turn, -1)])
+
+    names = views_of(sl.read(tmp_path / "log"), tmp_path)
+
+    assert [f"door {n}" for n in range(13, 21)] == [n for n in names if n.startswith("door")]
+    assert ["16 liveliest doors", "All 20 doors"] == [n for n in names if n.endswith("doors")]
+
+
+def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:
+    """
+    Only doors with probabilities have any.
+    """
+    log = small_log(tmp_path / "log")
+
+    names = views_of(log, tmp_path, doors=[DoorId(2)])
+
+    assert ["Door states", "Event log (UTC)", "Floor plan"] == names

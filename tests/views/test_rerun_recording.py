@@ -1,0 +1,338 @@
+"""What is in a recording: read back without a viewer, asked as a viewer asks."""
+
+from __future__ import annotations
+
+import math
+import random
+import resource
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
+
+import semmap_log as sl
+from semmap_log.doors import DoorId, DoorMap, DoorState
+from semmap_log.errors import SemmapError
+from semmap_log.events import DoorAdded, DoorObserved, DoorUpdated, Retracted, RobotPose
+from semmap_log.views.rerun_recording import save_rrd
+from tests.conftest import SteadyClock
+from tests.views.some_logs import SECOND, START, Drawn, restless_log, room, small_log
+
+pytestmark = pytest.mark.viewer
+
+STATE, STRIPS, SCALARS = "StateChange:state", "LineStrips2D:strips", "Scalars:scalars"
+
+
+def recorded(log: sl.DoorLog, tmp_path: Path, **how: Any) -> Drawn:
+    save_rrd(log, tmp_path / "x.rrd", **how)
+    return Drawn(tmp_path / "x.rrd")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_at_any_moment_the_recording_shows_what_a_replay_gives(seed: int, tmp_path: Path) -> None:
+    """
+    Along `happened` it shows what was true, along `recorded` what was known: with events told
+    late, moves between levels, doors without a place, and removals.
+    """
+    log = restless_log(tmp_path / "log", seed=seed)
+    rng = random.Random(seed)
+
+    drawn = recorded(log, tmp_path)
+
+    for moment in [rng.randrange(START, log.end_ns() + 1) for _ in range(40)]:
+        assert _doors_of(log.replay(at=moment)) == _seen(drawn, moment, "happened")
+        assert _doors_of(log.replay(known_at=moment)) == _seen(drawn, moment, "recorded")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_curves_go_through_the_probabilities_that_were_given(seed: int, tmp_path: Path) -> None:
+    """
+    At any moment the curve of a door is where its probabilities are in a replay.
+    """
+    log = restless_log(tmp_path / "log", seed=seed)
+    rng = random.Random(seed)
+
+    drawn = recorded(log, tmp_path)
+
+    for moment in [rng.randrange(START, log.end_ns() + 1) for _ in range(40)]:
+        for door in log.replay(at=moment).doors.values():
+            point = drawn.latest(_lane(drawn, door.door_id), SCALARS, moment)
+            np.testing.assert_array_equal(
+                [door.prob_open, door.prob_closed], point or [math.nan, math.nan]
+            )
+
+
+def _doors_of(door_map: DoorMap) -> dict[int, Any]:
+    """Return state, level and line of each door."""
+    levels = {1: "ground", 2: "first"}
+    return {
+        door.door_id: (
+            door.state.name,
+            (levels[door.level], _rounded([door.start, door.end])) if door.is_placed else None,
+        )
+        for door in door_map.doors.values()
+    }
+
+
+def _seen(drawn: Drawn, at: int, timeline: str) -> dict[int, Any]:
+    """Return the same as the viewer would draw it."""
+    seen: dict[int, Any] = {}
+    for entity in sorted(drawn.entities):
+        _, _, level, kind, part = (entity.split("/") + [""] * 3)[:5]
+        if kind != "doors":
+            continue
+        door_id = int(part.removeprefix("door_"))
+        state, line = seen.get(door_id, (None, None))
+        (told,) = drawn.latest(entity, STATE, at, timeline) or [None]
+        strips = drawn.latest(entity, STRIPS, at, timeline)
+        seen[door_id] = (told or state, (level, _rounded(strips[0])) if strips else line)
+    return {door_id: both for door_id, both in seen.items() if both != (None, None)}
+
+
+def _rounded(strip: Any) -> Any:
+    return np.asarray(strip, np.float32).round(3).tolist()
+
+
+def _lane(drawn: Drawn, door_id: int) -> str:
+    return next(e for e in drawn.entities
+                if e.endswith(f"/door_{door_id}") and drawn.rows(e, STATE))  # fmt: skip
+
+
+def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
+    """
+    One entity a door, under its name or number; plan, robot and events beside; no other timeline.
+    """
+    log = small_log(tmp_path / "log")
+
+    drawn = recorded(log, tmp_path)
+
+    assert {
+        "/map", "/map/floor", "/map/doors/front", "/map/doors/door_2", "/map/robot/pose",
+        "/map/robot/track", "/events/door_added", "/events/door_annotated",
+        "/events/door_observed", "/events/door_passed", "/events/door_removed",
+        "/events/door_updated", "/events/floor_map", "/events/patrol_started",
+        "/events/patrol_finished",
+    } == {entity for entity in drawn.entities if not entity.startswith("/__")}  # fmt: skip
+    assert {"happened", "recorded", "event"} == drawn.timelines
+    assert (log.info.log_id, 1) == (drawn.store.recording_id, drawn.blueprints)
+
+
+def test_rows_carry_the_times_and_the_number_of_their_event(tmp_path: Path) -> None:
+    """
+    The number at the cursor can be given to `semmap-log show`.
+    """
+    log = small_log(tmp_path / "log")
+
+    drawn = recorded(log, tmp_path)
+
+    (number, _), *_ = reversed(drawn.rows("/map/doors/front", STATE, "event"))
+    recorded_event = log.event(number)
+    assert DoorState.CLOSED == recorded_event.event.state  # type: ignore[attr-defined]
+    assert (recorded_event.recorded_ns, ["CLOSED"]) == drawn.rows(
+        "/map/doors/front", STATE, "recorded"
+    )[-1]
+
+
+def test_the_event_log_says_who_and_why(tmp_path: Path) -> None:
+    """
+    Time, door, what; then actor and reason of the commit; changes before repeats.
+    """
+    log = small_log(tmp_path / "log")
+
+    drawn = recorded(log, tmp_path)
+
+    (removal,) = drawn.rows("/events/door_removed", "TextLog:text")
+    assert ["03-01 21:50:00  door 2  removed from the map  · anna: a wall now"] == removal[1]
+    assert ["WARN"] == drawn.rows("/events/door_removed", "TextLog:level")[0][1]
+    sighting = drawn.rows("/events/door_observed", "TextLog:text")[0]
+    assert sighting[1][0].endswith("front #1  seen OPEN (90%)  · rover")
+
+
+def test_the_track_breaks_where_the_robot_was_unseen(tmp_path: Path) -> None:
+    """
+    No line is drawn over a gap of more than ten minutes, nor from one level to another.
+    """
+    clock = SteadyClock(START)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([DoorAdded(door_id=DoorId(1), level=0, x=0, y=0, theta=0, width=1)])
+        for minute, level, x in (
+            (0, 0, 0.0),
+            (1, 0, 1.0),
+            (20, 0, 2.0),
+            (21, 0, 3.0),
+            (22, 7, 0.0),
+        ):
+            clock.now_ns = START + minute * 60 * SECOND
+            log.append([RobotPose(level=level, x=x, y=0.0, theta=0.0)])
+
+    drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
+
+    tracks = [value[0] for _, value in drawn.rows("/map/0/robot/track", STRIPS)]
+    assert [[[0, 0], [1, 0]], [[2, 0], [3, 0]]] == tracks
+    assert [] == drawn.rows("/map/7/robot/track", STRIPS)
+    gone_ns = drawn.rows("/map/7/robot/pose", "Arrows2D:origins")[0][0]
+    assert drawn.latest("/map/0/robot/pose", "Arrows2D:origins", gone_ns - 1)
+    assert drawn.latest("/map/0/robot/pose", "Arrows2D:origins", gone_ns) is None
+
+
+def test_the_plan_lies_where_its_cells_are(tmp_path: Path) -> None:
+    """
+    Walls are light on dark; the picture's first row is the lowest y, and a turned plan is turned.
+    """
+    plan = room(theta=math.pi / 2)
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([plan])
+
+    drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
+
+    (buffer,), (shape,) = (drawn.statics["/map/floor", f"Image:{n}"] for n in ("buffer", "format"))
+    picture = np.frombuffer(bytes(buffer), np.uint8).reshape(shape["height"], shape["width"], 3)
+    assert ((150, 160, 176), (41, 46, 57)) == (tuple(picture[0, 0]), tuple(picture[80, 100]))
+    ((first_column),) = drawn.statics["/map/floor", "Transform3D:mat3x3"]
+    np.testing.assert_allclose([0, 0.05, 0], first_column[:3], atol=1e-7)
+    np.testing.assert_allclose([1, -1, 1], drawn.statics["/map", "Transform3D:scale"][0])
+
+
+def test_a_part_begins_with_the_state_as_it_was(tmp_path: Path) -> None:
+    """
+    With `since`, the first rows stand at that moment and tell what a replay to it gives.
+    """
+    log = small_log(tmp_path / "log")
+    since_ns = START + 900 * SECOND
+
+    drawn = recorded(log, tmp_path, since=since_ns, until=START + 2000 * SECOND)
+
+    assert [(since_ns, ["OPEN"])] == drawn.rows("/map/doors/front", STATE)
+    assert (since_ns, [0.5, 0.75]) == drawn.rows("/map/doors/front", SCALARS)[0]
+    assert drawn.latest("/map/doors/door_2", STRIPS, since_ns)
+    assert drawn.latest("/map/doors/door_2", STRIPS, START + 1900 * SECOND) is None
+    assert ["UNKNOWN"] == drawn.latest("/map/doors/door_2", STATE, since_ns)
+
+
+def test_chosen_doors_keep_the_robot_and_its_patrols(tmp_path: Path) -> None:
+    """
+    `doors` leaves the other doors out of plan, lanes and text.
+    """
+    log = small_log(tmp_path / "log")
+
+    drawn = recorded(log, tmp_path, doors=[DoorId(1)])
+
+    assert "/map/doors/front" in drawn.entities
+    assert "/map/robot/track" in drawn.entities
+    assert "/events/patrol_started" in drawn.entities
+    assert not {"/map/doors/door_2", "/events/door_removed"} & drawn.entities
+
+
+def test_retracted_events_are_not_there(tmp_path: Path) -> None:
+    """
+    An undone sighting leaves no row; the undoing itself is in the event log.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])
+        log.append([DoorObserved(door_id=DoorId(1), state=DoorState.OPEN)])
+        log.append([Retracted(first_event=1, last_event=1)])
+
+    drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
+
+    assert [["UNKNOWN"]] == [value for _, value in drawn.rows("/map/doors/door_1", STATE)]
+    assert "/events/door_observed" not in drawn.entities
+    assert "/events/retracted" in drawn.entities
+
+
+def test_an_empty_log_is_a_recording_too(tmp_path: Path) -> None:
+    """
+    A log of which nothing has happened yet can be looked at.
+    """
+    sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)).close()
+
+    summary = save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
+
+    assert 0 == summary.events
+    assert 1 == Drawn(tmp_path / "x.rrd").blueprints
+
+
+def test_no_chunk_is_longer_than_rerun_likes(tmp_path: Path) -> None:
+    """
+    10,000 sightings of one door and 10,000 poses come in chunks of at most 4096 rows, and rerun's
+    own check finds nothing wrong.
+    """
+    import rerun_cli
+
+    states = [DoorState.OPEN, DoorState.CLOSED]
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])
+        for first in range(0, 10_000, 5_000):
+            log.append([DoorObserved(door_id=DoorId(1), state=states[n % 2],
+                                     happened_ns=START + (first + n) * 1000)
+                        for n in range(5_000)])  # fmt: skip
+            log.append([RobotPose(x=n / 100, y=0, theta=0, happened_ns=START + (first + n) * 1000)
+                        for n in range(5_000)])  # fmt: skip
+
+    drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
+
+    assert 4096 == drawn.most_rows
+    assert 10_000 == len(drawn.rows("/map/robot/pose", "Arrows2D:origins"))
+    binary = Path(rerun_cli.__file__).parent / "rerun"
+    verified = subprocess.run(
+        [binary, "rrd", "verify", tmp_path / "x.rrd"], capture_output=True, check=False
+    )
+    assert 0 == verified.returncode, verified.stderr
+
+
+def test_a_full_disk_leaves_the_old_file(tmp_path: Path) -> None:
+    """
+    What was there stays whole, the error is the system's, and nothing is left lying about.
+    """
+    log = small_log(tmp_path / "log")
+    rrd = tmp_path / "x.rrd"
+    rrd.write_bytes(b"the old recording")
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+    try:
+        for most_bytes in (1_000, 20_000, 60_000):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, unlimited[1]))
+            with pytest.raises(SemmapError, match=r"x\.rrd: cannot be written: File too large"):
+                save_rrd(log, rrd)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+        signal.signal(signal.SIGXFSZ, handler)
+
+    assert b"the old recording" == rrd.read_bytes()
+    assert {"log", "x.rrd"} == {path.name for path in tmp_path.iterdir()}
+
+
+def test_two_recordings_of_a_log_are_the_same_to_rerun(tmp_path: Path) -> None:
+    """
+    Nothing in the rows depends on when or where they were made.
+    """
+    log = small_log(tmp_path / "log")
+    save_rrd(log, tmp_path / "a.rrd")
+    save_rrd(log, tmp_path / "b.rrd")
+
+    first, second = Drawn(tmp_path / "a.rrd"), Drawn(tmp_path / "b.rrd")
+
+    assert first.statics == second.statics
+    for entity in first.entities:
+        for component in (STATE, STRIPS, SCALARS, "TextLog:text", "Arrows2D:origins"):
+            assert first.rows(entity, component) == second.rows(entity, component)
+
+
+def test_a_curve_goes_on_to_the_end(tmp_path: Path) -> None:
+    """
+    Probabilities that were given once hold on: a line to the last event, not a dot.
+    """
+    log = small_log(tmp_path / "log")
+
+    drawn = recorded(log, tmp_path)
+
+    *_, given, last = drawn.rows("/map/doors/front", SCALARS)
+    assert (log.end_ns(), given[1]) == last
+    (update,) = log.history(kinds=[DoorUpdated])
+    assert given == (update.happened_ns, [0.5, 0.75])
+    assert 3 == len(drawn.rows("/map/doors/front", SCALARS, "recorded"))

@@ -1,0 +1,236 @@
+"""What the viewer makes of a recording: no complaints, and the right colours at two moments."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
+
+import semmap_log as sl
+from semmap_log.doors import DoorId
+from semmap_log.events import DoorAdded, DoorAnnotated
+from semmap_log.views.palette import DEFAULT, Rgb
+from semmap_log.views.rerun_recording import save_rrd
+from semmap_log.views.rerun_viewer import (
+    Viewer,
+    ViewerError,
+    explained,
+    headless,
+    open_viewer,
+    screenshot,
+)
+from tests.conftest import SteadyClock
+from tests.views.some_logs import SECOND, START, small_log
+
+pytestmark = pytest.mark.viewer
+
+SIZE = (1280, 800)
+VIEWS = {"Floor plan", "front", "Door states", "Event log (UTC)"}
+OPEN_NS, CLOSED_NS = START + 1000 * SECOND, START + 60 * SECOND
+"""When `front` is open, and when it is closed."""
+
+
+@pytest.fixture(scope="module")
+def rrd(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording")
+    save_rrd(small_log(folder / "log"), folder / "small.rrd")
+    return folder / "small.rrd"
+
+
+@pytest.fixture(scope="module")
+def viewer(rrd: Path) -> Iterator[Viewer]:
+    """A viewer without a window; without a graphics driver the pictures are skipped, loudly."""
+    try:
+        with headless(rrd, size=SIZE, quiet=False) as viewer:
+            yield viewer
+    except ViewerError as error:
+        if "mesa-vulkan-drivers" not in str(error):
+            raise
+        warnings.warn(f"NO PICTURE WAS CHECKED: {error}", stacklevel=1)
+        pytest.skip(str(error))
+
+
+def test_the_viewer_has_nothing_to_complain_about(viewer: Viewer) -> None:
+    """
+    Every view, once shown, draws all it was given, and the viewer logs no warning of its own.
+    """
+    for name in sorted(VIEWS):
+        viewer.picture(name)
+
+    state = viewer.state()
+
+    assert VIEWS == {view.name for view in state.views}
+    assert [] == [(view.name, view.reports) for view in state.views if view.reports]
+    logged = viewer.ask(lambda client: client.get_logs())
+    assert [] == [
+        entry.message for entry in logged
+        if entry.level in {"WARN", "ERROR"} and "oftware rasterizer" not in entry.message
+    ]  # fmt: skip
+
+
+def test_it_opens_at_the_end_along_happened(viewer: Viewer) -> None:
+    """
+    The cursor stands at the last event: the state as it is now.
+    """
+    (recording,) = viewer.state().recordings
+
+    (happened,) = [each for each in recording.timelines if each.name == "happened"]
+    assert {"happened", "recorded", "event"} == {each.name for each in recording.timelines}
+    assert ("happened", happened.end) == (recording.current_timeline, recording.current_time)
+
+
+def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> None:
+    """
+    Open green at one moment, closed red at another; a removed door is not drawn any more.
+    """
+    viewer.go_to("happened", CLOSED_NS)
+    closed = viewer.picture("Floor plan")
+    viewer.go_to("happened", OPEN_NS)
+    opened = viewer.picture("Floor plan")
+    viewer.go_to("happened", START + 3000 * SECOND)
+    removed = viewer.picture("Floor plan")
+
+    assert (True, False) == (_has(closed, DEFAULT.closed), _has(closed, DEFAULT.open))
+    assert (False, True) == (_has(opened, DEFAULT.closed), _has(opened, DEFAULT.open))
+    assert (True, False) == (_has(opened, DEFAULT.unknown), _has(removed, DEFAULT.unknown))
+    assert _has(opened, DEFAULT.wall)
+
+
+def test_north_is_up(viewer: Viewer) -> None:
+    """
+    `front` lies below and left of door 2 in the map, and so it does in the picture.
+    """
+    viewer.go_to("happened", OPEN_NS)
+
+    picture = viewer.picture("Floor plan")
+
+    front, second = _middle(picture, DEFAULT.open), _middle(picture, DEFAULT.unknown)
+    assert front[0] < second[0]
+    assert front[1] > second[1]
+
+
+def test_the_robot_is_drawn_where_it_is(viewer: Viewer) -> None:
+    """
+    The arrow is there while the patrol runs.
+    """
+    viewer.go_to("happened", OPEN_NS)
+
+    assert _has(viewer.picture("Floor plan"), DEFAULT.robot)
+
+
+def test_a_moment_can_be_an_event(viewer: Viewer) -> None:
+    """
+    Along `event` the cursor is a number.
+    """
+    viewer.go_to("event", 2)
+
+    assert ("event", 2) == (
+        viewer.state().recordings[0].current_timeline,
+        viewer.state().recordings[0].current_time,
+    )
+
+
+def test_an_unknown_view_or_timeline_is_told_with_the_known_ones(viewer: Viewer) -> None:
+    """
+    The message lists what there is.
+    """
+    with pytest.raises(ViewerError, match=r"view 'Plan': expected one of .*Floor plan"):
+        viewer.picture("Plan")
+    with pytest.raises(ViewerError, match="timeline 'log_time': expected one of event, happened"):
+        viewer.go_to("log_time", 0)
+
+
+def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path: Path) -> None:
+    """
+    Names in scripts that the viewer has no letters for do not end it.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])
+        log.append([DoorAnnotated(door_id=DoorId(1), key="name", value="会議室 3/🚪\n")])
+    save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
+
+    screenshot(tmp_path / "x.rrd", tmp_path / "x.png", size=(800, 600))
+
+    assert (600, 800, 3) == _colours((tmp_path / "x.png").read_bytes()).shape
+
+
+def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
+    """
+    An error inside leaves no viewer behind.
+    """
+    processes = []
+
+    def fail() -> None:
+        with headless(rrd, size=(640, 480)) as another:
+            processes.append(another.process)
+            raise RuntimeError("ours")
+
+    with pytest.raises(RuntimeError, match="ours"):
+        fail()
+    assert processes[0].poll() is not None
+
+
+def test_without_a_screen_there_is_no_window(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    The error says what to do instead.
+    """
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+
+    with pytest.raises(ViewerError, match="found no screen"):
+        open_viewer(rrd)
+
+
+def test_a_missing_recording_is_told_before_anything_starts(tmp_path: Path) -> None:
+    """
+    The path is named.
+    """
+    with pytest.raises(ViewerError, match=r"no\.rrd: there is no such recording"):
+        screenshot(tmp_path / "no.rrd", tmp_path / "x.png")
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ("thread 'main' panicked at 'No graphics adapter was found'", "apt install mesa-vulkan"),
+        ("thread 'main' panicked at 'Failed to get render context'", "apt install mesa-vulkan"),
+        ("neither WAYLAND_DISPLAY nor WAYLAND_SOCKET nor DISPLAY is set.", "found no screen"),
+        (
+            "INFO hello\\nthread 'main' panicked at 'a bug'",
+            "ended: thread 'main' panicked at 'a bug'",
+        ),
+        ("", "it did not say why"),
+    ],
+)
+def test_the_viewers_last_words_are_explained(said: str, expected: str) -> None:
+    """
+    What the viewer prints when it ends becomes one line that says what to do.
+    """
+    assert expected in str(explained(said.replace("\\n", "\n")))
+
+
+def _colours(png: bytes) -> np.ndarray:
+    from PIL import Image
+
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+
+def _is(png: bytes, colour: Rgb) -> np.ndarray:
+    distance: np.ndarray = np.abs(_colours(png).astype(int) - colour).max(-1)
+    return distance <= 6
+
+
+def _has(png: bytes, colour: Rgb) -> bool:
+    """Tell whether something is drawn in that colour, rather than a few pixels by chance."""
+    return int(_is(png, colour).sum()) > 50
+
+
+def _middle(png: bytes, colour: Rgb) -> tuple[float, float]:
+    rows, columns = np.nonzero(_is(png, colour))
+    return float(columns.mean()), float(rows.mean())

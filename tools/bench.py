@@ -1,0 +1,136 @@
+"""Measure what we promise beside what others reach: one table, from one run.
+
+    python tools/bench.py                                   all of it, about two minutes
+    python tools/bench.py --only append,replay              a part
+    python tools/bench.py --events 10000 1000000 --json     other sizes, for machines
+
+The exit code is 1 if an answer was wrong or a peer failed: never because of a time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmark.appending import append_cases
+from benchmark.case import Case
+from benchmark.importing import import_cases
+from benchmark.logs import Workshop
+from benchmark.reading import moment_cases, open_cases, replay_cases
+from benchmark.starting import start_cases
+from benchmark.worker import PeerFailedError, measure
+
+ROOT = Path(__file__).resolve().parent.parent
+INTERRUPTED = 130
+GROUPS = ("append", "replay", "import", "moment", "open", "start")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure what the command line asks for; 0 good, 1 a wrong answer or an error."""
+    given = sys.argv[1:] if arguments is None else arguments
+    args = _parsed(given)
+    try:
+        with tempfile.TemporaryDirectory(dir=args.dir, prefix=".bench_") as name:
+            return _run(args, Workshop(Path(name), _say), given)
+    except (PeerFailedError, OSError) as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
+    from benchmark.report import file_system, machine_of, show, to_json
+
+    if file_system(shop.folder) in ("tmpfs", "ramfs"):
+        print("bench: this folder is in memory: a sync costs nothing here, and the figures for "
+              "append mean nothing; choose another with --dir", file=sys.stderr)  # fmt: skip
+    machine = machine_of(given, shop.folder)
+    results = []
+    for case in _cases(args, shop):
+        shop.say(f"measuring: {case.title}")
+        results.append((case, measure(case)))
+    shop.say("")
+    if args.json:
+        print(json.dumps(to_json(results, machine), indent=2, ensure_ascii=False))
+    else:
+        show(results, machine)
+    wrong = [f"{case.title}: {measured.peer.name}" for case, peers in results
+             for measured in peers if not (measured.agrees or measured.problem)]  # fmt: skip
+    for line in wrong:
+        print(f"bench: a wrong answer: {line}", file=sys.stderr)
+    return 1 if wrong else 0
+
+
+def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
+    if "append" in args.only:
+        yield from append_cases(shop, args.rounds)
+    sized = {
+        "replay": replay_cases, "import": import_cases, "moment": moment_cases, "open": open_cases,
+    }  # fmt: skip
+    for count in args.events:
+        for group, cases in sized.items():
+            if group in args.only:
+                yield from cases(shop, count, args.rounds)
+    if "start" in args.only:
+        yield from start_cases(args.rounds)
+
+
+def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description="Measure semmap-log beside its peers; print one table."
+    )
+    parser.add_argument(
+        "--events",
+        type=_count,
+        nargs="+",
+        default=[100_000],
+        metavar="N",
+        help="sizes of the logs to read and to import; default: 100000",
+    )
+    parser.add_argument(
+        "--only",
+        type=_groups,
+        default=GROUPS,
+        metavar="GROUP,…",
+        help=f"of {', '.join(GROUPS)}; default: all",
+    )
+    parser.add_argument("--rounds", type=_count, metavar="N",
+                        help="rounds that count; default: 20 of ten commits for append, 10 for "
+                        "start, 5 for reading, 3 for import")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="one document instead of the table")
+    parser.add_argument("--dir", type=Path, default=ROOT, metavar="DIR",
+                        help="where to put the temporary folder: a real disk; default: the "
+                        "checkout")  # fmt: skip
+    return parser.parse_args(arguments)
+
+
+def _count(text: str) -> int:
+    value = int(text.replace("_", ""))
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"expected a number from 1 on, got {text}")
+    return value
+
+
+def _groups(text: str) -> tuple[str, ...]:
+    chosen = tuple(text.split(","))
+    strangers = [name for name in chosen if name not in GROUPS]
+    if strangers:
+        raise argparse.ArgumentTypeError(
+            f"no group {', '.join(strangers)}; there are: {', '.join(GROUPS)}"
+        )
+    return chosen
+
+
+def _say(text: str) -> None:
+    """Show what is going on, in place of what was, if somebody is looking."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
