@@ -143,7 +143,7 @@ def _record(log: DoorLogWriter, entries: list[HistoryEntry]) -> int:
 
 
 def _rrd(log: DoorLog, path: Path) -> tuple[Path | None, str]:
-    from semmap_log.views.rerun_recording import save_rrd
+    from semmap_log.views.rerun.recording import save_rrd
 
     try:
         save_rrd(log, path)

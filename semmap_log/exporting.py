@@ -124,7 +124,7 @@ def _names(door_map: DoorMap) -> dict[int, str]:
 
 
 def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
-    from semmap_log.views.rerun_recording import save_rrd
+    from semmap_log.views.rerun.recording import save_rrd
 
     until = None if scope.at_ns is None else scope.at_ns + 1
     summary = save_rrd(log, path, until=until)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -89,6 +90,10 @@ def _fails() -> Work:
     raise ValueError("no such luck")
 
 
+def _fails_later() -> Work:
+    return Work(lambda _: _fails())
+
+
 def _case(*peers: Peer) -> Case:
     return Case("group", "A task", "ms", peers, rounds=2, burst=3)
 
@@ -131,9 +136,10 @@ def test_a_peer_that_is_not_installed_only_says_so() -> None:
     assert "needs a_library_that_nobody_has" == second.problem
 
 
-def test_a_peer_that_fails_stops_the_run() -> None:
+@pytest.mark.parametrize("prepare", [_fails, _fails_later])
+def test_a_peer_that_fails_stops_the_run(prepare: Callable[[], Work]) -> None:
     """
-    An error in a peer's process comes out with its traceback.
+    An error in a peer's process comes out with its traceback, whenever it was met.
     """
     with pytest.raises(PeerFailedError, match=r"(?s)broken:.*no such luck"):
-        measure(_case(Peer("broken", _fails, expected=1)))
+        measure(_case(Peer("broken", prepare, expected=1)))

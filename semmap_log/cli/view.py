@@ -44,9 +44,9 @@ def run(
     import tempfile
 
     import semmap_log as sl
-    from semmap_log.views.rerun_recording import save_rrd
-    from semmap_log.views.rerun_viewer import open_viewer
-    from semmap_log.views.rerun_viewer import screenshot as take_screenshot
+    from semmap_log.views.rerun.recording import save_rrd
+    from semmap_log.views.rerun.viewer import open_viewer
+    from semmap_log.views.rerun.viewer import screenshot as take_screenshot
 
     opened = sl.read(log)
     doors = [opened.resolve_ever(name) for name in door] if door else None

@@ -22,7 +22,7 @@ from semmap_log.views.tables import (
     summary_table,
 )
 from tests.conftest import SteadyClock
-from tests.views.some_logs import SECOND, START, restless_log, small_log
+from tests.views.rerun.some_logs import SECOND, START, restless_log, small_log
 
 NOW_NS = START + 7200 * SECOND
 

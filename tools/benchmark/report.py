@@ -113,14 +113,14 @@ def _table(results: Sequence[Result]) -> RenderableType:
             n = case.rounds * case.burst
             table.add_row(f"[bold]{case.title}[/]", f"[dim]{case.unit}[/]", f"[dim]n {n}[/]")
             for measured in peers:
-                table.add_row(f"  {measured.peer.name}", *_cells(case, measured, peers[0]))
+                said = f": {measured.problem}" if measured.problem else ""
+                table.add_row(f"  {measured.peer.name}{said}", *_cells(case, measured, peers[0]))
         table.add_section()
     return table
 
 
 def _cells(case: Case, measured: Measured, ours: Measured) -> Iterator[str]:
     if measured.problem:
-        yield measured.problem
         return
     yield figure(measured.median_s, case.unit) if measured.agrees else "WRONG"
     yield _times(measured, ours)

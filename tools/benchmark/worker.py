@@ -9,18 +9,16 @@ from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from benchmark.case import Case, Measured, Peer, Work
-
-Tick = Callable[[], None]
-"""Called after each round."""
 
 
 class PeerFailedError(Exception):
     """A peer's process met an error of its own; the text is its traceback."""
 
 
-def measure(case: Case, tick: Tick = lambda: None) -> list[Measured]:
+def measure(case: Case) -> list[Measured]:
     """Return what came out for each peer of a case, in their order.
 
     Raises:
@@ -28,10 +26,11 @@ def measure(case: Case, tick: Tick = lambda: None) -> list[Measured]:
     """
     children = [_Child(peer) for peer in case.peers]
     try:
+        for child in children:
+            child.await_answer()  # prepared: from here on only one of them works at a time
         for counts in (False, *[True] * case.rounds):
             for child in children:
                 child.take_turns(case.burst, counts=counts)
-            tick()
         return [child.finish() for child in children]
     finally:
         for child in children:
@@ -53,18 +52,35 @@ class _Child:
 
     def take_turns(self, count: int, *, counts: bool) -> None:
         """Let it do its task so often; keep the times if they count."""
-        if not self._missing:
-            seconds = self._ask(count)
-            if counts and isinstance(seconds, list):
-                self._seconds += seconds
+        seconds = self._ask(count)
+        if counts:
+            self._seconds += seconds or []
 
     def finish(self) -> Measured:
         """Return its figures, its answer compared."""
+        said = self._ask(0)
         if self._missing:
             return Measured(self._peer, problem=self._missing)
-        peak_bytes, answer = self._ask(0)
+        peak_bytes, answer = said
         agrees = bool(answer == self._peer.expected)
         return Measured(self._peer, tuple(self._seconds), peak_bytes, agrees)
+
+    def await_answer(self) -> Any:
+        """Return what it says next.
+
+        Raises:
+            PeerFailedError: It met an error, or died.
+        """
+        try:
+            kind, value = self._pipe.recv()
+        except (EOFError, ConnectionError) as error:
+            raise PeerFailedError(f"{self._peer.name}: its process died") from error
+        if kind == "failed":
+            raise PeerFailedError(f"{self._peer.name}:\n{value}")
+        if kind == "missing":
+            self._missing = f"needs {value}"
+            return None
+        return value
 
     def stop(self) -> None:
         """End the process, whatever it is doing."""
@@ -74,24 +90,20 @@ class _Child:
             self._process.kill()
             self._process.join()
 
-    def _ask(self, turns: int) -> object:
-        try:
+    def _ask(self, turns: int) -> Any:
+        if self._missing:
+            return None
+        with suppress(ConnectionError):  # it may have died after saying why
             self._pipe.send(turns)
-            kind, value = self._pipe.recv()
-        except (EOFError, BrokenPipeError) as error:
-            raise PeerFailedError(f"{self._peer.name}: its process died") from error
-        if kind == "missing":
-            self._missing = f"needs {value}"
-        elif kind == "failed":
-            raise PeerFailedError(f"{self._peer.name}:\n{value}")
-        return value
+        return self.await_answer()
 
 
 def _serve(pipe: Connection, prepare: Callable[[], Work]) -> None:
-    """Do what the parent asks for, until it hangs up; runs in the child."""
+    """Do what the parent asks for, until it has the answer; runs in the child."""
     try:
         work = prepare()
         _forget_peak()
+        pipe.send(("ready", None))
         result = None
         while turns := pipe.recv():
             seconds = []
@@ -102,20 +114,14 @@ def _serve(pipe: Connection, prepare: Callable[[], Work]) -> None:
                 result = work.once(given)
                 seconds.append(time.perf_counter() - start)
             pipe.send(("turns", seconds))
-        peak = _peak_bytes()
-        pipe.send(("answer", (peak, work.answer(result))))
-    except EOFError:
-        pass
+        peak_bytes = _peak_bytes()
+        pipe.send(("answer", (peak_bytes, work.answer(result))))
+    except (EOFError, ConnectionError):
+        return  # the parent has gone
     except ModuleNotFoundError as error:
-        _tell(pipe, "missing", error.name)
-    except BaseException:  # noqa: BLE001 - the parent raises it
-        _tell(pipe, "failed", traceback.format_exc())
-
-
-def _tell(pipe: Connection, kind: str, value: object) -> None:
-    with suppress(EOFError, OSError):  # the parent has gone
-        pipe.recv()
-        pipe.send((kind, value))
+        pipe.send(("missing", error.name))
+    except Exception:  # noqa: BLE001 - the parent raises it
+        pipe.send(("failed", traceback.format_exc()))
 
 
 def _forget_peak() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from semmap_log.errors import MissingExtraError
-from tests.views.some_logs import small_log
+from tests.views.rerun.some_logs import small_log
 
 EDGE = ("rerun_sdk", "rerun_rows", "rerun_robot", "rerun_blueprint", "rerun_file")
 
@@ -26,7 +26,7 @@ def test_saving_says_what_to_install(tmp_path: Path) -> None:
     """
     The module itself can be imported; nothing is written.
     """
-    from semmap_log.views.rerun_recording import save_rrd
+    from semmap_log.views.rerun.recording import save_rrd
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[viewer\]'"):
         save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
@@ -38,7 +38,7 @@ def test_so_does_the_viewer(tmp_path: Path) -> None:
     """
     Before anything is started.
     """
-    from semmap_log.views.rerun_viewer import screenshot
+    from semmap_log.views.rerun.viewer import screenshot
 
     (tmp_path / "x.rrd").touch()
 

@@ -7,19 +7,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from semmap_log.views.door_rows import changes_of
-from semmap_log.views.drawable import drawable
-from semmap_log.views.event_lines import EventLines
-from semmap_log.views.excerpt import Excerpt
 from semmap_log.views.palette import Palette
-from semmap_log.views.pump import pumped
-from semmap_log.views.rerun_doors import DoorsWriter
-from semmap_log.views.rerun_events import EventsWriter
-from semmap_log.views.rerun_floor import write_floors
-from semmap_log.views.rerun_robot import RobotWriter
-from semmap_log.views.rerun_rows import RowWriter
-from semmap_log.views.rerun_sdk import rr
-from semmap_log.views.scene import Scene
+from semmap_log.views.rerun.door_rows import changes_of
+from semmap_log.views.rerun.doors import DoorsWriter
+from semmap_log.views.rerun.drawable import drawable
+from semmap_log.views.rerun.event_lines import EventLines
+from semmap_log.views.rerun.events import EventsWriter
+from semmap_log.views.rerun.excerpt import Excerpt
+from semmap_log.views.rerun.floor import write_floors
+from semmap_log.views.rerun.pump import pumped
+from semmap_log.views.rerun.robot import RobotWriter
+from semmap_log.views.rerun.rows import RowWriter
+from semmap_log.views.rerun.scene import Scene
+from semmap_log.views.rerun.sdk import rr
 
 APPLICATION_ID = "semmap_log"
 """Dots and other odd characters would be rewritten by rerun."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId
 from semmap_log.events import FloorMap
-from semmap_log.views.door_rows import Edge, Life
+from semmap_log.views.rerun.door_rows import Edge, Life
 
 EntityPath = tuple[str, ...]
 """The parts of a rerun entity path."""

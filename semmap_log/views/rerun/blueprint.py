@@ -10,10 +10,10 @@ from typing import Any
 
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun_robot import track_path
-from semmap_log.views.rerun_rows import EVENT, HAPPENED, RECORDED, entity
-from semmap_log.views.rerun_sdk import rr, rrb
-from semmap_log.views.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
+from semmap_log.views.rerun.robot import track_path
+from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
+from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
+from semmap_log.views.rerun.sdk import rr, rrb
 
 MOST_CURVES = 8
 MOST_LANES = 16

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
 from semmap_log.events import DoorRemoved
-from semmap_log.views.door_rows import (
+from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.door_rows import (
     CHANGE,
     NEVER,
     Changes,
@@ -22,10 +23,9 @@ from semmap_log.views.door_rows import (
     sorted_by_stamp,
     strips_of,
 )
-from semmap_log.views.palette import Palette
-from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter, rgba
-from semmap_log.views.rerun_sdk import rr
-from semmap_log.views.scene import Scene, SceneDoor
+from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter, rgba
+from semmap_log.views.rerun.scene import Scene, SceneDoor
+from semmap_log.views.rerun.sdk import rr
 
 MOST_WAITING_ROWS = 2**18
 """In all doors together, some 20 MB: then every door is written, however few its rows are."""

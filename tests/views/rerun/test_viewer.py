@@ -16,8 +16,8 @@ import semmap_log as sl
 from semmap_log.doors import DoorId
 from semmap_log.events import DoorAdded, DoorAnnotated
 from semmap_log.views.palette import DEFAULT, Rgb
-from semmap_log.views.rerun_recording import save_rrd
-from semmap_log.views.rerun_viewer import (
+from semmap_log.views.rerun.recording import save_rrd
+from semmap_log.views.rerun.viewer import (
     Viewer,
     ViewerError,
     explained,
@@ -26,7 +26,7 @@ from semmap_log.views.rerun_viewer import (
     screenshot,
 )
 from tests.conftest import SteadyClock
-from tests.views.some_logs import SECOND, START, small_log
+from tests.views.rerun.some_logs import SECOND, START, small_log
 
 pytestmark = pytest.mark.viewer
 

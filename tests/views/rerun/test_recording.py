@@ -19,9 +19,9 @@ import semmap_log as sl
 from semmap_log.doors import DoorId, DoorMap, DoorState
 from semmap_log.errors import SemmapError
 from semmap_log.events import DoorAdded, DoorObserved, DoorUpdated, Retracted, RobotPose
-from semmap_log.views.rerun_recording import save_rrd
+from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
-from tests.views.some_logs import SECOND, START, Drawn, restless_log, room, small_log
+from tests.views.rerun.some_logs import SECOND, START, Drawn, restless_log, room, small_log
 
 pytestmark = pytest.mark.viewer
 

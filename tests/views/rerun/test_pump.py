@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.views.pump import pumped
+from semmap_log.views.rerun.pump import pumped
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import DoorAdded, DoorObserved, LevelAdded
-from semmap_log.views.rerun_recording import save_rrd
+from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
-from tests.views.some_logs import SECOND, START, room, small_log
+from tests.views.rerun.some_logs import SECOND, START, room, small_log
 
 pytestmark = pytest.mark.viewer
 

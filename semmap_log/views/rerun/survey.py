@@ -16,7 +16,7 @@ import numpy as np
 from semmap_log.doors import Door, DoorId, Level
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorRemoved, FloorMap, RobotPose
-from semmap_log.views.door_rows import (
+from semmap_log.views.rerun.door_rows import (
     ALWAYS,
     NEVER,
     PROBABILITIES,
@@ -29,9 +29,9 @@ from semmap_log.views.door_rows import (
     opening_changes,
     strips_of,
 )
-from semmap_log.views.drawable import drawable, has_letters, unique_parts
-from semmap_log.views.excerpt import Excerpt
-from semmap_log.views.scene import (
+from semmap_log.views.rerun.drawable import drawable, has_letters, unique_parts
+from semmap_log.views.rerun.excerpt import Excerpt
+from semmap_log.views.rerun.scene import (
     ROOT,
     Bounds,
     Scene,

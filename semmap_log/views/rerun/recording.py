@@ -18,9 +18,9 @@ from semmap_log.doors import DoorId
 from semmap_log.errors import SemmapError
 from semmap_log.events import RobotPose
 from semmap_log.log.disk import whole_file
-from semmap_log.views.excerpt import Excerpt, instant_ns
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.survey import survey
+from semmap_log.views.rerun.excerpt import Excerpt, instant_ns
+from semmap_log.views.rerun.survey import survey
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time
@@ -69,8 +69,8 @@ def save_rrd(
         SemmapError: The file cannot be written; what was there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.
-    from semmap_log.views.rerun_blueprint import layout
-    from semmap_log.views.rerun_file import write_recording
+    from semmap_log.views.rerun.blueprint import layout
+    from semmap_log.views.rerun.file import write_recording
 
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)

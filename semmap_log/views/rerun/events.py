@@ -10,11 +10,11 @@ import numpy as np
 
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import KINDS
-from semmap_log.views.event_lines import EventLine, EventLines
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter, rgba
-from semmap_log.views.rerun_sdk import rr
-from semmap_log.views.scene import EVENTS, EntityPath
+from semmap_log.views.rerun.event_lines import EventLine, EventLines
+from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter, rgba
+from semmap_log.views.rerun.scene import EVENTS, EntityPath
+from semmap_log.views.rerun.sdk import rr
 
 LINE = np.dtype([
     ("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("line", "i8")

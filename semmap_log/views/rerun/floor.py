@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from semmap_log.events import FloorMap
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun_rows import RowWriter
-from semmap_log.views.rerun_sdk import rr
-from semmap_log.views.scene import Scene, SceneLevel
+from semmap_log.views.rerun.rows import RowWriter
+from semmap_log.views.rerun.scene import Scene, SceneLevel
+from semmap_log.views.rerun.sdk import rr
 
 
 def write_floors(writer: RowWriter, scene: Scene, palette: Palette) -> None:

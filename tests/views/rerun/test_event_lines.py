@@ -29,12 +29,12 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.event_lines import EventLine, EventLines
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.excerpt import Excerpt
-from semmap_log.views.survey import survey
+from semmap_log.views.rerun.event_lines import EventLine, EventLines
+from semmap_log.views.rerun.excerpt import Excerpt
+from semmap_log.views.rerun.survey import survey
 from tests.conftest import SteadyClock
-from tests.views.some_logs import SECOND, START
+from tests.views.rerun.some_logs import SECOND, START
 
 ONE = DoorId(1)
 PLAN = FloorMap(resolution=0.05, origin_x=0, origin_y=0, cells=np.zeros((8, 10), np.int8))

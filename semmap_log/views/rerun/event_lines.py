@@ -22,10 +22,10 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.door_rows import Stamp
-from semmap_log.views.drawable import drawable
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.scene import Scene, SceneDoor
+from semmap_log.views.rerun.door_rows import Stamp
+from semmap_log.views.rerun.drawable import drawable
+from semmap_log.views.rerun.scene import Scene, SceneDoor
 
 if TYPE_CHECKING:
     from semmap_log.commits import Commit

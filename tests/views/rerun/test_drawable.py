@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.views.drawable import drawable, has_letters, path_part, unique_parts
+from semmap_log.views.rerun.drawable import drawable, has_letters, path_part, unique_parts
 
 
 @pytest.mark.parametrize(

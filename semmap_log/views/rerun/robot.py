@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import RobotPose
 from semmap_log.views.palette import Palette, packed
-from semmap_log.views.rerun_rows import MOST_ROWS, RowWriter
-from semmap_log.views.rerun_sdk import rr
-from semmap_log.views.scene import EntityPath, Scene, SceneLevel
+from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter
+from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
+from semmap_log.views.rerun.sdk import rr
 
 GAP_NS = 600 * 10**9
 """A robot unseen for longer did not drive the straight line between the two poses."""
