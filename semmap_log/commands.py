@@ -6,6 +6,7 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from semmap_log.commits import Commit
@@ -57,6 +58,18 @@ class Roster:
             levels=state.known_levels() | {0},
         )
 
+    @classmethod
+    def of_map(cls, door_map: DoorMap, used_ids: Iterable[int]) -> Roster:
+        """Return the roster of doors as values, where nothing is known of when they came."""
+        doors = door_map.doors.values()
+        return cls(
+            placed={door.door_id: door.is_placed for door in doors},
+            added_ns={door.door_id: 0 for door in doors},
+            removed_ns={i: 0 for i in used_ids if i not in door_map.doors},
+            used_ids=set(used_ids),
+            levels=set(door_map.levels) | {0},
+        )
+
     def copy(self) -> Roster:
         """Return one that can be changed without changing this."""
         return Roster(
@@ -69,8 +82,15 @@ class Roster:
 
     @property
     def next_free_id(self) -> DoorId:
-        """The id after the greatest that was ever given."""
-        return DoorId(max(self.used_ids, default=0) + 1)
+        """The id after the greatest that was ever given.
+
+        Raises:
+            CommandError: There is none any more.
+        """
+        following = max(self.used_ids, default=0) + 1
+        if following > MAX_DOOR_ID:
+            raise CommandError(f"no id is free behind door {MAX_DOOR_ID}; give one yourself.")
+        return DoorId(following)
 
     def apply(self, event: Event) -> None:
         """Take in what an event changes; one without a time counts from the end of time."""
@@ -100,7 +120,7 @@ class Gatekeeper:
         """Which name means which door is as it was before."""
         self._is_own = False
         self._next_event = next_event
-        self._timeless: list[tuple[int, DoorAdded | DoorRemoved]] = []
+        self._timeless: list[DoorAdded | DoorRemoved] = []
 
     def check(self, event: Event) -> None:
         """Let the event pass.
@@ -125,17 +145,16 @@ class Gatekeeper:
                 self.roster, self._is_own = self.roster.copy(), True
             self.roster.apply(event)
             if event.happened_ns is None and isinstance(event, (DoorAdded, DoorRemoved)):
-                self._timeless.append((self._next_event, event))
+                self._timeless.append(event)
         self._next_event += 1
 
     def settle(self, commit: Commit) -> None:
-        """Give the doors that came and went without a time the one at which it was recorded."""
-        for number, event in self._timeless:
-            recorded_ns = commit.recorded_ns + number - commit.first_event
+        """Give the doors that came and went without a time the one of their commit."""
+        for event in self._timeless:
             if isinstance(event, DoorAdded):
-                self.roster.added_ns[event.door_id] = recorded_ns
+                self.roster.added_ns[event.door_id] = commit.wall_clock_ns
             else:
-                self.roster.removed_ns[event.door_id] = recorded_ns
+                self.roster.removed_ns[event.door_id] = commit.wall_clock_ns
 
     def _changes_roster(self, event: Event) -> bool:
         if isinstance(event, DoorUpdated):
@@ -213,26 +232,26 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
     Raises:
         UnknownDoorError: None, or more than one.
     """
-    if isinstance(text, int) or (text.isdecimal() and len(text) <= MOST_ID_DIGITS):
-        door_id = DoorId(int(text))
-        if door_id not in door_map.doors:
-            raise UnknownDoorError(f"door {door_id} is not in the map.")
-        return door_id
-    doors = [door for door in door_map.doors.values() if door.name == text]
-    if not doors and "/" in text:
+    doors = [door for door in door_map.doors.values() if text in (door.door_id, door.name)]
+    if not doors and isinstance(text, str) and "/" in text:
         doors = [
             door
             for door in door_map.doors.values()
             if door.name and f"{door_map.level_name(door.level)}/{door.name}" == text
         ]
+    if isinstance(text, str) and text.isdecimal() and len(text) <= MOST_ID_DIGITS:
+        numbered = door_map.doors.get(DoorId(int(text)))
+        doors += [numbered] if numbered and numbered not in doors else []
     if len(doors) == 1:
         return doors[0].door_id
     if doors:
         which = ", ".join(
-            f"{door_map.level_name(door.level)}/{door.name} (door {door.door_id})" for door in doors
+            f"{door_map.level_name(door.level)}/{door.label} (id {door.door_id})" for door in doors
         )
-        raise UnknownDoorError(f"{text!r} is the name of {len(doors)} doors: {which}.")
-    raise UnknownDoorError(f"no door is called {text!r}.{_similar(text, door_map)}")
+        raise UnknownDoorError(f"{text!r} can mean {len(doors)} doors: {which}.")
+    if str(text).isdecimal():
+        raise UnknownDoorError(f"door {text} is not in the map.")
+    raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
 
 
 def resolve_level(text: str | int | None, door_map: DoorMap) -> int:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from semmap_log.errors import InvalidEventError
+
 
 @dataclass(frozen=True, slots=True)
 class Note:
@@ -18,8 +20,28 @@ class Note:
     salt: bytes = field(default=b"", repr=False, compare=False)
     """16 random bytes, so that a redacted note cannot be guessed from its digest."""
 
+    def __post_init__(self) -> None:
+        for name in ("actor", "source", "reason", "correlation"):
+            check_text(f"Note.{name}", getattr(self, name))
+
     def __bool__(self) -> bool:
         return bool(self.actor or self.source or self.reason or self.correlation)
+
+
+def check_text(where: str, text: str) -> None:
+    """Return if a text can be stored.
+
+    Raises:
+        InvalidEventError: It is no text, or one that UTF-8 or a ROS string cannot hold.
+    """
+    if not isinstance(text, str):
+        raise InvalidEventError(where, "a text", text)
+    if "\0" in text:
+        raise InvalidEventError(where, "text without NUL characters", text)
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise InvalidEventError(where, "text that UTF-8 can hold", text) from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from semmap_log.commands import resolve_door
 from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import MomentError
+from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Event, FloorMap, Retracted
 from semmap_log.log.header import LogInfo
@@ -197,9 +197,14 @@ class DoorLog:
         """Return what is different at the second moment, and the events that did it.
 
         The events are those with first < happened <= second, retracted ones left out.
+
+        Raises:
+            MomentError: The first comes after the second.
         """
-        before, after = self.replay(at=first), self.replay(at=second)
         start, end = self.moment(first), self.moment(second)
+        if _comes_after(start, end):
+            raise MomentError("the first moment lies after the second; swap them.")
+        before, after = self.replay(at=start), self.replay(at=end)
         batches = (
             batch.select(_after(batch, start) & ~_after(batch, end))
             for batch in visible_batches(self.reader)
@@ -237,13 +242,20 @@ class DoorLog:
             UnknownDoorError: There is none, and never was.
         """
         state = replay(self.reader)
-        for door_id in state.used_door_ids:
-            if str(door) == str(door_id):
-                return DoorId(door_id)
-        return resolve_door(door, state.door_map())
+        try:
+            return resolve_door(door, state.door_map())
+        except UnknownDoorError:
+            for door_id in state.used_door_ids:
+                if str(door) == str(door_id) and not state.is_present(door_id):
+                    return DoorId(door_id)
+            raise
 
-    def moment(self, time: Time) -> Moment:
+    def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
         """Return what a time means in this log.
+
+        Args:
+            time: A moment in any of its forms.
+            now_ns: What `now` is, and `2h ago` counts from; default: the log's end.
 
         Raises:
             MomentError: It cannot be read.
@@ -256,7 +268,7 @@ class DoorLog:
             time = time.isoformat()
         if isinstance(time, str):
             relative = any(word in time.lower() for word in ("ago", "day", "now"))
-            end_ns = self.end_ns() if relative else 0
+            end_ns = now_ns if now_ns is not None else self.end_ns() if relative else 0
             return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
         return Moment(ns=int(time))
 
@@ -290,6 +302,12 @@ class DoorLog:
         trace: TracebackType | None,
     ) -> None:
         """Nothing to let go of: the files are mapped, and unmapped with the object."""
+
+
+def _comes_after(one: Moment, other: Moment) -> bool:
+    if one.ns is not None and other.ns is not None:
+        return one.ns > other.ns
+    return one.event is not None and other.event is not None and one.event > other.event
 
 
 def _within(batch: EventBatch, first: Moment, last: Moment, *, recorded: bool) -> NDArray[np.bool_]:

@@ -45,6 +45,11 @@ class DoorState(IntEnum):
             names = " ".join(state.name for state in cls)
             raise ValueError(f"expected one of {names}, got {text!r}") from None
 
+    @classmethod
+    def of(cls, number: int) -> DoorState:
+        """Return the state of that number; one that only a later version knows is UNKNOWN."""
+        return cls(number) if number in cls._value2member_map_ else cls.UNKNOWN
+
     @property
     def is_known(self) -> bool:
         """True for OPEN and CLOSED: the states that a map, a YAML or a belief can use."""

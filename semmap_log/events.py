@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.commits import check_text
 from semmap_log.doors import MAX_DOOR_ID, MAX_LEVEL, NAN, DoorId, DoorState
 from semmap_log.errors import InvalidEventError
 
@@ -46,7 +47,8 @@ class Event:
         raise InvalidEventError(f"{type(self).__name__}.{name}", expected, got)
 
     def _whole(self, name: str, value: int, low: int, high: int) -> None:
-        if not isinstance(value, (int, np.integer)) or not low <= value <= high:
+        is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+        if not is_whole or not low <= value <= high:
             self._refuse(name, f"a whole number from {low} to {high}", value)
 
     def _finite(self, **values: float) -> None:
@@ -57,6 +59,10 @@ class Event:
     def _at_least_0(self, name: str, value: float, unit: str) -> None:
         if not (math.isfinite(value) and value >= 0):
             self._refuse(name, f"a finite number of {unit}, 0 or more", value)
+
+    def _state(self, state: DoorState) -> None:
+        if not isinstance(state, DoorState):
+            self._refuse("state", f"one of {' '.join(DoorState.__members__)}", state)
 
     def _share(self, low: float, **values: float) -> None:
         for name, value in values.items():
@@ -104,6 +110,7 @@ class DoorAdded(DoorEvent):
             )
         if not math.isnan(self.width):
             self._at_least_0("width", self.width, "metres")
+        self._state(self.state)
         self._share(0, prob_open=self.prob_open, prob_closed=self.prob_closed)
 
 
@@ -143,6 +150,7 @@ class DoorUpdated(DoorEvent):
         _check_place(self)
         if self.changed & Changed.WIDTH:
             self._at_least_0("width", self.width, "metres")
+        self._state(self.state)
         self._share(0, prob_open=self.prob_open, prob_closed=self.prob_closed)
 
 
@@ -165,6 +173,7 @@ class DoorObserved(DoorEvent):
 
     def _check(self) -> None:
         DoorEvent._check(self)
+        self._state(self.state)
         for name in ("accuracy_open", "accuracy_closed"):
             if math.isnan(getattr(self, name)):
                 self._refuse(name, "a number from 0.5 to 1", NAN)
@@ -177,6 +186,10 @@ class DoorRequested(DoorEvent):
     """Somebody asked for a state (who: the commit's note); never changes the state."""
 
     state: DoorState
+
+    def _check(self) -> None:
+        DoorEvent._check(self)
+        self._state(self.state)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,13 +263,7 @@ class Retracted(Event):
 
 def _check_text(event: Event, *names: str) -> None:
     for name in names:
-        text = getattr(event, name)
-        if "\0" in text:
-            event._refuse(name, "text without NUL characters", text)
-        try:
-            text.encode()
-        except UnicodeEncodeError:
-            event._refuse(name, "text that UTF-8 can hold", text)
+        check_text(f"{type(event).__name__}.{name}", getattr(event, name))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -367,7 +374,7 @@ def event_of(kind: int, values: Mapping[str, Any], happened_ns: int | None) -> E
     cls = KINDS[kind - 1]
     known = dict(values)
     if "state" in known:
-        known["state"] = DoorState(known["state"])
+        known["state"] = DoorState.of(known["state"])
     if "changed" in known:
         known["changed"] = Changed(known["changed"])
     return cls(happened_ns=happened_ns, **known)

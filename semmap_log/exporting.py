@@ -10,7 +10,7 @@ from pathlib import Path
 
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
-from semmap_log.errors import FormatError, OutputError
+from semmap_log.errors import CommandError, FormatError, OutputError
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
@@ -53,6 +53,8 @@ def export(
         ".jsonl": lambda path: _event_lines(log, path, scope),
         ".rrd": lambda path: _rrd(log, path, scope),
     }
+    if out.parent.resolve() == log.path.resolve():
+        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
     writer = writers.get(out.suffix.lower())
     if writer is None:
         raise FormatError(out, f"its name tells no format that can be exported; known: {WRITABLE}.")
@@ -126,6 +128,8 @@ def _names(door_map: DoorMap) -> dict[int, str]:
 def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
     from semmap_log.views.rerun.recording import save_rrd
 
+    if scope.known_at_ns is not None or scope.event is not None:
+        raise CommandError("a recording shows all that is known: leave --known-at and --event out.")
     until = None if scope.at_ns is None else scope.at_ns + 1
     summary = save_rrd(log, path, until=until)
     return Exported(f"{summary.events} events")

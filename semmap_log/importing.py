@@ -16,6 +16,7 @@ from semmap_log.events import Event, FloorMap
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_csv import read_door_csv
 from semmap_log.formats.door_table import DoorTable
+from semmap_log.formats.files import open_regular
 from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
@@ -147,7 +148,8 @@ def _present(log: DoorLogWriter) -> Present:
             assert isinstance(event, FloorMap)
             maps[number] = event
     used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
-    return Present(door_map, used, maps)
+    next_event = log.state.event + 1
+    return Present(door_map, used, maps, next_event, log.roster)
 
 
 def _command_id(path: Path, options: ImportOptions) -> bytes:
@@ -161,12 +163,9 @@ def _command_id(path: Path, options: ImportOptions) -> bytes:
 
 def _digest(path: Path) -> bytes:
     digest = hashlib.sha256()
-    try:
-        with path.open("rb") as file:
-            while block := file.read(2**20):
-                digest.update(block)
-    except OSError as error:
-        raise FormatError(path, f"cannot be read: {error.strerror}.") from error
+    with open_regular(path) as file:
+        while block := file.read(2**20):
+            digest.update(block)
     return digest.digest()
 
 

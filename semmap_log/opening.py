@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from semmap_log.commits import check_text
 from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.log.clock import Clock
@@ -40,6 +41,8 @@ def create(
     """
     timezone = tz or machine_zone()
     zone(timezone)
+    check_text("building", building)
+    check_text("robot", robot)
     info = LogInfo(entropy(16).hex(), timezone, building, robot)
     return DoorLogWriter(create_log(Path(path), info, clock=clock, entropy=entropy))
 

@@ -16,7 +16,8 @@ from semmap_log.events import KINDS
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.log.scan import Segment
-from semmap_log.replay import replay
+from semmap_log.projections.door_map import DoorMapState
+from semmap_log.replay import fold
 
 JUMP_NS = 60 * 10**9
 """A wall clock that moves by more than this against the monotonic clock of its boot is suspect."""
@@ -75,7 +76,7 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
         if previous is not None and (why := _suspicion(previous, commit)):
             suspects.append(f"event {commit.first_event}: {why}")
         previous = commit
-    door_map = replay(reader).door_map()
+    door_map = _state(reader).door_map()
     return LogSummary(
         info=reader.info,
         segments=tuple(reader.segments),
@@ -88,6 +89,13 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
         door_map=door_map,
         warnings=[*_warnings(reader, tally, door_map), *suspects],
     )
+
+
+def _state(reader: LogReader) -> DoorMapState:
+    """Return the state at the end; of a single segment, on top of what its keyframe holds."""
+    first = reader.segments[0]
+    known = reader.keyframe(first) if first.header.first_event else None
+    return fold(reader, known or DoorMapState())
 
 
 def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
@@ -134,6 +142,6 @@ def open_any(path: Path) -> LogReader:
     Raises:
         NotALogError: It is neither.
     """
-    if path.is_file():
+    if path.suffix == ".mcap":
         return LogReader(path.parent, only=path)
     return LogReader(path)

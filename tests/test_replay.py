@@ -104,7 +104,8 @@ def random_log(path: Path, dice: random.Random, commits: int) -> list[Told]:
             commit = log.append(events).commit
             for i, event in enumerate(events):
                 recorded = commit.recorded_ns + i
-                happened = recorded if event.happened_ns is None else event.happened_ns
+                clock_ns = commit.wall_clock_ns
+                happened = clock_ns if event.happened_ns is None else event.happened_ns
                 told.append((commit.first_event + i, happened, recorded, commit.recorded_ns, event))
     log.close()
     return told

@@ -14,6 +14,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from semmap_log.cli.app import app
     from semmap_log.errors import SemmapError
 
+    _mend_streams()
     try:
         app(args=arguments, prog_name="semmap-log")
     except SemmapError as error:
@@ -22,5 +23,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()
         sys.exit(1)
+    except OSError as error:  # such as a full disk behind our output
+        _forget_output()
+        print(f"semmap-log: {error}", file=sys.stderr)  # noqa: T201
+        sys.exit(1)
+
+
+def _mend_streams() -> None:
+    """Make sure that there are streams, and that they take every character."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
+        elif mode == "w" and hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _forget_output() -> None:
+    """Let go of what stdout still holds: at exit it would be written, and fail, once more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

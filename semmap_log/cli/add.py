@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, print_json, takes_about
+from semmap_log.cli.common import AsJson, LogPath, print_json, refuse_nan, takes_about
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def run(
     from semmap_log.cli.states import state_of
     from semmap_log.commands import resolve_level
 
+    refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
     place = (line.x, line.y, line.theta, line.width)
     if any(value is None for value in place) and any(value is not None for value in place):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import os
 import sys
 import time
@@ -51,6 +52,18 @@ Times: 2026-03-01T14:02 (the log's zone), …Z or …+01:00, @1772373720,
 
 PROGRESS_AFTER_S = 1.0
 """Shorter work needs no bar."""
+
+
+def refuse_nan(**values: float | None) -> None:
+    """Refuse a typed `nan`: what is not known is left out.
+
+    Raises:
+        typer.BadParameter: Names the option.
+    """
+    for name, value in values.items():
+        if value is not None and math.isnan(value):
+            option = f"--{name.replace('_', '-')}"
+            raise typer.BadParameter("not a number; leave the option out", param_hint=option)
 
 
 def console() -> Console:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.cli.common import AsJson, DoorName, LogPath, refuse_nan, takes_about
 
 if TYPE_CHECKING:
     from semmap_log.door_log_writer import About
@@ -44,6 +44,7 @@ def run(
     from semmap_log.cli.outcome import tell
     from semmap_log.cli.states import state_of
 
+    refuse_nan(opening=opening)
     seen = state_of(state)
     with sl.append(log) as opened:
         appended = opened.observe(

@@ -9,24 +9,15 @@ import typer
 from semmap_log.cli.common import print_json
 
 if TYPE_CHECKING:
-    from semmap_log.door_log_writer import Appended
+    from semmap_log.appendable_log import Appended
 
 
 def tell(appended: Appended, *, as_json: bool, **more: Any) -> None:
     """Print which event a command became."""
-    commit = appended.commit
+    first, count = appended.first_event, appended.count
     if as_json:
-        print_json(
-            {
-                "event": commit.first_event,
-                "count": commit.count,
-                "repeated": appended.repeated,
-                **more,
-            }
-        )
+        print_json({"event": first, "count": count, "repeated": appended.repeated, **more})
         return
-    numbers = str(commit.first_event)
-    if commit.count > 1:
-        numbers += f"..{commit.last_event}"
+    numbers = str(first) if count == 1 else f"{first}..{first + count - 1}"
     known = " (stored before; nothing was written now)" if appended.repeated else ""
     typer.echo(f"event {numbers}{known}")

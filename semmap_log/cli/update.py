@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.cli.common import AsJson, DoorName, LogPath, refuse_nan, takes_about
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def run(
     from semmap_log.cli.states import state_of
     from semmap_log.commands import resolve_level
 
+    refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
     fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)
     if all(value is None for value in fields):

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from semmap_log.commands import Roster
 from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState, reduced
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.events import (
@@ -35,6 +36,10 @@ class Present:
     """Every id that was ever given, those of removed doors too."""
     floor_maps: Mapping[int, FloorMap] = field(default_factory=dict)
     """The floor plan of each level that has one."""
+    next_event: int = 0
+    """The number that the log will give next."""
+    roster: Roster | None = None
+    """What commands are checked against; None: what the door map alone tells."""
 
     @property
     def next_id(self) -> DoorId:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from semmap_log.commands import Gatekeeper, Roster
 from semmap_log.doors import DoorId
-from semmap_log.errors import FormatError, UnknownDoorError
+from semmap_log.errors import CommandError, FormatError, UnknownDoorError
 from semmap_log.events import (
     Changed,
     DoorAdded,
@@ -59,6 +60,8 @@ class _LinePlanner:
         self.noted = 0
         self.door_map = present.door_map
         self.used_ids = set(present.used_ids)
+        roster = present.roster or Roster.of_map(present.door_map, present.used_ids)
+        self.gatekeeper = Gatekeeper(roster, present.next_event)
         self.free_id = present.next_id
         self.levels = {door.door_id: door.level for door in present.door_map.doors.values()}
         self.names = {door.door_id: door.name or "" for door in present.door_map.doors.values()}
@@ -92,30 +95,18 @@ class _LinePlanner:
                 "that it was exported from"
             )
             return
+        self.check(event, number)
         if isinstance(event, DoorEvent):
-            self.check(event, number)
             self.learn(event)
         self.noted += bool(line.actor or line.source or line.reason or line.correlation)
         self.events.append(event)
 
-    def check(self, event: DoorEvent, number: int) -> None:
-        door_id = event.door_id
-        if isinstance(event, DoorAdded) and door_id in self.levels:
-            self.problems.add(
-                number,
-                f"door {door_id} is there already; leave door_id out to add "
-                "it with the next free one",
-            )
-        elif isinstance(event, DoorAdded) and door_id in self.used_ids:
-            self.problems.add(
-                number,
-                f"door {door_id} was removed, and an id is never used twice; "
-                "leave door_id out to add it with the next free one",
-            )
-        elif not isinstance(event, DoorAdded) and door_id not in self.used_ids:
-            self.problems.add(
-                number, f"expected a door of the log or of an earlier line, got door_id {door_id}"
-            )
+    def check(self, event: Event, number: int) -> None:
+        """Ask of each line what the log would ask of it, so that the line can be named."""
+        try:
+            self.gatekeeper.check(event)
+        except CommandError as error:
+            self.problems.add(number, str(error))
 
     def learn(self, event: DoorEvent) -> None:
         self.used_ids.add(event.door_id)

@@ -10,10 +10,11 @@ import os
 import select
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from semmap_log.appendable_log import POSES_WAIT_S, Appended
 from semmap_log.commits import Note
-from semmap_log.door_log_writer import POSES_WAIT_S, Appended, DoorLogWriter
+from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, FormatError, SemmapError
 from semmap_log.events import RobotPose
 from semmap_log.formats.event_json_reader import DoorLookup, ParsedLine, parse_event_line
@@ -63,9 +64,12 @@ class LineRecorder:
             for text in lines:
                 self._line += 1
                 if text.strip() and not self._take(text):
-                    self._settle()
+                    self._finish()
                     return
             self._settle()
+        self._finish()
+
+    def _finish(self) -> None:
         self._write_poses()
         self._settle()
 
@@ -91,6 +95,8 @@ class LineRecorder:
         return True
 
     def _parse(self, text: bytes) -> ParsedLine:
+        if len(text) > MAX_LINE_BYTES:
+            raise CommandError(f"longer than {MAX_LINE_BYTES} bytes.")
         lookup = DoorLookup(
             resolve=self.log.resolve,
             next_id=lambda: self.log.roster.next_free_id,
@@ -103,6 +109,8 @@ class LineRecorder:
     def _keep_pose(self, pose: RobotPose) -> None:
         if not self._poses:
             self._poses_since = time.monotonic()
+        if pose.happened_ns is None:
+            pose = replace(pose, happened_ns=self.log.now_ns())
         self._poses.append((self._line, pose))
 
     def _append(self, parsed: ParsedLine) -> None:
@@ -145,10 +153,11 @@ def _line_groups(fd: int, stop: Callable[[], bool]) -> Iterator[list[bytes]]:
         if not data:
             break
         *lines, rest = (rest + data).split(b"\n")
-        if len(rest) > MAX_LINE_BYTES:
-            raise FormatError("line", f"longer than {MAX_LINE_BYTES} bytes without an end.")
+        rest = rest[: MAX_LINE_BYTES + 1]  # too long already: it is refused once its end is seen
         if lines:
             yield lines
+    else:
+        return  # told to stop: a line that has begun is not a line
     if rest:
         yield [rest]
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.commits import Commit, Note
+from semmap_log.errors import CommandError
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import BuiltChunk, build_chunk
@@ -63,6 +64,8 @@ class CommitBuilder:
             if self._size >= CHUNK_BYTES:
                 yield self._chunk()
             self._add_event(event)
+        if self._number == self._stamp.first_event:
+            raise CommandError("a commit wants at least one event.")
         if self._note:
             self._add_note()
         self._add_commit()
@@ -87,7 +90,9 @@ class CommitBuilder:
         )
 
     def _add_event(self, event: Event) -> None:
-        happened = self._time if event.happened_ns is None else event.happened_ns
+        happened = (
+            self._stamp.wall_clock_ns if event.happened_ns is None else event.happened_ns
+        )
         if isinstance(event, DoorAnnotated) and not event.salt:
             event = replace(event, salt=_derived_salt(self._salt, self._number))
         channel = event.kind

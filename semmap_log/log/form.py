@@ -41,6 +41,8 @@ CHUNK_BYTES = 2**20
 COMPRESS_FROM_BYTES = 2**16
 """Chunks from this size on (imports, floor maps) are written with zstd; small ones as they are."""
 
+MOST_NAME_BYTES = 200
+
 ROLL_BYTES = 64 * 2**20
 ROLL_COMMITS = 10_000
 ROLL_AGE_NS = 24 * 3600 * 10**9
@@ -110,8 +112,16 @@ def kind_of_channel(channel_id: int) -> int | None:
 
 
 def segment_name(log: Path, number: int) -> str:
-    """Return the file name of a segment."""
-    return f"{log.resolve().name}_{number:06d}.mcap"
+    """Return the file name of a segment: the folder's name, made plain, and a number.
+
+    Names go into metadata.yaml, and temporary names are longer: so no characters that cannot be
+    printed, and at most `MOST_NAME_BYTES`.
+    """
+    name = log.resolve().name.encode("utf-8", "replace").decode()
+    plain = "".join(c if c.isprintable() and c not in "/\\\"'" else "_" for c in name)
+    while len(plain.encode()) > MOST_NAME_BYTES:
+        plain = plain[:-1]
+    return f"{plain or 'log'}_{number:06d}.mcap"
 
 
 def offered_qos(durability: int) -> str:

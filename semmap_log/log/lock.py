@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from semmap_log.errors import LogAccessError, LogLockedError
@@ -38,12 +39,21 @@ class WriterLock:
                 f"{folder}: {who} is writing to this log; a log has one writer at a time. "
                 "Reading works; to write, stop that one first."
             ) from None
-        os.ftruncate(self._fd, 0)
-        os.pwrite(self._fd, f"{os.getpid()}\n".encode(), 0)
+        self._pid = os.getpid()
+        self._tell(f"{self._pid}\n")
 
     def release(self) -> None:
-        """Let the next writer in."""
-        if self._fd >= 0:
+        """Let the next writer in; in a forked child only let go of the file."""
+        if self._fd < 0:
+            return
+        if os.getpid() == self._pid:
+            self._tell("")
+            fcntl.flock(self._fd, fcntl.LOCK_UN)  # a child may still have the file open
+        os.close(self._fd)
+        self._fd = -1
+
+    def _tell(self, who: str) -> None:
+        """Write who holds the lock: only for messages, so a full disk does not matter."""
+        with suppress(OSError):
             os.ftruncate(self._fd, 0)
-            os.close(self._fd)
-            self._fd = -1
+            os.pwrite(self._fd, who.encode(), 0)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import stat
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from semmap_log.commits import Commit, Note
-from semmap_log.errors import CorruptLogError, LogError, NotALogError
+from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Retracted
 from semmap_log.log import keyframes
@@ -46,16 +47,18 @@ class LogReader:
         paths = [self._only] if self._only else segment_paths(self.folder)
         known: dict[tuple[str, int, int], Segment] = {}
         for path in paths:
-            status = path.stat()
+            try:
+                status = path.stat()
+            except OSError as error:
+                raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
             key = (path.name, status.st_ino, status.st_size)
             known[key] = self._known.get(key) or open_segment(path)
         self._known = known
         self.segments = sorted(
             known.values(), key=lambda s: (s.header.first_event, s.header.number)
         )
-        ids = {segment.header.info.log_id for segment in self.segments}
-        if len(ids) > 1:
-            raise CorruptLogError(self.folder, 0, f"segments of {len(ids)} logs lie in one folder")
+        if self._only is None:
+            _check_complete(self.folder, self.segments)
 
     @property
     def info(self) -> LogInfo:
@@ -107,9 +110,19 @@ class LogReader:
             yield batch
 
     def commits(self, first_segment: int = 0) -> Iterator[Commit]:
-        """Yield the commits of the whole log, in order."""
-        for _, page in self.pages(first_segment):
-            yield from page.commits()
+        """Yield the commits of the whole log, in order, each checked to follow the one before.
+
+        Raises:
+            CorruptLogError: One does not, or cannot be read.
+        """
+        previous = self.segments[first_segment].header.hash_so_far
+        for segment, page in self.pages(first_segment):
+            for commit in page.commits():
+                if commit.previous_hash != previous:
+                    problem = f"the commit of event {commit.first_event} does not follow the last"
+                    raise CorruptLogError(segment.path, page.offset, problem)
+                previous = commit.hash
+                yield commit
 
     def last_commit(self) -> Commit | None:
         """Return the log's last commit; None in a log without any."""
@@ -211,17 +224,42 @@ class LogReader:
         raise CorruptLogError(segment.path, 0, f"event {event} belongs to no commit")
 
 
+def _check_complete(folder: Path, segments: Sequence[Segment]) -> None:
+    """Check what the heads of the segments say: all of one log, none missing, one live at most.
+
+    Raises:
+        CorruptLogError: Names the segment at which something is wrong.
+    """
+    ids = {segment.header.info.log_id for segment in segments}
+    if len(ids) > 1:
+        raise CorruptLogError(folder, 0, f"segments of {len(ids)} logs lie in one folder")
+    for number, segment in enumerate(segments):
+        found = segment.header.number
+        if found != number:
+            problem = f"expected segment {number} of the log next, got segment {found}"
+            hint = "it is there twice" if found < number else "one is missing"
+            raise CorruptLogError(segment.path, 0, f"{problem}: {hint}")
+        if not segment.closed and number < len(segments) - 1:
+            problem = "not closed, and segments follow it: it was cut"
+            raise CorruptLogError(segment.path, segment.whole_end, problem)
+
+
 def segment_paths(folder: Path) -> list[Path]:
     """Return the segment files of a log, by name.
 
     Raises:
         NotALogError: There is no folder, or no segment in it.
     """
-    if not folder.exists():
-        raise NotALogError(f"{folder}: no such log. To make one: semmap-log init {folder}")
-    if not folder.is_dir():
+    try:
+        status = folder.stat()
+    except FileNotFoundError:
+        message = f"{folder}: no such log. To make one: semmap-log init {folder}"
+        raise NotALogError(message) from None
+    except OSError as error:
+        raise LogAccessError(f"{folder}: cannot be read: {error.strerror}.") from error
+    if not stat.S_ISDIR(status.st_mode):
         raise NotALogError(f"{folder}: a log is a folder, this is a file.")
-    paths = sorted(p for p in folder.glob("*.mcap") if not p.name.startswith("."))
+    paths = sorted(folder.glob("*.mcap"))
     if not paths:
         raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
     return paths

@@ -36,4 +36,9 @@ def keep_torn_tail(segment: Segment) -> None:
     """Put what lies behind the last whole commit beside the segment, named by where it lay."""
     tail = bytes(segment.file[segment.whole_end :])
     name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
-    replace_file(segment.path.with_name(name), tail)
+    kept = segment.path.with_name(name)
+    more = 1
+    while kept.exists() and kept.read_bytes() != tail:
+        more += 1
+        kept = segment.path.with_name(f"{name}-{more}")
+    replace_file(kept, tail)

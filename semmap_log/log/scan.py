@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,11 +92,14 @@ def read_head(path: Path, file: memoryview) -> tuple[SegmentHeader, int]:
 
 def _map(path: Path) -> memoryview:
     try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     try:
-        if os.fstat(fd).st_size == 0:
+        status = os.fstat(fd)
+        if not stat.S_ISREG(status.st_mode):
+            raise NotALogError(f"{path}: not a regular file.")
+        if status.st_size == 0:
             return memoryview(b"")
         return memoryview(mmap.mmap(fd, 0, prot=mmap.PROT_READ))
     except OSError as error:

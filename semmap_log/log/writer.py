@@ -7,14 +7,20 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from semmap_log.commits import Commit, Note
-from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogPoisonedError
+from semmap_log.errors import (
+    CommandError,
+    LogAccessError,
+    LogError,
+    LogExistsError,
+    LogPoisonedError,
+)
 from semmap_log.events import Event, Retracted
 from semmap_log.log import keyframes
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
 from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.clock import Clock, SystemClock
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
-from semmap_log.log.disk import sync_folder
+from semmap_log.log.disk import is_empty, remove_leftovers, sync_folder
 from semmap_log.log.form import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
@@ -38,6 +44,7 @@ Entropy = Callable[[int], bytes]
 """Like os.urandom: n bytes for ids and salts; seeded where bytes must repeat."""
 
 REMEMBERED_COMMANDS = 10_000
+COMMAND_ID_BYTES = 16
 
 
 def create_log(
@@ -49,20 +56,28 @@ def create_log(
         LogExistsError: Something is there already.
         LogAccessError: The folder cannot be made.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise LogExistsError(
-            f"{folder}: there is something here already; a new log wants a new or an empty folder."
-        )
-    clock = clock or SystemClock()
     try:
+        if folder.exists() and not is_empty(folder):
+            raise LogExistsError(
+                f"{folder}: there is something here already; "
+                "a new log wants a new or an empty folder."
+            )
         folder.mkdir(parents=True, exist_ok=True)
-        lock = WriterLock(folder)
+    except OSError as error:
+        raise LogAccessError(f"{folder}: no log can be made here: {error.strerror}.") from error
+    lock = WriterLock(folder)
+    try:
+        remove_leftovers(folder)
         header = SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH)
-        writer = LogWriter(folder, lock, DoorMapState(), clock, entropy)
+        writer = LogWriter(folder, lock, DoorMapState(), clock or SystemClock(), entropy)
         writer.begin(header, last_ns=0)
         sync_folder(folder.parent)
     except OSError as error:
+        lock.release()
         raise LogAccessError(f"{folder}: no log can be made here: {error.strerror}.") from error
+    except BaseException:
+        lock.release()
+        raise
     return writer
 
 
@@ -80,11 +95,14 @@ def open_for_append(
     LogReader(folder)
     lock = WriterLock(folder)
     try:
+        remove_leftovers(folder)
         reader = LogReader(folder)
         writer = LogWriter(folder, lock, _state(reader), clock or SystemClock(), entropy)
         writer.go_on(reader)
     except OSError as error:
         lock.release()
+        if isinstance(error, LogAccessError):
+            raise
         raise LogAccessError(f"{folder}: cannot be opened: {error.strerror}.") from error
     except BaseException:
         lock.release()
@@ -129,6 +147,7 @@ class LogWriter:
         self._continue: Segment | None = None
         self._closed_segments: list[ClosedSegment] = []
         self._poison = ""
+        self._busy = False
         self._open = True
         self._pid = os.getpid()
         self._commands: dict[bytes, Commit] | None = None
@@ -188,23 +207,36 @@ class LogWriter:
             LogPoisonedError: A write failed, now or earlier: the outcome is unknown until the
                 log is opened again.
         """
-        self._check_usable()
+        self.check_usable()
+        if command_id is not None and len(command_id) != COMMAND_ID_BYTES:
+            raise CommandError(f"a command id has {COMMAND_ID_BYTES} bytes, got {len(command_id)}.")
+        command_id = command_id or self.entropy(COMMAND_ID_BYTES)
+        try:
+            self._busy = True
+            return self._append(events, note, command_id, sync=sync)
+        finally:
+            self._busy = False
+
+    def _append(
+        self, events: Iterable[Event], note: Note, command_id: bytes, *, sync: bool
+    ) -> Commit:
         segment = self._ready_segment()
         wall_ns = self.clock.wall_ns()
         stamp = Stamp(
             first_event=self.next_event,
             recorded_ns=max(wall_ns, self.last_ns + 1),
             previous_hash=self._last_hash,
-            command_id=command_id or self.entropy(16),
+            command_id=command_id,
             wall_clock_ns=wall_ns,
             monotonic_clock_ns=self.clock.monotonic_ns(),
             boot_id=self.clock.boot_id,
         )
         builder = CommitBuilder(stamp, note, self.entropy(16))
-        written = False
         try:
             for chunk in builder.chunks(events):
-                written = True
+                # From the first byte on until all counters are right, an interrupt at any point
+                # must leave a writer that refuses to go on.
+                self._poisoned("interrupted in the middle of a commit")
                 segment.add(chunk, levels=builder.levels)
                 self._remember(chunk)
             if sync:
@@ -212,15 +244,12 @@ class LogWriter:
         except OSError as error:
             self._poisoned(f"{error.strerror}")
             raise LogPoisonedError(self._poison) from error
-        except BaseException as error:
-            if written:
-                self._poisoned(f"{type(error).__name__} in the middle of a commit")
-            raise
         commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
         if self._commands is not None:
             self._commands[commit.command_id] = commit
+        self._poison = ""
         return commit
 
     def sync(self) -> None:
@@ -229,7 +258,7 @@ class LogWriter:
         Raises:
             LogPoisonedError: The sync failed; it is not tried again.
         """
-        self._check_usable()
+        self.check_usable()
         if self._segment is not None:
             try:
                 self._segment.sync()
@@ -259,8 +288,11 @@ class LogWriter:
             return
         self._open = False
         try:
-            if self._segment is not None and not self._poison and os.getpid() == self._pid:
-                self._close_segment()
+            if self._segment is not None and os.getpid() == self._pid:
+                if self._poison:
+                    self._segment.abandon()
+                else:
+                    self._close_segment()
         except OSError as error:
             self._poisoned(f"{error.strerror}")
             raise LogPoisonedError(
@@ -270,7 +302,15 @@ class LogWriter:
         finally:
             self._lock.release()
 
-    def _check_usable(self) -> None:
+    def check_usable(self) -> None:
+        """Return if this writer can append.
+
+        Raises:
+            LogPoisonedError: A write failed or was interrupted.
+            LogError: It was closed, was opened by another process, or is appending already.
+        """
+        if self._busy:
+            raise LogError(f"{self.folder}: an append is under way; what it reads cannot append.")
         if self._poison:
             raise LogPoisonedError(self._poison)
         if not self._open:
@@ -285,11 +325,12 @@ class LogWriter:
             f"{self.folder}: a write failed ({why}); whether its events are stored is unknown. "
             "Open the log again: it keeps every commit that is whole."
         )
-        if self._segment is not None:
-            self._segment.abandon()
 
     def _ready_segment(self) -> SegmentWriter:
         """Return a segment to write to: the live one, or the last continued, or a new one."""
+        if self._segment is not None and not self._is_full(self._segment):
+            return self._segment
+        self._poisoned("interrupted between two segments")
         try:
             if self._segment is None:
                 assert self._continue is not None
@@ -304,6 +345,7 @@ class LogWriter:
             self._poisoned(f"{error.strerror}")
             raise LogPoisonedError(self._poison) from error
         assert self._segment is not None
+        self._poison = ""
         return self._segment
 
     def _is_full(self, segment: SegmentWriter) -> bool:

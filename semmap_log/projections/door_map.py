@@ -144,7 +144,7 @@ class DoorMapState:
                 y=rows["y"][i],
                 theta=rows["theta"][i],
                 width=rows["width"][i],
-                state=DoorState(rows["state"][i]),
+                state=DoorState.of(rows["state"][i]),
                 prob_open=rows["prob_open"][i],
                 prob_closed=rows["prob_closed"][i],
                 last_seen_ns=rows["state_happened_ns"][i],

@@ -214,7 +214,7 @@ def test_warnings_of_info(run) -> None:  # type: ignore[no-untyped-def]
         (["add", "office", "--id", "1"], 1, "in the map already"),
         (["add", "office", "--id", "4294967296"], 1, "4294967295"),
         (["add", "office", "--prob-open", "1.2"], 1, "0 to 1"),
-        (["add", "office", "--prob-open", "nan", "--x", "nan"], 2, "all together"),
+        (["add", "office", "--prob-open", "nan"], 2, "leave the option out"),
         (["add", "office", "--level", "L9"], 1, "no level 'L9'"),
         (["update", "office", "front"], 2, "nothing to set"),
         (["replay", "nolog"], 1, "no such log"),

@@ -14,7 +14,9 @@ from semmap_log.formats.importing_lines import plan_event_lines
 FRONT = Door(DoorId(3), 2, 0.0, 0.0, 0.0, 1.0, DoorState.OPEN, NAN, NAN,
              annotations={"name": "front"})  # fmt: skip
 PRESENT = Present(
-    DoorMap({DoorId(3): FRONT}, {2: Level(2, "top")}), frozenset({DoorId(3), DoorId(7)})
+    DoorMap({DoorId(3): FRONT}, {2: Level(2, "top")}),
+    frozenset({DoorId(3), DoorId(7)}),
+    next_event=10,
 )
 SEEN = {"kind": "DoorObserved", "state": "OPEN"}
 
@@ -71,8 +73,8 @@ def test_every_wrong_line_is_told(tmp_path):
         )
 
     found = str(caught.value).splitlines()
-    expected = ["expected a door of the log or of an earlier line, got door_id 99",
-                "expected one JSON object", "door 3 is there already",
+    expected = ["door 99 is not in the map",
+                "expected one JSON object", "door 3 is in the map already",
                 "door 7 was removed", "no door has the name 'cellar'"]  # fmt: skip
     assert 5 == len(found)
     for number, (line, part) in enumerate(zip(found, expected, strict=True), start=1):

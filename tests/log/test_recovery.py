@@ -131,7 +131,7 @@ def test_a_damaged_closed_segment_is_an_error(tmp_path: Path) -> None:
 
 def test_a_missing_segment_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """
-    Event numbers tell that something between two segments is gone.
+    Segments are numbered: the first, one between, or a live one that was cut, is named.
     """
     from semmap_log.log import writer
 
@@ -140,7 +140,16 @@ def test_a_missing_segment_is_noticed(tmp_path: Path, monkeypatch: pytest.Monkey
     with sl.create(path, tz="UTC") as log:
         for _ in range(6):
             log.add_door()
-    (path / "log_000001.mcap").unlink()
-
-    with pytest.raises(CorruptLogError, match="expected event 2 next, got 4"):
-        sl.read(path).replay()
+    for name, problem in (("000000", "one is missing"), ("000001", "one is missing")):
+        hidden = path / f"log_{name}.mcap"
+        hidden.rename(path / "elsewhere")
+        for opening in (sl.read, sl.append):
+            with pytest.raises(CorruptLogError, match=problem):
+                opening(path)
+        (path / "elsewhere").rename(hidden)
+    whole = (path / "log_000001.mcap").read_bytes()
+    (path / "log_000001.mcap").write_bytes(whole[:-300])
+    with pytest.raises(CorruptLogError, match=r"log_000001.mcap.*it was cut"):
+        sl.read(path)
+    (path / "log_000001.mcap").write_bytes(whole)
+    assert 6 == len(sl.read(path).replay())

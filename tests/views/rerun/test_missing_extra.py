@@ -10,7 +10,7 @@ import pytest
 from semmap_log.errors import MissingExtraError
 from tests.views.rerun.some_logs import small_log
 
-EDGE = ("rerun_sdk", "rerun_rows", "rerun_robot", "rerun_blueprint", "rerun_file")
+EDGE = ("sdk", "rows", "robot", "blueprint", "file", "doors", "events", "floor")
 
 
 @pytest.fixture(autouse=True)
@@ -19,7 +19,7 @@ def without_rerun(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("rerun", "rerun_cli"):
         monkeypatch.setitem(sys.modules, name, None)
     for name in EDGE:
-        monkeypatch.delitem(sys.modules, f"semmap_log.views.{name}", raising=False)
+        monkeypatch.delitem(sys.modules, f"semmap_log.views.rerun.{name}", raising=False)
 
 
 def test_saving_says_what_to_install(tmp_path: Path) -> None:
