@@ -235,6 +235,10 @@ class DoorLog:
         """
         return resolve_door(door, self.replay())
 
+    def door_names(self) -> dict[DoorId, str]:
+        """Return the latest name of every door that has one, removed doors too."""
+        return replay(self.reader).names()
+
     def resolve_ever(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name; by its id a removed one, too.
 

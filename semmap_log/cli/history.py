@@ -35,9 +35,12 @@ def run(
     last: Annotated[
         int | None, typer.Option("--last", "-n", min=1, metavar="N", help="Only the last N.")
     ] = None,
+    poses: Annotated[bool, typer.Option("--poses", help="Show the robot's poses, too.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Show the events of the log, or of one door: what, when, who, why.
+
+    The table leaves out robot poses unless asked for; times are in the log's zone.
 
     The range is half-open: since <= time < until. Retracted events are shown, and marked.
 
@@ -49,7 +52,7 @@ def run(
       semmap-log history office -n 20 --json
     """  # noqa: D301
     import semmap_log as sl
-    from semmap_log.events import KIND_BY_NAME
+    from semmap_log.events import KIND_BY_NAME, KINDS, RobotPose
     from semmap_log.formats.door_json import entry_to_json
     from semmap_log.views.tables import history_pages
 
@@ -59,12 +62,15 @@ def run(
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
     opened = sl.read(log)
     start, end = opened.span(since) if since and ".." in since else (since, until)
+    kinds = [KIND_BY_NAME[name] for name in kind] if kind else list(KINDS)
+    if not (kind or poses or as_json):
+        kinds.remove(RobotPose)
     entries = opened.history(
         None if door is None else opened.resolve_ever(door),
         start,
         end,
         recorded=recorded,
-        kinds=[KIND_BY_NAME[name] for name in kind] if kind else None,
+        kinds=kinds,
     )
     if last is not None:
         entries = iter(deque(entries, maxlen=last))
@@ -72,5 +78,6 @@ def run(
         print_json_list(entry_to_json(entry) for entry in entries)
         return
     out = console()
-    for page in history_pages(entries, tz=opened.info.timezone):
+    names = opened.door_names()
+    for page in history_pages(entries, tz=opened.info.timezone, names=names):
         out.print(page)

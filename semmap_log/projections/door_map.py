@@ -119,6 +119,11 @@ class DoorMapState:
         """Return the numbers of the levels that have a name or a floor map."""
         return set(self._levels) | set(self._floor_maps)
 
+    def names(self) -> dict[DoorId, str]:
+        """Return the latest name of every door that has one, removed doors too."""
+        said = {DoorId(door_id): texts.get("name") for door_id, texts in self._annotations.items()}
+        return {door_id: name[1] for door_id, name in sorted(said.items()) if name and name[1]}
+
     def stamp(self, door_id: int, register: str) -> Stamp | None:
         """Return (happened, number) of what a register of a door holds; None: never set."""
         row = self._row_of.get(door_id)

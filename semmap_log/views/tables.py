@@ -6,15 +6,16 @@ Nothing is cut off: what does not fit goes on in the next line, since half a nam
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from semmap_log.doors import Door, DoorMap, DoorState
+from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.events import RobotPose, field_names
 from semmap_log.moments import format_local
 from semmap_log.views.event_words import words_of
@@ -39,6 +40,9 @@ LATE_NS = 60 * SECOND_NS
 
 MOST_EVENTS_OF_A_DIFF = 40
 PAGE_ROWS = 500
+DATE_WIDTH = len("2026-03-02")
+
+Names = Mapping[DoorId, str]
 SHORTEST_NAME = 14
 
 
@@ -73,8 +77,8 @@ def door_table(door_map: DoorMap, *, now_ns: int, tz: str, width: int | None = N
     table.add_column("age", justify="right", no_wrap=True)
     for door in doors:
         cells: list[RenderableType] = [str(door.door_id)]
-        cells += [Text(door.name or ABSENT)] * named
-        cells += [Text(door_map.level_name(door.level))] * levels
+        cells += [_text(door.name or ABSENT)] * named
+        cells += [_text(door_map.level_name(door.level))] * levels
         cells += [_number(getattr(door, n)) for n in ("x", "y", "theta", "width")] * placed
         cells.append(_state(door.state))
         cells += [_number(door.prob_open)] * open_given + [_number(door.prob_closed)] * closed_given
@@ -83,24 +87,31 @@ def door_table(door_map: DoorMap, *, now_ns: int, tz: str, width: int | None = N
     return table
 
 
-def history_table(entries: Iterable[HistoryEntry], *, tz: str) -> RenderableType:
+def history_table(
+    entries: Iterable[HistoryEntry], *, tz: str, names: Names = MappingProxyType({})
+) -> RenderableType:
     """Return events with who and why, one a row; for many, print `history_pages` one by one."""
-    return Group(*history_pages(entries, tz=tz))
+    return Group(*history_pages(entries, tz=tz, names=names))
 
 
-def history_pages(entries: Iterable[HistoryEntry], *, tz: str) -> Iterator[Table]:
+def history_pages(
+    entries: Iterable[HistoryEntry], *, tz: str, names: Names = MappingProxyType({})
+) -> Iterator[Table]:
     """Yield the table of `history_table` in pieces whose columns line up; the first has the head.
 
     Args:
         entries: Events, in the order to show.
         tz: IANA zone of the times.
+        names: What the doors are called; one without a name is its number.
     """
     waiting = iter(entries)
     page = list(islice(waiting, PAGE_ROWS))
-    is_first = True
-    while page or is_first:
-        yield _history_page(page, tz=tz, show_header=is_first)
-        page, is_first = list(islice(waiting, PAGE_ROWS)), False
+    before: HistoryEntry | None = None
+    while page or before is None:
+        yield _history_page(page, tz=tz, names=names, before=before)
+        if not page:
+            return
+        before, page = page[-1], list(islice(waiting, PAGE_ROWS))
 
 
 def diff_table(found: Diff, *, tz: str) -> RenderableType:
@@ -129,7 +140,7 @@ def diff_table(found: Diff, *, tz: str) -> RenderableType:
     told = [entry for entry in found.events if not isinstance(entry.event, RobotPose)]
     parts: list[RenderableType] = [table if found else Text("No door is different."), moments]
     if told:
-        parts += [Text(), history_table(told[-MOST_EVENTS_OF_A_DIFF:], tz=tz)]
+        parts += [Text(), history_table(told[-MOST_EVENTS_OF_A_DIFF:], tz=tz, names=_names(found))]
     if len(told) > MOST_EVENTS_OF_A_DIFF:
         earlier = _count(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
         parts.append(Text(f"… and {earlier} before these", style="dim"))
@@ -150,7 +161,7 @@ def entry_table(entry: HistoryEntry, *, tz: str) -> Table:
     table.add_row("recorded", format_local(entry.recorded_ns, tz))
     for name in ("actor", "source", "reason", "correlation"):
         if said := getattr(entry, name):
-            table.add_row(name, Text(said))
+            table.add_row(name, _text(said))
     table.add_row("command id", entry.command_id.hex())
     return table
 
@@ -161,7 +172,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
     table = _pairs()
     for name, text in (("building", info.building), ("robot", info.robot)):
         if text:
-            table.add_row(name, Text(text))
+            table.add_row(name, _text(text))
     table.add_row("log id", info.log_id)
     table.add_row("time zone", tz)
     table.add_row("doors", str(len(summary.door_map)))
@@ -174,7 +185,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
     files = _count(len(summary.segments), "file")
     table.add_row("size", f"{summary.bytes / 1e6:,.1f} MB in {files}")
     table.add_row("head", summary.head.hex())
-    warnings = [Text(f"warning: {warning}", style="yellow") for warning in summary.warnings]
+    warnings = [_text(f"warning: {warning}", style="yellow") for warning in summary.warnings]
     return Group(table, *warnings)
 
 
@@ -189,23 +200,40 @@ def age(then_ns: int | None, now_ns: int) -> str:
     raise AssertionError
 
 
-def _history_page(entries: list[HistoryEntry], *, tz: str, show_header: bool) -> Table:
-    table = _plain_table(show_header=show_header, expand=True)
+def _history_page(
+    entries: list[HistoryEntry], *, tz: str, names: Names, before: HistoryEntry | None
+) -> Table:
+    """Return one page: a date stands once a day, who and why once a commit."""
+    table = _plain_table(show_header=before is None, expand=True)
     table.add_column("event", justify="right", width=6, overflow="fold")
-    table.add_column(f"happened\n{tz}", width=19, overflow="fold")
-    table.add_column("door", justify="right", width=4, overflow="fold")
+    table.add_column("happened", width=DATE_WIDTH, overflow="fold")
+    table.add_column("door", width=16, overflow="fold")
     table.add_column("what", ratio=3, overflow="fold")
     table.add_column("who: why", ratio=2, overflow="fold")
     for entry in entries:
+        day, clock = _day_and_clock(entry, tz)
+        door = ABSENT if entry.door_id is None else names.get(entry.door_id, str(entry.door_id))
+        said = ": ".join(part for part in (entry.actor, entry.reason) if part)
         table.add_row(
             str(entry.number),
-            format_local(entry.happened_ns, tz)[:19],
-            ABSENT if entry.door_id is None else str(entry.door_id),
+            clock if before and day == _day_and_clock(before, tz)[0] else f"{day}\n{clock}",
+            _text(door),
             _what(entry),
-            Text(": ".join(part for part in (entry.actor, entry.reason) if part)),
+            _text("" if before and entry.command_id == before.command_id else said),
             style="dim" if entry.retracted else "",
         )
+        before = entry
     return table
+
+
+def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
+    happened = format_local(entry.happened_ns, tz)
+    return happened[:DATE_WIDTH], happened[DATE_WIDTH + 1 : 19]
+
+
+def _text(text: str, *, style: str = "") -> Text:
+    """Return a text that comes from outside: characters that steer a terminal are spelt out."""
+    return Text("".join(c if c.isprintable() else repr(c)[1:-1] for c in text), style=style)
 
 
 def _what(entry: HistoryEntry) -> Text:
@@ -213,7 +241,7 @@ def _what(entry: HistoryEntry) -> Text:
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:
         said += f" (told {age(0, late_ns)} later)"
-    return Text(said + " (taken back)" * entry.retracted)
+    return _text(said + " (taken back)" * entry.retracted)
 
 
 def _plain_table(
@@ -255,16 +283,22 @@ def _value(value: object) -> RenderableType:
     shape = getattr(value, "shape", None)
     if shape is not None:
         return f"{shape[1]} x {shape[0]} cells"
-    return Text(str(value))
+    return _text(str(value))
 
 
 def _who(door: Door) -> Text:
-    return Text(str(door.door_id) if door.name is None else f"{door.door_id} {door.name}")
+    return _text(str(door.door_id) if door.name is None else f"{door.door_id} {door.name}")
 
 
 def _door_in_short(door: Door) -> Text:
     place = f" at {door.x:.3f}, {door.y:.3f}" if door.is_placed else ""
     return _state(door.state).append(place, style="default")
+
+
+def _names(found: Diff) -> Names:
+    """Return the names that doors have, or had, at the two moments of a diff."""
+    doors = {**found.before.doors, **found.after.doors}
+    return {door_id: door.name for door_id, door in doors.items() if door.name}
 
 
 def _before_and_after(change: FieldChange) -> tuple[RenderableType, RenderableType]:
@@ -273,7 +307,7 @@ def _before_and_after(change: FieldChange) -> tuple[RenderableType, RenderableTy
     keys = sorted(k for k in {**change.before, **change.after}
                   if change.before.get(k) != change.after.get(k))  # fmt: skip
     before, after = (
-        Text("\n".join(f"{key} = {said.get(key, ABSENT)}" for key in keys))
+        Text("\n").join(_text(f"{key} = {said.get(key, ABSENT)}") for key in keys)
         for said in (change.before, change.after)
     )
     return before, after

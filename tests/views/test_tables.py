@@ -109,7 +109,8 @@ def test_an_age_that_nobody_knows_is_a_dash() -> None:
 
 def test_the_history_table(tmp_path: Path) -> None:
     """
-    Number, local time, door, what, who and why; late events and undone ones say so.
+    Number, local time, door, what, who and why; late events and undone ones say so. Characters
+    that would steer a terminal are spelt out.
     """
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:
@@ -123,17 +124,17 @@ def test_the_history_table(tmp_path: Path) -> None:
         log.append([Retracted(first_event=1, last_event=1)], note=sl.Note(actor="anna"))
     opened = sl.read(tmp_path / "log")
 
-    text = printed(history_table(opened.history(), tz=opened.info.timezone))
+    names = {DoorId(1): "a \x1b[2J"}
+    text = printed(history_table(opened.history(), tz=opened.info.timezone, names=names))
 
     assert (
         """\
-       happened
- event Europe/Vienna       door what                         who: why
-     0 2026-03-01 22:20:00    1 added without a place,       survey: first plan
-                                UNKNOWN
-     1 2026-03-01 20:20:00    1 seen OPEN (90%) (told 2 h
-                                later) (taken back)
-     2 2026-03-01 22:20:00    - events 1 to 1 taken back     anna"""
+ event happened   door             what                       who: why
+     0 2026-03-01 a \\x1b[2J        added without a place,     survey: first plan
+       22:20:00                    UNKNOWN
+     1 20:20:00   a \\x1b[2J        seen OPEN (90%) (told 2 h
+                                   later) (taken back)
+     2 22:20:00   -                events 1 to 1 taken back   anna"""
         == text
     )
 
@@ -168,7 +169,7 @@ from at 2026-03-01 21:21:00+00:00 (event 3)
 to   at 2026-03-01 21:53:20+00:00 (event 19)
 """)
     assert "robot" not in text
-    assert "removed from the map         anna: a wall now" in text
+    assert "removed from the map       anna: a wall now" in text
 
 
 def test_no_difference_is_said(tmp_path: Path) -> None:
