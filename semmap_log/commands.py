@@ -248,7 +248,7 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
         which = ", ".join(
             f"{door_map.level_name(door.level)}/{door.label} (id {door.door_id})" for door in doors
         )
-        raise UnknownDoorError(f"{text!r} can mean {len(doors)} doors: {which}.")
+        raise UnknownDoorError(f"{text!r} can mean {len(doors)} doors: {which}; use the id.")
     if str(text).isdecimal():
         raise UnknownDoorError(f"door {text} is not in the map.")
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
@@ -283,6 +283,6 @@ def resolve_level(text: str | int | None, door_map: DoorMap) -> int:
 def _similar(text: str, door_map: DoorMap) -> str:
     from difflib import get_close_matches
 
-    names = [door.name for door in door_map.doors.values() if door.name]
+    names = sorted({door.name for door in door_map.doors.values() if door.name})
     close = get_close_matches(text, names, n=3)
     return f" Did you mean {' or '.join(close)}?" if close else ""

@@ -15,13 +15,15 @@ from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorMap
 from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
-from semmap_log.events import Retracted
+from semmap_log.events import Retracted, RobotPose
 from semmap_log.exporting import export
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.live.event_lines import Answer, LineRecorder
 from semmap_log.projections.history import HistoryEntry
 
 RECORDING = "office"
+MOST_WAIT_S = 10.0
+"""A line that is not answered by then never will be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +63,14 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     half = _middle(history)
     path = folder / RECORDING
     info = source.info
-    with sl.create(path, tz=info.timezone, building=info.building, robot=info.robot) as log:
+    clock = _RecordingClock()
+    with sl.create(
+        path, tz=info.timezone, building=info.building, robot=info.robot, clock=clock
+    ) as log:
         tell(f"{path}: a new log; copying the first {half} events of the recording into it")
-        _copy(log, history[:half])
+        _copy(log, history[:half], clock)
         tell(f"recording the other {len(history) - half}, one JSON line each, as `record` does")
-        recorded = _record(log, history[half:])
+        recorded = _record(log, history[half:], clock)
     made = sl.read(path)
     moments = [history[i].happened_ns for i in (half - 1, (half + len(history)) // 2, -1)]
     first, middle, last = (made.replay(at=ns) for ns in moments)
@@ -102,31 +107,57 @@ def _middle(history: list[HistoryEntry]) -> int:
     return half
 
 
-def _copy(log: DoorLogWriter, entries: list[HistoryEntry]) -> None:
+class _RecordingClock:
+    """A clock that tells when the recording recorded what is appended next.
+
+    So the demo's log knows things when the recording knew them, and not all of them today.
+    """
+
+    boot_id = bytes(16)
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+
+    def wall_ns(self) -> int:
+        return self.now_ns
+
+    def monotonic_ns(self) -> int:
+        return self.now_ns
+
+
+def _copy(log: DoorLogWriter, entries: list[HistoryEntry], clock: _RecordingClock) -> None:
     """Append events commit by commit, with their notes, synced once at the end."""
     start = 0
     for i in range(1, len(entries) + 1):
         if i == len(entries) or entries[i].command_id != entries[start].command_id:
             first = entries[start]
+            clock.now_ns = first.recorded_ns
             note = Note(first.actor, first.source, first.reason, first.correlation)
             log.append([entry.event for entry in entries[start:i]], note=note, sync=False)
             start = i
     log.sync()
 
 
-def _record(log: DoorLogWriter, entries: list[HistoryEntry]) -> int:
-    """Feed events as JSON lines through a pipe to what `record` runs."""
+def _record(log: DoorLogWriter, entries: list[HistoryEntry], clock: _RecordingClock) -> int:
+    """Feed events as JSON lines through a pipe to what `record` runs, each at its own time."""
     reading, writing = os.pipe()
+    answered = threading.Event()
 
     def feed() -> None:
         with os.fdopen(writing, "w", encoding="utf-8") as pipe:
             for entry in entries:
+                answered.clear()
+                clock.now_ns = entry.recorded_ns
                 said = {"actor": entry.actor, "reason": entry.reason}
                 pipe.write(json.dumps(event_to_json(entry.event, note=said)) + "\n")
+                pipe.flush()
+                if not isinstance(entry.event, RobotPose):  # a pose waits for what comes next
+                    answered.wait(MOST_WAIT_S)
 
     problems: list[str] = []
 
     def answer(one: Answer) -> None:
+        answered.set()
         if one.error:
             problems.append(f"line {one.line}: {one.error}")
 

@@ -9,6 +9,7 @@ sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from datetime import datetime
 from pathlib import Path
@@ -240,7 +241,7 @@ class DoorLog:
         return replay(self.reader).names()
 
     def resolve_ever(self, door: str | int) -> DoorId:
-        """Return the door of that id, name, or level/name; by its id a removed one, too.
+        """Return the door of that id, name, or level/name; a removed one, too.
 
         Raises:
             UnknownDoorError: There is none, and never was.
@@ -249,9 +250,11 @@ class DoorLog:
         try:
             return resolve_door(door, state.door_map())
         except UnknownDoorError:
-            for door_id in state.used_door_ids:
-                if str(door) == str(door_id) and not state.is_present(door_id):
-                    return DoorId(door_id)
+            names = state.names()
+            gone = (i for i in sorted(state.used_door_ids) if not state.is_present(i))
+            for door_id in map(DoorId, gone):
+                if str(door) in (str(door_id), names.get(door_id)):
+                    return door_id
             raise
 
     def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
@@ -271,8 +274,7 @@ class DoorLog:
         if isinstance(time, datetime):
             time = time.isoformat()
         if isinstance(time, str):
-            relative = any(word in time.lower() for word in ("ago", "day", "now"))
-            end_ns = now_ns if now_ns is not None else self.end_ns() if relative else 0
+            end_ns = 0 if _is_absolute(time) else self.end_ns() if now_ns is None else now_ns
             return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
         return Moment(ns=int(time))
 
@@ -306,6 +308,11 @@ class DoorLog:
         trace: TracebackType | None,
     ) -> None:
         """Nothing to let go of: the files are mapped, and unmapped with the object."""
+
+
+def _is_absolute(time: str) -> bool:
+    """Tell whether a text names a moment without reference to another: the usual, cheap case."""
+    return bool(re.match(r"\s*(\d{4}-|@|event:)", time))
 
 
 def _comes_after(one: Moment, other: Moment) -> bool:

@@ -89,6 +89,7 @@ class DoorLogWriter(AppendableLog):
             )
             if not name:
                 return [added]
+            self._check_unused(name, level)
             named = DoorAnnotated(door_id=given, key="name", value=name, happened_ns=happened_ns)
             return [added, named]
 
@@ -191,12 +192,16 @@ class DoorLogWriter(AppendableLog):
         self, door: DoorId | str, key: str, value: str, **about: Unpack[About]
     ) -> Appended:
         """Say something about a door in words; an empty value takes it back."""
-        return self._commit_one(
-            lambda: DoorAnnotated(
-                door_id=self.resolve(door), key=key, value=value, happened_ns=self._happened(about)
-            ),
-            about,
-        )
+
+        def event() -> DoorAnnotated:
+            door_id = self.resolve(door)
+            if key == "name" and value:
+                self._check_unused(value, self.level_of(door_id), but=door_id)
+            return DoorAnnotated(
+                door_id=door_id, key=key, value=value, happened_ns=self._happened(about)
+            )
+
+        return self._commit_one(event, about)
 
     def request(
         self, door: DoorId | str, state: DoorState | str, **about: Unpack[About]
@@ -288,6 +293,19 @@ class DoorLogWriter(AppendableLog):
     def _stored(self, commit: Commit) -> Iterator[Event]:
         for number in range(commit.first_event, commit.last_event + 1):
             yield self.event(number).event
+
+    def _check_unused(self, name: str, level: int, *, but: DoorId | None = None) -> None:
+        """Return if no other door of the level bears the name.
+
+        Raises:
+            CommandError: One does; then the name would mean neither.
+        """
+        for door in self.state.door_map().doors.values():
+            if (door.name, door.level) == (name, level) and door.door_id != but:
+                raise CommandError(
+                    f"door {door.door_id} of that level is called {name!r} already; "
+                    "choose another name."
+                )
 
     def _happened(self, about: About) -> int | None:
         """Return when a command says that it happened; what is relative counts from now."""

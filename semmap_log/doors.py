@@ -146,6 +146,8 @@ class DoorMap:
     """Levels known then, numbers ascending."""
     event: int = -1
     """The greatest event number taken into account; -1 before the first event."""
+    latest_ns: int = 0
+    """The latest happened time taken into account."""
     at_ns: int | None = None
     """Only what had happened by then counts; None: everything."""
     known_at_ns: int | None = None
@@ -156,6 +158,12 @@ class DoorMap:
 
     def __getitem__(self, door_id: DoorId) -> Door:
         return self.doors[door_id]
+
+    @property
+    def moment_ns(self) -> int:
+        """The moment that it is of: as asked for, else the latest in it."""
+        asked = self.at_ns if self.at_ns is not None else self.known_at_ns
+        return self.latest_ns if asked is None else asked
 
     def level_name(self, level: int) -> str:
         """Return the level's name, or its number as text where it has none."""

@@ -39,7 +39,7 @@ def parse_moment(text: str, *, tz: str, end_ns: int) -> Moment:
 
     Args:
         text: One of the forms of `parse_instant`, or `now`, `2h ago`, `90 min ago`,
-            `yesterday 14:00`, `today 09:30`, `event:1234`.
+            `yesterday 14:00`, `today 09:30`, `09:30` (the same), `event:1234`.
         tz: IANA zone of times without an offset.
         end_ns: The log's end, from which `now`, `ago`, `today`, `yesterday` are counted.
 
@@ -57,6 +57,8 @@ def parse_moment(text: str, *, tz: str, end_ns: int) -> Moment:
     if found := _AGO.fullmatch(text.lower()):
         back_ns = _decimal_ns(found["count"], _UNIT_NS[found["unit"]])
         return Moment(ns=_checked(end_ns - back_ns, text))
+    if _CLOCK.fullmatch(text):
+        text = f"today {text}"
     if found := _DAY.fullmatch(text.lower()):
         day = _local(end_ns, tz).date() - timedelta(days=found["day"] == "yesterday")
         return Moment(ns=parse_instant(f"{day}T{found['clock'] or '00:00'}", tz=tz))
@@ -177,6 +179,7 @@ _EVENT = re.compile(r"event:(?P<number>\d{1,19})", re.ASCII)
 _DAY = re.compile(
     r"(?P<day>today|yesterday)(?: +(?P<clock>\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?))?", re.ASCII
 )
+_CLOCK = re.compile(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?", re.ASCII)
 _UNIT_NS = {
     name: ns
     for ns, names in (

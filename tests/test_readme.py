@@ -35,9 +35,11 @@ def test_the_commands_run_as_they_stand(tmp_path: Path) -> None:
     """
     Everything under Record and Ask, one after the other, but for the viewer's window.
     """
+    (tmp_path / "recordings").symlink_to(ROOT / "recordings")
     program = f"{shlex.quote(sys.executable)} -m semmap_log"
     for block in _blocks("sh")[2:]:
-        commands = block.replace("semmap-log", program).replace("view office ", "info office ")
+        commands = block.replace("semmap-log", program)
+        commands = commands.replace("view recordings", "info recordings")
         done = subprocess.run(
             ["bash", "-euc", commands], cwd=tmp_path, capture_output=True, text=True, check=False
         )

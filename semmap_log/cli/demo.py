@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from shutil import which
 from typing import Annotated
 
 import typer
@@ -32,9 +34,8 @@ def run(
     tz = _zone(made.log)
     titles = ("Before the recording", "In the middle of it", "After it")
     for title, door_map in zip(titles, made.moments, strict=True):
-        assert door_map.at_ns is not None
         typer.echo(f"\n{title}:")
-        console().print(door_table(door_map, now_ns=door_map.at_ns, tz=tz))
+        console().print(door_table(door_map, tz=tz))
     end_ns = made.moments[-1].at_ns
     assert end_ns is not None
     picture = f"{made.rrd.name}   the history, for the rerun viewer" if made.rrd else "no picture"
@@ -47,12 +48,13 @@ def run(
     if made.rrd_problem:
         say(made.rrd_problem)
     noon = format_local(end_ns - 8 * 3600 * 10**9, tz)[:16]
+    program = "semmap-log" if which("semmap-log") else sys.argv[0]
     typer.echo(
         "\nWhat to type next:\n"
-        f"  semmap-log history {made.log} -n 10\n"
-        f'  semmap-log replay {made.log} --at "{noon}"\n'
-        f'  semmap-log diff {made.log} "2h ago" now\n'
-        f"  semmap-log view {made.log}"
+        f"  {program} history {made.log} -n 10\n"
+        f'  {program} replay {made.log} --at "{noon}"\n'
+        f'  {program} diff {made.log} "2h ago" now\n'
+        f"  {program} view {made.log}"
     )
 
 

@@ -34,7 +34,7 @@ def run(
     Formats, by the file's name:
       .yaml    the thesis's door database, as its server loads it
       .csv     timestamp,door,state,accuracy: every state that was set or seen
-      .jsonl   every event, as `import` and `record` take it
+      .jsonl   every event but retracted ones, one JSON object a line
       .rrd     a recording for the rerun viewer
 
     \b

@@ -37,7 +37,7 @@ def line_of(line: Line, start: str | None, end: str | None) -> Line:
     if start is None or end is None or line != Line(None, None, None, None):
         raise typer.BadParameter("give --from and --to together, without --x --y --theta --width")
     (x0, y0), (x1, y1) = _point(start, "--from"), _point(end, "--to")
-    return Line(x0, y0, math.atan2(y1 - y0, x1 - x0), math.hypot(x1 - x0, y1 - y0))
+    return Line(x0, y0, math.atan2(y1 - y0, x1 - x0), round(math.hypot(x1 - x0, y1 - y0), 9))
 
 
 def _point(text: str, option: str) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import chain
 from typing import Annotated
 
 import typer
@@ -14,6 +15,7 @@ from semmap_log.cli.common import (
     Until,
     console,
     print_json_list,
+    say,
 )
 
 
@@ -79,5 +81,10 @@ def run(
         return
     out = console()
     names = opened.door_names()
+    first = next(entries, None)
+    if first is None:
+        say("no events; times count when it happened, or with --recorded when it was recorded.")
+        return
+    entries = chain([first], entries)
     for page in history_pages(entries, tz=opened.info.timezone, names=names):
         out.print(page)

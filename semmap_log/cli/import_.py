@@ -48,7 +48,7 @@ def run(
 ) -> None:
     """Import doors, states or events; each file is one commit, whole or not at all.
 
-    The same file again changes nothing.
+    The same file again, with the same options, changes nothing.
 
     \b
     Known by their names:

@@ -47,5 +47,4 @@ def run(
     if as_json:
         print_json(door_map_to_json(door_map))
         return
-    now_ns = door_map.at_ns or door_map.known_at_ns or opened.end_ns()
-    console().print(door_table(door_map, now_ns=now_ns, tz=opened.info.timezone))
+    console().print(door_table(door_map, tz=opened.info.timezone))

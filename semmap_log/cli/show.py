@@ -30,4 +30,5 @@ def run(
     if as_json:
         print_json(entry_to_json(entry))
     else:
-        console().print(entry_table(entry, tz=opened.info.timezone))
+        name = opened.door_names().get(entry.door_id or sl.DoorId(0), "")
+        console().print(entry_table(entry, tz=opened.info.timezone, name=name))

@@ -33,7 +33,8 @@ def run(
 ) -> None:
     """Look at the history in the rerun viewer: floor plan, doors, state lanes, events, robot.
 
-    Scrub along `happened` to see what was true, along `recorded` to see what was known.
+    Scrub along `happened` to see what was true, along `recorded` to see when it became known.
+    Retracted events are left out.
 
     \b
     Examples:
@@ -53,6 +54,10 @@ def run(
     if save is not None and save.suffix != ".rrd":
         raise typer.BadParameter(
             f"expected a name that ends in .rrd, got {save}", param_hint="--save"
+        )
+    if screenshot is not None and screenshot.suffix != ".png":
+        raise typer.BadParameter(
+            f"expected a name that ends in .png, got {screenshot}", param_hint="--screenshot"
         )
     folder = None if save else Path(tempfile.mkdtemp(prefix="semmap-log-"))
     path = save or Path(str(folder)) / f"{log.resolve().name}.rrd"

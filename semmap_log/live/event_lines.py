@@ -16,7 +16,7 @@ from semmap_log.appendable_log import POSES_WAIT_S, Appended
 from semmap_log.commits import Note
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, FormatError, SemmapError
-from semmap_log.events import RobotPose
+from semmap_log.events import Retracted, RobotPose
 from semmap_log.formats.event_json_reader import DoorLookup, ParsedLine, parse_event_line
 
 READ_BYTES = 2**16
@@ -102,9 +102,15 @@ class LineRecorder:
             next_id=lambda: self.log.roster.next_free_id,
             level_of=self.log.level_of,
         )
-        return parse_event_line(
+        parsed = parse_event_line(
             text, tz=self.log.info.timezone, lookup=lookup, path="line", line=self._line
         )
+        if isinstance(parsed.event, Retracted) and parsed.number is not None:
+            raise CommandError(
+                "this retraction was exported: its numbers are those of another log; "
+                "without its `event` they mean this one's."
+            )
+        return parsed
 
     def _keep_pose(self, pose: RobotPose) -> None:
         if not self._poses:

@@ -90,9 +90,7 @@ class CommitBuilder:
         )
 
     def _add_event(self, event: Event) -> None:
-        happened = (
-            self._stamp.wall_clock_ns if event.happened_ns is None else event.happened_ns
-        )
+        happened = self._stamp.wall_clock_ns if event.happened_ns is None else event.happened_ns
         if isinstance(event, DoorAnnotated) and not event.salt:
             event = replace(event, salt=_derived_salt(self._salt, self._number))
         channel = event.kind

@@ -162,6 +162,7 @@ class DoorMapState:
             doors=MappingProxyType(doors),
             levels=MappingProxyType(self._level_map()),
             event=self.event,
+            latest_ns=self.latest_happened_ns,
             at_ns=at_ns,
             known_at_ns=known_at_ns,
         )

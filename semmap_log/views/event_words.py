@@ -49,7 +49,9 @@ def words_of(event: Event) -> str:
         case RobotPose():
             return f"robot at {event.x:.2f}, {event.y:.2f}"
         case Retracted():
-            return f"events {event.first_event} to {event.last_event} taken back"
+            if event.first_event == event.last_event:
+                return f"event {event.first_event} retracted"
+            return f"events {event.first_event}..{event.last_event} retracted"
         case DoorAnnotated():
             return f"{event.key} = {event.value}"
         case LevelAdded():

@@ -16,7 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from semmap_log.doors import Door, DoorId, DoorMap, DoorState
-from semmap_log.events import RobotPose, field_names
+from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
+from semmap_log.formats.event_json import CHANGED_FIELDS
 from semmap_log.moments import format_local
 from semmap_log.views.event_words import words_of
 
@@ -46,12 +47,13 @@ Names = Mapping[DoorId, str]
 SHORTEST_NAME = 14
 
 
-def door_table(door_map: DoorMap, *, now_ns: int, tz: str, width: int | None = None) -> Table:
+def door_table(door_map: DoorMap, *, tz: str, width: int | None = None) -> RenderableType:
     """Return the doors of a map, ids ascending; columns that no door fills are left out.
+
+    The age of a state counts from the moment that the map is of.
 
     Args:
         door_map: The doors.
-        now_ns: The moment (ns, UTC) from which the age of a state counts.
         tz: IANA zone of the caption's time.
         width: Columns of text; None: what the doors need.
     """
@@ -82,9 +84,9 @@ def door_table(door_map: DoorMap, *, now_ns: int, tz: str, width: int | None = N
         cells += [_number(getattr(door, n)) for n in ("x", "y", "theta", "width")] * placed
         cells.append(_state(door.state))
         cells += [_number(door.prob_open)] * open_given + [_number(door.prob_closed)] * closed_given
-        table.add_row(*cells, age(door.last_seen_ns, now_ns))
-    table.caption = f"{_count(len(doors), 'door')}, {_moment(door_map, tz)}"
-    return table
+        table.add_row(*cells, age(door.last_seen_ns, door_map.moment_ns))
+    caption = Text(f"{_count(len(doors), 'door')}, {_moment(door_map, tz)}", style="dim")
+    return Group(table, caption) if doors else caption
 
 
 def history_table(
@@ -135,7 +137,7 @@ def diff_table(found: Diff, *, tz: str) -> RenderableType:
     for change in found.changed:
         table.add_row(_who(change.door), change.field, *_before_and_after(change))
     moments = Text(
-        f"from {_moment(found.before, tz)}\nto   {_moment(found.after, tz)}", style="dim"
+        f"before: {_moment(found.before, tz)}\nafter:  {_moment(found.after, tz)}", style="dim"
     )
     told = [entry for entry in found.events if not isinstance(entry.event, RobotPose)]
     parts: list[RenderableType] = [table if found else Text("No door is different."), moments]
@@ -147,23 +149,41 @@ def diff_table(found: Diff, *, tz: str) -> RenderableType:
     return Group(*parts)
 
 
-def entry_table(entry: HistoryEntry, *, tz: str) -> Table:
-    """Return all that is known about one event, a field a row."""
+def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> Table:
+    """Return all that is known about one event, a field a row; an update: only what it sets.
+
+    Args:
+        entry: The event.
+        tz: IANA zone of the times.
+        name: What the door is called.
+    """
     table = _pairs()
-    table.add_row("event", f"{entry.number}{' (taken back)' if entry.retracted else ''}")
+    table.add_row("event", f"{entry.number}{' (retracted)' if entry.retracted else ''}")
     table.add_row("kind", entry.kind)
-    for name in field_names(type(entry.event)):
-        value = getattr(entry.event, name)
-        if name == "salt":
-            continue
-        table.add_row(name, _value(value))
+    if entry.door_id is not None:
+        table.add_row("door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id)))
+    for field in _telling_fields(entry.event):
+        table.add_row(field, _value(getattr(entry.event, field)))
     table.add_row("happened", format_local(entry.happened_ns, tz))
     table.add_row("recorded", format_local(entry.recorded_ns, tz))
-    for name in ("actor", "source", "reason", "correlation"):
-        if said := getattr(entry, name):
-            table.add_row(name, _text(said))
+    for part in ("actor", "source", "reason", "correlation"):
+        if said := getattr(entry, part):
+            table.add_row(part, _text(said))
     table.add_row("command id", entry.command_id.hex())
     return table
+
+
+def _telling_fields(event: Event) -> Iterator[str]:
+    """Yield the fields of an event that say something."""
+    unset = {
+        field
+        for bit, fields in CHANGED_FIELDS.items()
+        if isinstance(event, DoorUpdated) and bit not in event.changed
+        for field in fields
+    }
+    for field in field_names(type(event)):
+        if field not in {"door_id", "salt", "changed"} | unset:
+            yield field
 
 
 def summary_table(summary: LogSummary) -> RenderableType:
@@ -183,10 +203,16 @@ def summary_table(summary: LogSummary) -> RenderableType:
         if span is not None:
             table.add_row(name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
     files = _count(len(summary.segments), "file")
-    table.add_row("size", f"{summary.bytes / 1e6:,.1f} MB in {files}")
+    table.add_row("size", f"{_size(summary.bytes)} in {files}")
     table.add_row("head", summary.head.hex())
+    if not summary.warnings:
+        return Group(table, Text("nothing looks wrong", style="dim"))
     warnings = [_text(f"warning: {warning}", style="yellow") for warning in summary.warnings]
     return Group(table, *warnings)
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e6:,.1f} MB" if size >= 1e6 else f"{size / 1e3:,.0f} kB"
 
 
 def age(then_ns: int | None, now_ns: int) -> str:
@@ -241,7 +267,7 @@ def _what(entry: HistoryEntry) -> Text:
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:
         said += f" (told {age(0, late_ns)} later)"
-    return _text(said + " (taken back)" * entry.retracted)
+    return _text(said + " (retracted)" * entry.retracted)
 
 
 def _plain_table(
@@ -315,10 +341,13 @@ def _before_and_after(change: FieldChange) -> tuple[RenderableType, RenderableTy
 
 def _moment(door_map: DoorMap, tz: str) -> str:
     """Return which moment the map is of, in words."""
-    said = "as of now" if door_map.at_ns is None else f"at {format_local(door_map.at_ns, tz)}"
+    said = []
+    if door_map.at_ns is not None:
+        said.append(f"at {format_local(door_map.at_ns, tz)}")
     if door_map.known_at_ns is not None:
-        said += f", as known at {format_local(door_map.known_at_ns, tz)}"
-    return f"{said} (event {door_map.event})" if door_map.event >= 0 else f"{said} (no events)"
+        said.append(f"as known at {format_local(door_map.known_at_ns, tz)}")
+    said.append(f"up to event {door_map.event}" if door_map.event >= 0 else "no events")
+    return ", ".join(said)
 
 
 def _count(number: int, what: str) -> str:

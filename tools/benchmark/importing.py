@@ -35,7 +35,7 @@ def import_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Cas
     ours = Peer("semmap-log, from the CSV", partial(_ours, csv, folder), rows, count)
     mcap = Peer("mcap writer, messages given", partial(_mcap, messages, segment, folder),
                 _digest_of(segment), count, "≥ 5x")  # fmt: skip
-    title = "Bulk import of a door CSV, one commit"
+    title = "Import of a door CSV, one commit"
     yield Case("import", title, "rows/s", (ours, mcap), rounds or ROUNDS, events=count)
 
 

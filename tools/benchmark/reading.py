@@ -44,7 +44,7 @@ def moment_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Cas
     ours = Peer("semmap-log", partial(_moment, log), plain_answer(count, at_ns=last_ns))
     mcap = Peer(MCAP, partial(_mcap_moment, start.segments, count),
                 plain_answer(count, start.count, last_ns), start.count / count)  # fmt: skip
-    title = "A random moment, compacted, 10 a commit"
+    title = "Random moment, compacted, 10 a commit"
     yield Case("moment", title, "ms", (ours, mcap), rounds, events=count)
 
 

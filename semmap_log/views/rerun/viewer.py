@@ -283,8 +283,8 @@ def explained(log: str) -> ViewerError:
         )
     if re.search("WAYLAND_DISPLAY|XOpenDisplay|DISPLAY is set", log):
         return ViewerError(
-            "The rerun viewer found no screen. Save the recording and open it where there is one, "
-            "or take a picture of it."
+            "The rerun viewer found no screen. Save the recording (--save X.rrd) and open it "
+            "where there is one, or take a picture of it (--screenshot X.png)."
         )
     said = [line for line in log.splitlines() if re.search("panicked|[Ee]rror", line)]
     return ViewerError(f"The rerun viewer ended: {said[0] if said else 'it did not say why'}")

@@ -57,7 +57,7 @@ SAID: list[tuple[Event, str, DoorState | None]] = [
     (PatrolStarted(patrol=7), "patrol 7 started", None),
     (PatrolFinished(patrol=7), "patrol 7 finished", None),
     (RobotPose(x=1, y=2, theta=math.pi), "robot at 1.00, 2.00", None),
-    (Retracted(first_event=3, last_event=5), "events 3 to 5 taken back", None),
+    (Retracted(first_event=3, last_event=5), "events 3..5 retracted", None),
     (DoorAnnotated(door_id=ONE, key="name", value="会議室"), "name = 会議室", None),
     (LevelAdded(level=2, name="first"), "level 2 is called first", None),
     (PLAN, "floor plan of level 0: 10 x 8 cells", None),
