@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import threading
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +69,7 @@ class BuiltChunk:
 
 
 NO_EVENTS = -1
+NO_SPAN = (NO_EVENTS, NO_EVENTS)
 
 
 def build_chunk(
@@ -82,33 +83,56 @@ def build_chunk(
         compression: "" or "zstd"; default: zstd where the records are long.
     """
     heads = heads_of(records, offsets)
-    log_times = heads["log_time"]
+    log_times, channel_ids = heads["log_time"], heads["channel_id"]
+    entries = np.column_stack((log_times, offsets)).astype("<u8")
+    is_event = (channel_ids <= LAST_EVENT_CHANNEL) | (channel_ids >= FLOOR_MAP_CHANNEL)
+    happened = np.minimum(heads["publish_time"], log_times)[is_event]
+    return assemble_chunk(
+        records,
+        {c: entries[channel_ids == c].tobytes() for c in sorted(set(channel_ids.tolist()))},
+        times=(int(log_times.min()), int(log_times.max())),
+        happened=(int(happened.min()), int(happened.max())) if len(happened) else NO_SPAN,
+        compression=compression,
+    )
+
+
+def assemble_chunk(
+    records: bytes,
+    index: Mapping[int, bytes],
+    *,
+    times: tuple[int, int],
+    happened: tuple[int, int],
+    compression: str | None = None,
+) -> BuiltChunk:
+    """Return the chunk of message records about which everything is known.
+
+    Args:
+        records: Message records, one after the other.
+        index: Channel id -> entries of its MessageIndex, ids ascending.
+        times: Least and greatest log time.
+        happened: Least and greatest happened time of its events.
+        compression: "" or "zstd"; default: zstd where the records are long.
+    """
     if compression is None:
         compression = "zstd" if len(records) >= COMPRESS_FROM_BYTES else ""
     stored = _compress(records) if compression else records
-    start, end = int(log_times.min()), int(log_times.max())
-    parts = [
-        mcap.chunk(
-            records,
-            stored=stored,
-            compression=compression,
-            crc=zlib.crc32(records),
-            start=start,
-            end=end,
-        )
-    ]
-    at = chunk_length = len(parts[0])
+    head = mcap.chunk_head(
+        stored_size=len(stored),
+        size=len(records),
+        compression=compression,
+        crc=zlib.crc32(records),
+        start=times[0],
+        end=times[1],
+    )
+    parts = [head, stored]
+    at = chunk_length = len(head) + len(stored)
     index_offsets: dict[int, int] = {}
     counts: dict[int, int] = {}
-    channel_ids = heads["channel_id"]
-    for channel_id in sorted(set(channel_ids.tolist())):
-        mine = channel_ids == channel_id
-        parts.append(mcap.message_index(channel_id, log_times[mine], offsets[mine]))
+    for channel_id, entries in index.items():
+        parts += (mcap.message_index_head(channel_id, len(entries)), entries)
         index_offsets[channel_id] = at
-        counts[channel_id] = int(np.count_nonzero(mine))
-        at += len(parts[-1])
-    is_event = (channel_ids <= LAST_EVENT_CHANNEL) | (channel_ids >= FLOOR_MAP_CHANNEL)
-    happened = np.minimum(heads["publish_time"], log_times)[is_event]
+        counts[channel_id] = len(entries) // mcap.MESSAGE_INDEX_ENTRY_BYTES
+        at += mcap.MESSAGE_INDEX_HEAD_BYTES + len(entries)
     return BuiltChunk(
         records=records,
         data=b"".join(parts),
@@ -117,11 +141,11 @@ def build_chunk(
         compression=compression,
         stored_size=len(stored),
         size=len(records),
-        start_ns=start,
-        end_ns=end,
+        start_ns=times[0],
+        end_ns=times[1],
         counts=counts,
-        least_happened_ns=int(happened.min()) if len(happened) else NO_EVENTS,
-        greatest_happened_ns=int(happened.max()) if len(happened) else NO_EVENTS,
+        least_happened_ns=happened[0],
+        greatest_happened_ns=happened[1],
     )
 
 

@@ -4,29 +4,42 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
+from mcap.opcode import Opcode
 
 from semmap_log.commits import Commit, Note
 from semmap_log.errors import CommandError
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import BuiltChunk, build_chunk
+from semmap_log.log.chunks import NO_SPAN, BuiltChunk, assemble_chunk
 from semmap_log.log.form import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
     NOTE_CHANNEL,
 )
-from semmap_log.messages import encode, layout, serialize, type_name
+from semmap_log.messages import (
+    CDR_HEADER,
+    OBJECT_KINDS,
+    encode,
+    field_getter,
+    fixed_layout,
+    layout,
+    serialize,
+    type_name,
+)
 
 NO_HASH = bytes(32)
 """What the first commit of a log has as its predecessor's hash."""
 
 HASH_BYTES = 32
+
+_MESSAGE = int(Opcode.MESSAGE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +55,30 @@ class Stamp:
     boot_id: bytes
 
 
+class _Channel:
+    """What a commit has on one channel."""
+
+    __slots__ = ("digest", "entries")
+
+    def __init__(self) -> None:
+        self.digest = hashlib.sha256()
+        """Of its records, in order."""
+        self.entries: list[int] = []
+        """Log time and offset of each record in the chunk that is being made."""
+
+
+@cache
+def _packing(kind: int) -> tuple[Callable[..., bytes], int, Callable[[Event], tuple[Any, ...]]]:
+    """Return what packs a whole record of a fixed-size kind, its length field, and its values."""
+    packer = fixed_layout(kind).packer_behind(mcap.MESSAGE)
+    return packer.pack, packer.size - mcap.FRAME.size, field_getter(kind)
+
+
 class CommitBuilder:
-    """Turns events into the chunks of one commit, in memory of about one chunk."""
+    """Turns events into the chunks of one commit, in memory of about one chunk.
+
+    Works without numpy: most commits are one event, and then its calls would be most of the time.
+    """
 
     def __init__(self, stamp: Stamp, note: Note = Note(), salt: bytes = bytes(16)) -> None:
         self._stamp = stamp
@@ -51,10 +86,11 @@ class CommitBuilder:
         self._salt = salt
         self._time = stamp.recorded_ns
         self._number = stamp.first_event
+        self._channels: dict[int, _Channel] = {}
         self._parts: list[bytes] = []
-        self._offsets: list[int] = []
         self._size = 0
-        self._digests: dict[int, Any] = {}
+        self._chunk_start_ns = self._time
+        self._happened: list[int] = []
         self.levels: set[int] = set()
         """Levels whose floor map is in it: their channels must stand before the chunk."""
 
@@ -90,15 +126,24 @@ class CommitBuilder:
         )
 
     def _add_event(self, event: Event) -> None:
+        time, number, channel = self._time, self._number, event.kind
         happened = self._stamp.wall_clock_ns if event.happened_ns is None else event.happened_ns
-        if isinstance(event, DoorAnnotated) and not event.salt:
-            event = replace(event, salt=_derived_salt(self._salt, self._number))
-        channel = event.kind
-        if isinstance(event, FloorMap):
-            channel = FLOOR_MAP_CHANNEL + event.level
-            self.levels.add(event.level)
-        self._add(channel, self._number, happened, encode(event, happened))
-        self._number += 1
+        if channel in OBJECT_KINDS:
+            if isinstance(event, DoorAnnotated) and not event.salt:
+                event = replace(event, salt=_derived_salt(self._salt, number))
+            elif isinstance(event, FloorMap):
+                channel = FLOOR_MAP_CHANNEL + event.level
+                self.levels.add(event.level)
+            record = mcap.message(channel, number, time, happened, encode(event, happened))
+        else:
+            pack, length, values = _packing(channel)
+            sequence = number & 0xFFFF_FFFF
+            record = pack(
+                _MESSAGE, length, channel, sequence, time, happened, CDR_HEADER, *values(event)
+            )
+        self._happened.append(min(time, happened))
+        self._add(channel, record)
+        self._number = number + 1
 
     def _add_note(self) -> None:
         note = self._note
@@ -111,7 +156,8 @@ class CommitBuilder:
             reason=note.reason,
             correlation=note.correlation,
         )
-        self._add(NOTE_CHANNEL, self._number - 1, self._time, data)
+        record = mcap.message(NOTE_CHANNEL, self._number - 1, self._time, self._time, data)
+        self._add(NOTE_CHANNEL, record)
 
     def _add_commit(self) -> None:
         stamp = self._stamp
@@ -126,26 +172,37 @@ class CommitBuilder:
             NO_HASH,
         )
         record = mcap.message(COMMIT_CHANNEL, self._number - 1, self._time, self._time, data)
-        digests = {channel: digest.digest() for channel, digest in self._digests.items()}
+        digests = {channel: known.digest.digest() for channel, known in self._channels.items()}
         self._hash = commit_hash(record, digests)
-        self._append(record[:-HASH_BYTES] + self._hash)
+        self._add(COMMIT_CHANNEL, record[:-HASH_BYTES] + self._hash)
 
-    def _add(self, channel: int, number: int, happened: int, data: bytes) -> None:
-        record = mcap.message(channel, number, self._time, happened, data)
-        if channel not in self._digests:
-            self._digests[channel] = hashlib.sha256()
-        self._digests[channel].update(record)
-        self._append(record)
-
-    def _append(self, record: bytes) -> None:
-        self._offsets.append(self._size)
+    def _add(self, channel: int, record: bytes) -> None:
+        known = self._channels.get(channel)
+        if known is None:
+            known = self._channels[channel] = _Channel()
+        known.digest.update(record)
+        known.entries += (self._time, self._size)
         self._parts.append(record)
         self._size += len(record)
         self._time += 1
 
     def _chunk(self) -> BuiltChunk:
-        built = build_chunk(b"".join(self._parts), np.array(self._offsets, np.int64))
-        self._parts, self._offsets, self._size = [], [], 0
+        index = {
+            channel: struct.pack(f"<{len(known.entries)}Q", *known.entries)
+            for channel, known in sorted(self._channels.items())
+            if known.entries
+        }
+        happened = self._happened
+        built = assemble_chunk(
+            b"".join(self._parts),
+            index,
+            times=(self._chunk_start_ns, self._time - 1),
+            happened=(min(happened), max(happened)) if happened else NO_SPAN,
+        )
+        self._parts, self._size, self._happened = [], 0, []
+        self._chunk_start_ns = self._time
+        for known in self._channels.values():
+            known.entries = []
         return built
 
 

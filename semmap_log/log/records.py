@@ -12,7 +12,6 @@ import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import McapRecord
-from numpy.typing import NDArray
 
 MAGIC = b"\x89MCAP0\r\n"
 FRAME = struct.Struct("<BQ")
@@ -32,10 +31,13 @@ MESSAGE_DTYPE: np.dtype[np.void] = np.dtype(
 )
 """The same for numpy; times are below 2^63."""
 
-_CHUNK = struct.Struct("<BQQQQI")
-"""Opcode, length, start time, end time, uncompressed size, CRC; compression and records follow."""
+_CHUNK = struct.Struct("<BQQQQII")
+"""Opcode, length, start and end time, uncompressed size, CRC, length of the compression's name."""
+_SIZE = struct.Struct("<Q")
 _INDEX = struct.Struct("<BQHI")
 """Opcode, length, channel id, bytes of entries; entries of (log time u64, offset u64) follow."""
+MESSAGE_INDEX_HEAD_BYTES = _INDEX.size
+MESSAGE_INDEX_ENTRY_BYTES = 16
 
 
 def message(channel_id: int, sequence: int, log_time: int, publish_time: int, data: bytes) -> bytes:
@@ -51,38 +53,28 @@ def message(channel_id: int, sequence: int, log_time: int, publish_time: int, da
     return head + data
 
 
-def chunk(
-    records: bytes, *, stored: bytes, compression: str, crc: int, start: int, end: int
+def chunk_head(
+    *, stored_size: int, size: int, compression: str, crc: int, start: int, end: int
 ) -> bytes:
-    """Return a Chunk record.
+    """Return a Chunk record up to its stored records.
 
     Args:
-        records: The records as they are.
-        stored: The same as they are stored.
+        stored_size: Bytes of the records as they are stored.
+        size: Bytes of the records as they are.
         compression: "" or "zstd".
-        crc: CRC-32 of `records`.
+        crc: CRC-32 of the records as they are.
         start: Least log time.
         end: Greatest log time.
     """
     name = compression.encode()
-    length = _CHUNK.size - FRAME.size + 4 + len(name) + 8 + len(stored)
-    return b"".join(
-        (
-            _CHUNK.pack(Opcode.CHUNK, length, start, end, len(records), crc),
-            struct.pack("<I", len(name)),
-            name,
-            struct.pack("<Q", len(stored)),
-            stored,
-        )
-    )
+    length = _CHUNK.size - FRAME.size + len(name) + _SIZE.size + stored_size
+    head = _CHUNK.pack(Opcode.CHUNK, length, start, end, size, crc, len(name))
+    return head + name + _SIZE.pack(stored_size)
 
 
-def message_index(
-    channel_id: int, log_times: NDArray[np.int64], offsets: NDArray[np.int64]
-) -> bytes:
-    """Return a MessageIndex record: where a channel's messages lie in the uncompressed chunk."""
-    entries = np.column_stack((log_times, offsets)).astype("<u8").tobytes()
-    return _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel_id, len(entries)) + entries
+def message_index_head(channel_id: int, entry_bytes: int) -> bytes:
+    """Return a MessageIndex record up to its entries of (log time u64, offset in the chunk u64)."""
+    return _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + entry_bytes, channel_id, entry_bytes)
 
 
 def record(*records: McapRecord) -> bytes:

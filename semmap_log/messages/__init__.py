@@ -8,10 +8,11 @@ from semmap_log.messages.codec import (
     batch_of,
     decode,
     encode,
+    field_getter,
     fixed_layout,
     ros_type,
 )
-from semmap_log.messages.layout import PACKAGE, Layout, layout, message_text
+from semmap_log.messages.layout import CDR_HEADER, PACKAGE, Layout, layout, message_text
 from semmap_log.messages.typestore import (
     OCCUPANCY_GRID,
     deserialize,
@@ -22,7 +23,8 @@ from semmap_log.messages.typestore import (
 )
 
 __all__ = [
+    "CDR_HEADER",
     "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "batch_of", "decode", "deserialize",
-    "encode", "fixed_layout", "layout", "message_text", "ros_type", "schema_text", "serialize",
-    "type_hash", "type_name",
+    "encode", "field_getter", "fixed_layout", "layout", "message_text", "ros_type", "schema_text",
+    "serialize", "type_hash", "type_name",
 ]  # fmt: skip

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -41,11 +42,19 @@ def fixed_layout(kind: int) -> Layout:
     return layout(KINDS[kind - 1].__name__)
 
 
+@cache
+def field_getter(kind: int) -> Callable[[Event], tuple[Any, ...]]:
+    """Return what takes the field values out of an event of a fixed-size kind, in wire order."""
+    names = fixed_layout(kind).fields
+    getter = attrgetter(*names)
+    return getter if len(names) > 1 else lambda event: (getter(event),)
+
+
 def encode(event: Event, happened_ns: int) -> bytes:
     """Return the CDR bytes of an event; `happened_ns` stamps the header of a FloorMap."""
     if event.kind not in OBJECT_KINDS:
         fixed = fixed_layout(event.kind)
-        return fixed.pack(*[getattr(event, name) for name in fixed.fields])
+        return fixed.pack(*field_getter(event.kind)(event))
     if isinstance(event, FloorMap):
         return _encode_floor_map(event, happened_ns)
     if isinstance(event, DoorAnnotated):

@@ -53,6 +53,14 @@ class Layout:
         """Return the CDR bytes of these field values, in the order of `fields`."""
         return self.packer.pack(CDR_HEADER, *values)
 
+    def packer_behind(self, prefix: struct.Struct) -> struct.Struct:
+        """Return what packs such a message together with fixed fields before it, in one call.
+
+        Args:
+            prefix: What comes first, little endian, such as a record's head.
+        """
+        return struct.Struct(prefix.format + self.packer.format.removeprefix("<"))
+
     def unpack(self, data: bytes | memoryview, offset: int = 0) -> dict[str, Any]:
         """Return the field values of the CDR bytes at `offset`."""
         return dict(zip(self.fields, self.packer.unpack_from(data, offset)[1:], strict=True))

@@ -54,6 +54,10 @@ _CHANGED = {
 NEVER = -1
 """The event number of a register that nothing has set."""
 
+MAX_TABLE = 2**20
+"""Doors with greater ids (8 MiB of table) are looked up one by one."""
+UNKNOWN_ROW = -2
+
 Stamp = tuple[int, int]
 
 
@@ -80,6 +84,8 @@ class DoorMapState:
         self.latest_happened_ns = 0
         self.used_door_ids: set[int] = set()
         self._row_of: dict[int, int] = {}
+        self._row_by_id = np.empty(0, np.intp)
+        """The same for ids below `MAX_TABLE`, to look up many at once."""
         self._columns = _new_columns(0)
         self._annotations: dict[int, dict[str, tuple[Stamp, str]]] = {}
         self._levels: dict[int, tuple[Stamp, str, float]] = {}
@@ -93,9 +99,11 @@ class DoorMapState:
         happened = batch.folds_ns
         self.latest_happened_ns = max(self.latest_happened_ns, int(happened.max()))
         self.note_used_ids(batch)
-        self._touch(batch)
+        rows = self._rows(batch.door_ids())
+        self._touch(rows, batch.number)
         for writes in _writes_of(batch):
-            self._write(writes, happened, batch.number)
+            where = writes.positions
+            self._write(writes, rows[where], happened[where], batch.number[where])
         self._apply_objects(batch, happened)
 
     def note_used_ids(self, batch: EventBatch) -> None:
@@ -243,17 +251,33 @@ class DoorMapState:
         return levels
 
     def _rows(self, door_ids: Array) -> NDArray[np.intp]:
-        """Return the row of each door, making new ones where needed."""
+        """Return the row of each door, making new ones where needed; -1 for the id 0: no door."""
+        if int(door_ids.max()) < len(self._row_by_id):
+            rows = self._row_by_id[door_ids]
+            if (rows != UNKNOWN_ROW).all():
+                return rows
         unique, inverse = np.unique(door_ids, return_inverse=True)
-        rows = np.empty(len(unique), np.intp)
-        for i, door_id in enumerate(unique.tolist()):
-            row = self._row_of.get(door_id)
-            if row is None:
-                row = self._row_of[door_id] = len(self._row_of)
-                self._grow(row + 1)
-                self._columns["door_id"][row] = door_id
-            rows[i] = row
+        rows = np.array([self._row(door_id) for door_id in unique.tolist()], np.intp)
+        if unique[-1] < MAX_TABLE:
+            self._grow_table(int(unique[-1]) + 1)
+            self._row_by_id[unique] = rows
         return rows[inverse]
+
+    def _row(self, door_id: int) -> int:
+        if door_id == 0:
+            return -1
+        row = self._row_of.get(door_id)
+        if row is None:
+            row = self._row_of[door_id] = len(self._row_of)
+            self._grow(row + 1)
+            self._columns["door_id"][row] = door_id
+        return row
+
+    def _grow_table(self, size: int) -> None:
+        have = len(self._row_by_id)
+        if size > have:
+            more = np.full(max(size, 2 * have) - have, UNKNOWN_ROW, np.intp)
+            self._row_by_id = np.concatenate([self._row_by_id, more])
 
     def _grow(self, size: int) -> None:
         have = len(self._columns["door_id"])
@@ -263,19 +287,15 @@ class DoorMapState:
                 name: np.concatenate([column, more[name]]) for name, column in self._columns.items()
             }
 
-    def _touch(self, batch: EventBatch) -> None:
+    def _touch(self, rows: NDArray[np.intp], numbers: Array) -> None:
         """Note, for each door, the last event about it, whatever that sets."""
-        door_ids = batch.door_ids()
-        about = door_ids != 0
-        if about.any():
-            rows = self._rows(door_ids[about])
-            np.maximum.at(self._columns["last_event"], rows, batch.number[about])
+        about = rows >= 0
+        np.maximum.at(self._columns["last_event"], rows[about], numbers[about])
 
-    def _write(self, writes: _Writes, happened: Array, numbers: Array) -> None:
-        rows = self._rows(writes.door_ids)
-        happened, numbers = happened[writes.positions], numbers[writes.positions]
-        order = np.lexsort((numbers, happened, rows))
-        last = order[np.append(np.diff(rows[order]) != 0, True)]
+    def _write(
+        self, writes: _Writes, rows: NDArray[np.intp], happened: Array, numbers: Array
+    ) -> None:
+        last = _last_per_row(rows, happened, len(self._columns["door_id"]))
         rows, happened, numbers = rows[last], happened[last], numbers[last]
         stored_ns = self._columns[f"{writes.register}_happened_ns"]
         stored_event = self._columns[f"{writes.register}_event"]
@@ -308,6 +328,16 @@ class DoorMapState:
                     drawn = self._floor_maps.get(event.level)
                     if drawn is None or stamp > drawn:
                         self._floor_maps[event.level] = stamp
+
+
+def _last_per_row(rows: NDArray[np.intp], happened: Array, size: int) -> NDArray[np.intp]:
+    """Return, for each row that occurs, where its latest event is; of equal ones the last."""
+    latest = np.full(size, -1, np.int64)
+    np.maximum.at(latest, rows, happened)
+    candidates = np.flatnonzero(happened == latest[rows])
+    place = np.full(size, -1, np.intp)
+    place[rows[candidates]] = candidates  # of assignments to the same place numpy keeps the last
+    return place[place >= 0]
 
 
 def _new_columns(n: int) -> dict[str, Array]:
