@@ -31,7 +31,7 @@ def run(
       semmap-log annotate office 3 name front
       semmap-log annotate office front rooms "lobby,corridor"
       semmap-log annotate office front rooms ""
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
 

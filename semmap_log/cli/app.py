@@ -62,7 +62,7 @@ def semmap_log(
       semmap-log observe office front open --accuracy 0.9
       semmap-log replay office --at "2h ago"
       semmap-log view office
-    """  # noqa: D301 - \b keeps typer from joining the lines
+    """
 
 
 app.command("demo", short_help="The main job in one go, on a shipped recording.")(demo.run)

@@ -46,10 +46,6 @@ Until = Annotated[
     str | None, typer.Option("--until", metavar="TIME", help="Before then (happened time).")
 ]
 
-TIMES_HELP = """\b
-Times: 2026-03-01T14:02 (the log's zone), …Z or …+01:00, @1772373720,
-2h ago, yesterday 14:00, now (counted from the log's end), event:1234."""
-
 PROGRESS_AFTER_S = 1.0
 """Shorter work needs no bar."""
 

@@ -25,7 +25,7 @@ def run(
     Examples:
       semmap-log demo
       semmap-log demo /tmp/look
-    """  # noqa: D301
+    """
     from semmap_log.demo import run_demo
     from semmap_log.moments import format_local
     from semmap_log.views.tables import door_table

@@ -27,7 +27,7 @@ def run(
       semmap-log diff office "yesterday 08:00" "yesterday 20:00"
       semmap-log diff office yesterday..now
       semmap-log diff office event:100 event:200 --json
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.formats.door_json import diff_to_json
     from semmap_log.views.tables import diff_table

@@ -42,7 +42,7 @@ def run(
       semmap-log export office doors.yaml --default-prob 0.5
       semmap-log export office before.yaml --at "yesterday 14:00"
       semmap-log export office events.jsonl
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.exporting import export
 

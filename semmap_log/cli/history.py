@@ -52,7 +52,7 @@ def run(
       semmap-log history office --since yesterday --kind DoorUpdated
       semmap-log history office --since 2026-03-02T08:00..2026-03-02T12:00
       semmap-log history office -n 20 --json
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.events import KIND_BY_NAME, KINDS, RobotPose
     from semmap_log.formats.door_json import entry_to_json

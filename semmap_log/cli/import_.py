@@ -62,7 +62,7 @@ def run(
       semmap-log import office office.building.yaml
       semmap-log import lab doors.csv.gz --windows obs_windows.csv --tz Europe/Oslo
       semmap-log import office doors.yaml --update --reason "survey of May"
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.importing import ImportOptions, import_file
 

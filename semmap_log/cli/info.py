@@ -23,7 +23,7 @@ def run(
     Examples:
       semmap-log info office
       semmap-log info office/office_000000.mcap --json
-    """  # noqa: D301
+    """
     from semmap_log.summary import open_any, summarize
     from semmap_log.views.tables import summary_table
 

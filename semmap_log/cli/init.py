@@ -34,7 +34,7 @@ def run(
     Examples:
       semmap-log init office
       semmap-log init depot --map depot.yaml --tz Europe/Vienna --robot tug1
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.formats.map_server import read_map
 

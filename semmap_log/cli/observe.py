@@ -39,7 +39,7 @@ def run(
       semmap-log observe office front open
       semmap-log observe office L1/coe_door closed --accuracy 0.9 --source lidar
       semmap-log observe office 3 open --at 2026-03-01T14:02
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
     from semmap_log.cli.states import state_of

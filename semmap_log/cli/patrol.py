@@ -37,7 +37,7 @@ def run(
     Examples:
       semmap-log patrol office start "evening round" --actor tug1
       semmap-log patrol office finish
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
 

@@ -37,7 +37,7 @@ def run(
     Examples:
       my_door_detector | semmap-log record office
       semmap-log record office --ack < events.jsonl
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.live.event_lines import Answer, LineRecorder
 

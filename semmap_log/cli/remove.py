@@ -17,7 +17,7 @@ def run(log: LogPath, door: DoorName, *, as_json: AsJson = False, about: About) 
     \b
     Example:
       semmap-log remove office 3 --actor survey --reason "walled up"
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
 

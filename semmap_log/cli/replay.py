@@ -36,7 +36,7 @@ def run(
       semmap-log replay office
       semmap-log replay office --at "yesterday 14:00"
       semmap-log replay office --known-at 2026-03-01T14:02 --json
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.formats.door_json import door_map_to_json
     from semmap_log.views.tables import door_table

@@ -20,7 +20,7 @@ def run(
     \b
     Example:
       semmap-log show office 42
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.formats.door_json import entry_to_json
     from semmap_log.views.tables import entry_table

@@ -40,7 +40,7 @@ def run(
       semmap-log update office front --state closed --actor porter --reason "locked up"
       semmap-log update office 3 --x 2.1 --y 1.5
       semmap-log update office 3 --prob-open 0.3 --prob-closed 0.7
-    """  # noqa: D301
+    """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
     from semmap_log.cli.states import state_of

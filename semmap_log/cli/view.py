@@ -41,7 +41,7 @@ def run(
       semmap-log view office
       semmap-log view office --from "yesterday 08:00" --door front --save office.rrd
       semmap-log view office --at 2026-03-02T14:02 --screenshot office.png
-    """  # noqa: D301
+    """
     import tempfile
 
     import semmap_log as sl
