@@ -15,7 +15,7 @@ from semmap_log.errors import FormatError
 from semmap_log.events import Event, FloorMap
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.formats.door_table import DoorTable
+from semmap_log.formats.door_table import DoorTable, TableDoor
 from semmap_log.formats.files import open_regular
 from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
@@ -115,8 +115,13 @@ def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> Im
 
 def _plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
     table = read_thesis_yaml(path)
-    level = resolve_level(options.level, log.state.door_map())
-    placed = tuple(replace(door, level=level) for door in table.doors)
+    door_map = log.state.door_map()
+
+    def level_of(door: TableDoor) -> int:  # the format has no levels: a known door stays on its own
+        known = None if door.door_id is None else door_map.doors.get(door.door_id)
+        return known.level if known else resolve_level(options.level, door_map)
+
+    placed = tuple(replace(door, level=level_of(door)) for door in table.doors)
     return _plan_table(log, replace(table, doors=placed), options)
 
 

@@ -16,8 +16,14 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.doors import DoorId
-from semmap_log.errors import DoorExistsError, DoorRemovedError, FormatError
+from semmap_log.errors import (
+    DoorExistsError,
+    DoorRemovedError,
+    FormatError,
+    UnknownLevelError,
+)
 from semmap_log.events import DoorObserved, DoorUpdated
+from semmap_log.exporting import export
 from semmap_log.importing import ImportOptions, import_file
 
 
@@ -209,3 +215,24 @@ def test_ids_that_are_taken_or_gone(tmp_path: Path) -> None:
 
         assert [2, 3] == list(log.replay().doors)
         assert 1.0 == log.replay()[DoorId(3)].x
+
+
+def test_a_yaml_of_a_building_with_levels_comes_back(shared_data: Path, tmp_path: Path) -> None:
+    """
+    The thesis's format has no levels: doors that are there stay on theirs; new ones need a word.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        import_file(log, shared_data / "maps" / "rmf_hotel" / "hotel.building.yaml")
+        export(log, tmp_path / "hotel.yaml", default_prob=0.5)
+        before = log.replay()
+        import_file(log, tmp_path / "hotel.yaml", ImportOptions(update=True))
+        (tmp_path / "new.yaml").write_text("99:\n  position: {x: 1, y: 2, theta: 0}\n  width: 1\n")
+        with pytest.raises(UnknownLevelError, match="say which"):
+            import_file(log, tmp_path / "new.yaml")
+        import_file(log, tmp_path / "new.yaml", ImportOptions(level="L2"))
+        after = log.replay()
+
+    assert [door.pose for door in before.doors.values()] == [
+        door.pose for door in after.doors.values() if door.door_id != 99
+    ]
+    assert 2 == after[DoorId(99)].level
