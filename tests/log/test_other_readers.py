@@ -185,11 +185,13 @@ def test_mcap_ros2_support_decodes_every_type(log: Path) -> None:
     """
     The usual Python decoder reads each message by the schema in the file.
     """
-    from mcap_ros2.reader import read_ros2_messages
+    from mcap_ros2.decoder import DecoderFactory
 
     theirs: list[Any] = []
     for path in sorted(log.glob("*.mcap")):
-        theirs += [(m.channel.topic, m.ros_msg) for m in read_ros2_messages(str(path))]
+        with path.open("rb") as file:
+            reader = SeekingReader(file, decoder_factories=[DecoderFactory()])
+            theirs += [(m.channel.topic, m.decoded_message) for m in reader.iter_decoded_messages()]
 
     assert len(ours(log)) == len(theirs)
     notes = [message for topic, message in theirs if topic == "/semmap/commit_note"]
