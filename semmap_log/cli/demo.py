@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from itertools import count
 from pathlib import Path
 from shutil import which
 from typing import Annotated
@@ -13,9 +14,10 @@ from semmap_log.cli.common import console, say
 
 
 def run(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put what it makes.")] = (
-        Path("demo")
-    ),
+    folder: Annotated[
+        Path | None,
+        typer.Argument(metavar="DIR", help="Where to put what it makes; default: demo, demo-2, …"),
+    ] = None,
 ) -> None:
     """Record a patrol, replay it to three moments, export it, and save it for the viewer.
 
@@ -30,7 +32,7 @@ def run(
     from semmap_log.moments import format_local
     from semmap_log.views.tables import door_table
 
-    made = run_demo(folder, tell=say)
+    made = run_demo(folder or _free_folder(), tell=say)
     tz = _zone(made.log)
     titles = ("Before the recording", "In the middle of it", "After it")
     for title, door_map in zip(titles, made.moments, strict=True):
@@ -56,6 +58,16 @@ def run(
         f'  {program} diff {made.log} "2h ago" now\n'
         f"  {program} view {made.log}"
     )
+
+
+def _free_folder() -> Path:
+    """Return the first of demo, demo-2, demo-3 … that is not there."""
+    folder = Path("demo")
+    for number in count(2):
+        if not folder.exists():
+            break
+        folder = Path(f"demo-{number}")
+    return folder
 
 
 def _zone(log: Path) -> str:
