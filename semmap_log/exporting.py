@@ -68,16 +68,8 @@ def export(
                           "is as it was.") from error  # fmt: skip
 
 
-def door_map_of(log: DoorLog, scope: Scope) -> DoorMap:
-    """Return the doors of a scope."""
-    from semmap_log.replay import replay
-
-    state = replay(log.reader, scope)
-    return state.door_map(at_ns=scope.at_ns, known_at_ns=scope.known_at_ns)
-
-
 def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | None) -> Exported:
-    door_map = door_map_of(log, scope)
+    door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
     text, left_out = dump_thesis_yaml(door_map, default_prob=default_prob)
     path.write_text(text, encoding="utf-8")
     return Exported(f"{len(door_map.doors) - len(left_out)} doors", tuple(left_out))
@@ -97,7 +89,7 @@ def _event_lines(log: DoorLog, path: Path, scope: Scope) -> Exported:
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
-    names = _names(door_map_of(log, scope))
+    names = _names(log.replay(scope.at_ns, scope.known_at_ns, scope.event))
     rows = []
     for batch in visible_batches(log.reader, scope):
         for recorded, happened_ns in zip(batch, batch.folds_ns.tolist(), strict=True):

@@ -17,7 +17,6 @@ from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.log.scan import Segment
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.replay import fold
 
 JUMP_NS = 60 * 10**9
 """A wall clock that moves by more than this against the monotonic clock of its boot is suspect."""
@@ -65,9 +64,10 @@ class _Tally:
 
 def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSummary:
     """Return a log's summary; reads all of it."""
-    tally = _Tally()
+    tally, state, retractions = _Tally(), _state_before(reader), reader.retractions()
     for batch in reader.batches(progress=progress):
         tally.apply(batch)
+        state.apply(retractions.visible(batch))
     commits, head, suspects = 0, bytes(32), []
     previous: Commit | None = None
     for commit in reader.commits():
@@ -76,7 +76,7 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
         if previous is not None and (why := _suspicion(previous, commit)):
             suspects.append(f"event {commit.first_event}: {why}")
         previous = commit
-    door_map = _state(reader).door_map()
+    door_map = state.door_map()
     return LogSummary(
         info=reader.info,
         segments=tuple(reader.segments),
@@ -91,11 +91,11 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
     )
 
 
-def _state(reader: LogReader) -> DoorMapState:
-    """Return the state at the end; of a single segment, on top of what its keyframe holds."""
+def _state_before(reader: LogReader) -> DoorMapState:
+    """Return the state to begin with: of a single segment, what its keyframe holds."""
     first = reader.segments[0]
     known = reader.keyframe(first) if first.header.first_event else None
-    return fold(reader, known or DoorMapState())
+    return known or DoorMapState()
 
 
 def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:

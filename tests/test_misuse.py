@@ -75,7 +75,7 @@ def test_what_an_append_reads_cannot_append(tmp_path: Path) -> None:
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door()
 
-        def events():  # type: ignore[no-untyped-def]
+        def events():
             log.observe(door, "open")
             yield DoorObserved(door_id=door, state=DoorState.CLOSED)
 
@@ -95,9 +95,9 @@ def test_a_state_that_is_none_is_refused(state: object, tmp_path: Path) -> None:
         door = log.add_door()
 
         with pytest.raises(InvalidEventError, match="OPEN CLOSED"):
-            log.observe(door, state)  # type: ignore[arg-type]
+            log.observe(door, state)
         with pytest.raises(InvalidEventError, match="OPEN CLOSED"):
-            log.append([DoorObserved(door_id=door, state=state)])  # type: ignore[arg-type]
+            log.append([DoorObserved(door_id=door, state=state)])
 
 
 @pytest.mark.parametrize("actor", ["\0", "\udcff", 5])
@@ -107,7 +107,7 @@ def test_a_note_that_cannot_be_stored_is_refused(actor: object, tmp_path: Path) 
     """
     with sl.create(tmp_path / "log", tz="UTC") as log:
         with pytest.raises(InvalidEventError, match=r"Note.actor"):
-            log.add_door(actor=actor)  # type: ignore[arg-type]
+            log.add_door(actor=actor)
 
         assert -1 == log.replay().event
 

@@ -37,6 +37,16 @@ class ClosedSegment:
     counts: dict[int, int]
     """Channel id -> messages."""
 
+    @classmethod
+    def of(cls, path: Path, said: Statistics) -> ClosedSegment:
+        """Return what a segment's Statistics say."""
+        return cls(
+            path.name,
+            said.message_start_time,
+            said.message_end_time,
+            said.channel_message_counts,
+        )
+
 
 def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
     """Return what a closed segment's own Statistics say.
@@ -53,12 +63,7 @@ def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
     for opcode, offset, length in frames(file, footer.summary_start, len(file)):
         if opcode == Opcode.STATISTICS:
             said = mcap.read_record(Statistics, file[offset + mcap.FRAME.size : offset + length])
-            return ClosedSegment(
-                path.name,
-                said.message_start_time,
-                said.message_end_time,
-                said.channel_message_counts,
-            )
+            return ClosedSegment.of(path, said)
     raise CorruptLogError(path, footer.summary_start, "its summary has no Statistics")
 
 

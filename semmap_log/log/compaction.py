@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.bag_metadata import statistics_of, write_bag_metadata
@@ -17,7 +16,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.pages import Page
-from semmap_log.log.reader import LogReader, read_chunk
+from semmap_log.log.reader import LogReader, check_is_log, read_chunk
 from semmap_log.log.scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
 
@@ -41,7 +40,7 @@ def compact(folder: Path) -> Compacted:
         LogLockedError: Somebody is writing.
         CorruptLogError: A segment is damaged; it is left as it is.
     """
-    LogReader(folder)
+    check_is_log(folder)
     lock = WriterLock(folder)
     try:
         segments = [segment for segment in LogReader(folder).segments if segment.closed]
@@ -74,26 +73,30 @@ def _compact_segment(segment: Segment) -> int:
 def _pages(segment: Segment) -> Iterator[bytes]:
     """Yield a segment's records in parts of about a MiB, each keyframe by itself."""
     parts: list[bytes] = []
+    size = 0
     for chunk in segment.chunks:
         records = bytes(read_chunk(segment, chunk))
-        first = Page(records, 0, segment.path).heads["channel_id"][0]
-        if parts and (first == KEYFRAME_CHANNEL or sum(map(len, parts)) >= CHUNK_BYTES):
+        is_keyframe = Page(records, 0, segment.path).heads["channel_id"][0] == KEYFRAME_CHANNEL
+        if parts and (is_keyframe or size >= CHUNK_BYTES):
             yield b"".join(parts)
-            parts = []
-        parts.append(records)
-        if first == KEYFRAME_CHANNEL:
+            parts, size = [], 0
+        if is_keyframe:
             yield records
-            parts = []
+        else:
+            parts.append(records)
+            size += len(records)
     if parts:
         yield b"".join(parts)
 
 
 def _check_same(old: Segment, new: Segment) -> None:
-    """Compare all records of two segments, byte by byte."""
-    was = b"".join(bytes(read_chunk(old, chunk)) for chunk in old.chunks)
-    now = b"".join(bytes(read_chunk(new, chunk)) for chunk in new.chunks)
-    if was != now:
-        at = int(
-            np.flatnonzero(np.frombuffer(was[: len(now)], "u1") != np.frombuffer(now, "u1"))[0]
-        )
-        raise CorruptLogError(old.path, at, "the compacted copy differs; the old one is kept")
+    """Compare all records of two segments, in the memory of one chunk."""
+    if _digest(old) != _digest(new):
+        raise CorruptLogError(old.path, 0, "the compacted copy differs; the old one is kept")
+
+
+def _digest(segment: Segment) -> bytes:
+    whole = hashlib.sha256()
+    for chunk in segment.chunks:
+        whole.update(read_chunk(segment, chunk))
+    return whole.digest()

@@ -17,7 +17,7 @@ from semmap_log.log.chunks import ChunkDamage, StoredChunk
 from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.header import LogInfo
 from semmap_log.log.pages import Page
-from semmap_log.log.scan import Segment, open_segment
+from semmap_log.log.scan import Segment, map_file, open_segment, read_head
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
 
@@ -263,6 +263,16 @@ def segment_paths(folder: Path) -> list[Path]:
     if not paths:
         raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
     return paths
+
+
+def check_is_log(folder: Path) -> None:
+    """Return if the folder's segments are a log's, by a look at their heads alone.
+
+    Raises:
+        NotALogError: There is no log, or one file is not of it.
+    """
+    for path in segment_paths(folder):
+        read_head(path, map_file(path))
 
 
 def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:

@@ -52,7 +52,7 @@ def open_segment(path: Path) -> Segment:
             without reading every byte; in a live one, before commits that are whole.
         LogAccessError: It cannot be read.
     """
-    file = _map(path)
+    file = map_file(path)
     header, start = read_head(path, file)
     if _is_closed(file):
         return _scan_closed(path, header, file, start)
@@ -90,7 +90,13 @@ def read_head(path: Path, file: memoryview) -> tuple[SegmentHeader, int]:
         raise CorruptLogError(path, second[1], str(error)) from None
 
 
-def _map(path: Path) -> memoryview:
+def map_file(path: Path) -> memoryview:
+    """Return a file's bytes as they are now; they stay readable if it is replaced.
+
+    Raises:
+        NotALogError: It is no regular file.
+        LogAccessError: It cannot be read.
+    """
     try:
         fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except OSError as error:

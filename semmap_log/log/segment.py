@@ -155,13 +155,11 @@ class SegmentWriter:
         self._metadata.append(MetadataIndex(length=len(data), name=name, offset=self.size))
         self._write(data)
 
-    def _summary(self) -> bytes:
-        """Return everything behind DataEnd: summary, summary offsets, footer, magic."""
-        channels = [channel_record(topic) for topic in topics()]
-        channels += [channel_record(floor_map_topic(n)) for n in sorted(self.levels - {0})]
-        statistics = Statistics(
+    def statistics(self) -> Statistics:
+        """Return the MCAP Statistics of what was written so far."""
+        return Statistics(
             attachment_count=0,
-            channel_count=len(channels),
+            channel_count=len(topics()) + len(self.levels - {0}),
             channel_message_counts=dict(sorted(self.counts.items())),
             chunk_count=len(self.chunk_indexes),
             message_count=self.counts.total(),
@@ -170,10 +168,15 @@ class SegmentWriter:
             metadata_count=len(self._metadata),
             schema_count=len(schema_records()),
         )
+
+    def _summary(self) -> bytes:
+        """Return everything behind DataEnd: summary, summary offsets, footer, magic."""
+        channels = [channel_record(topic) for topic in topics()]
+        channels += [channel_record(floor_map_topic(n)) for n in sorted(self.levels - {0})]
         groups: list[tuple[Opcode, list[McapRecord]]] = [
             (Opcode.SCHEMA, list(schema_records())),
             (Opcode.CHANNEL, list(channels)),
-            (Opcode.STATISTICS, [statistics]),
+            (Opcode.STATISTICS, [self.statistics()]),
             (Opcode.CHUNK_INDEX, list(self.chunk_indexes)),
             (Opcode.METADATA_INDEX, list(self._metadata)),
         ]

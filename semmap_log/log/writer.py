@@ -33,9 +33,9 @@ from semmap_log.log.form import (
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.pages import Page
-from semmap_log.log.reader import LogReader
+from semmap_log.log.reader import LogReader, check_is_log
 from semmap_log.log.recovery import reopened
-from semmap_log.log.scan import Segment, open_segment
+from semmap_log.log.scan import Segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
@@ -92,7 +92,7 @@ def open_for_append(
         LogAccessError: The file system does not let us.
         CorruptLogError: Commits that were acknowledged are damaged.
     """
-    LogReader(folder)
+    check_is_log(folder)  # before a lock file is put into somebody else's folder
     lock = WriterLock(folder)
     try:
         remove_leftovers(folder)
@@ -373,8 +373,7 @@ class LogWriter:
         assert self._segment is not None
         segment, self._segment = self._segment, None
         segment.close()
-        closed = open_segment(segment.path)
-        self._closed_segments.append(statistics_of(closed.path, closed.file))
+        self._closed_segments.append(ClosedSegment.of(segment.path, segment.statistics()))
         write_bag_metadata(self.folder, self._closed_segments)
 
     def _remember(self, chunk: BuiltChunk) -> None:

@@ -49,7 +49,7 @@ class Result:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Run a command line in a folder of its own, with a log `office` of one door `front`."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TZ", "UTC")
@@ -80,7 +80,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_has_help_with_an_example(verb: str, run) -> None:  # type: ignore[no-untyped-def]
+def test_every_verb_has_help_with_an_example(verb: str, run) -> None:
     """
     Exit code 0, a summary, and a line that can be typed.
     """
@@ -90,7 +90,7 @@ def test_every_verb_has_help_with_an_example(verb: str, run) -> None:  # type: i
     assert f"semmap-log {verb}" in helped.out.partition("Example")[2]
 
 
-def test_a_door_through_its_life(run) -> None:  # type: ignore[no-untyped-def]
+def test_a_door_through_its_life(run) -> None:
     """
     Added, seen, updated, annotated, removed; each answer names its event.
     """
@@ -117,7 +117,7 @@ def test_a_door_through_its_life(run) -> None:  # type: ignore[no-untyped-def]
     assert 6 == replayed["event"]
 
 
-def test_history_says_who_and_why(run) -> None:  # type: ignore[no-untyped-def]
+def test_history_says_who_and_why(run) -> None:
     """
     As JSON with the names of the design, and as a table of at most 80 columns.
     """
@@ -135,7 +135,7 @@ def test_history_says_who_and_why(run) -> None:  # type: ignore[no-untyped-def]
     assert "\x1b" not in table
 
 
-def test_replay_at_and_known_at(run) -> None:  # type: ignore[no-untyped-def]
+def test_replay_at_and_known_at(run) -> None:
     """
     What was true at noon is learnt in the evening: `--at` knows it, `--known-at` did not.
     """
@@ -152,7 +152,7 @@ def test_replay_at_and_known_at(run) -> None:  # type: ignore[no-untyped-def]
     assert 1 == known["event"]
 
 
-def test_diff_and_show(run) -> None:  # type: ignore[no-untyped-def]
+def test_diff_and_show(run) -> None:
     """
     Between two events: what changed, and what did it.
     """
@@ -176,7 +176,7 @@ def test_diff_and_show(run) -> None:  # type: ignore[no-untyped-def]
         assert all(len(line) <= 80 for line in printed.out.splitlines()), printed.out
 
 
-def test_info_counts(run) -> None:  # type: ignore[no-untyped-def]
+def test_info_counts(run) -> None:
     """
     Of the log, and of one of its files.
     """
@@ -189,7 +189,7 @@ def test_info_counts(run) -> None:  # type: ignore[no-untyped-def]
     )
 
 
-def test_warnings_of_info(run) -> None:  # type: ignore[no-untyped-def]
+def test_warnings_of_info(run) -> None:
     """
     Probabilities above 1 together, and times from the future, are named.
     """
@@ -231,7 +231,7 @@ def test_warnings_of_info(run) -> None:  # type: ignore[no-untyped-def]
 )
 def test_errors_are_one_line_and_change_nothing(
     arguments: list[str], code: int, said: str, run, tmp_path: Path
-) -> None:  # type: ignore[no-untyped-def]
+) -> None:
     """
     1 is our error, 2 is usage; the log's bytes stay as they are.
     """
@@ -246,7 +246,7 @@ def test_errors_are_one_line_and_change_nothing(
     assert before == (tmp_path / "office" / "office_000000.mcap").read_bytes()
 
 
-def test_patrol_rounds_are_numbered(run) -> None:  # type: ignore[no-untyped-def]
+def test_patrol_rounds_are_numbered(run) -> None:
     """
     Each start counts one on; a finish closes the last.
     """
@@ -258,7 +258,7 @@ def test_patrol_rounds_are_numbered(run) -> None:  # type: ignore[no-untyped-def
     assert [1, 1, 2, 2] == numbers
 
 
-def test_export_and_import_again(run) -> None:  # type: ignore[no-untyped-def]
+def test_export_and_import_again(run) -> None:
     """
     YAML, CSV and JSON lines of a log read back as the same doors, states and events.
     """
@@ -283,7 +283,7 @@ def test_export_and_import_again(run) -> None:  # type: ignore[no-untyped-def]
     )
 
 
-def test_the_same_file_again_changes_nothing(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_same_file_again_changes_nothing(run, tmp_path: Path) -> None:
     """
     A file's digest is its command id; with other values it is an error that says what to do.
     """
@@ -317,7 +317,7 @@ def _start(*arguments: object, **more: Any) -> subprocess.Popen[str]:
     )
 
 
-def test_record_answers_each_line(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_record_answers_each_line(run, tmp_path: Path) -> None:
     """
     By its event once it is durable, or by what is wrong with it; then the exit code is 1.
     """
@@ -340,7 +340,7 @@ def test_record_answers_each_line(run, tmp_path: Path) -> None:  # type: ignore[
     assert ["DoorObserved", "RobotPose", "DoorAdded"] == kinds[2:]
 
 
-def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:
     """
     What came before it is stored, what comes after is not.
     """
@@ -353,7 +353,7 @@ def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
-def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Path) -> None:
     """
     Ctrl-C and SIGTERM: what was read is stored, the segment is closed, the exit code is 0.
     """
@@ -370,7 +370,7 @@ def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Pat
     assert sl.read(tmp_path / "office").reader.segments[-1].closed
 
 
-def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path) -> None:
     """
     SIGKILL at any moment: the log opens, and every answered line is in it.
     """
@@ -402,7 +402,7 @@ def test_python_m_is_the_same(tmp_path: Path) -> None:
     assert done.stdout.startswith("semmap-log ")
 
 
-def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:
     """
     As `| head` does: no traceback.
     """

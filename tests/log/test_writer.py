@@ -237,7 +237,7 @@ def test_readers_see_whole_commits_of_a_live_log(tmp_path: Path) -> None:
     ],
     ids=["file", "empty", "nothing"],
 )
-def test_what_is_no_log_is_said(make, error: type[Exception], match: str, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_what_is_no_log_is_said(make, error: type[Exception], match: str, tmp_path: Path) -> None:
     """
     Reading and appending name the path and what is there instead.
     """
@@ -456,7 +456,7 @@ def test_an_unfinished_import_leaves_nothing_visible(tmp_path: Path) -> None:
     An error in the middle of a long commit: its first chunks do not count, then or later.
     """
 
-    def events():  # type: ignore[no-untyped-def]
+    def events():
         for n in range(1, 60_000):
             yield DoorAdded(door_id=DoorId(n))
         raise RuntimeError("the file ends here")

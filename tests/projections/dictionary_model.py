@@ -58,7 +58,7 @@ def model(
         if isinstance(e, DoorAdded):
             doors[e.door_id] = {name: getattr(e, name) for name in ALL} | {"seen": time, "said": {}}
         door = doors.get(getattr(e, "door_id", 0))
-        if door is None or e.door_id in gone:  # type: ignore[attr-defined]
+        if door is None or e.door_id in gone:
             continue
         if isinstance(e, DoorRemoved):
             gone.add(e.door_id)

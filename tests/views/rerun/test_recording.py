@@ -132,7 +132,7 @@ def test_rows_carry_the_times_and_the_number_of_their_event(tmp_path: Path) -> N
 
     (number, _), *_ = reversed(drawn.rows("/map/doors/front", STATE, "event"))
     recorded_event = log.event(number)
-    assert DoorState.CLOSED == recorded_event.event.state  # type: ignore[attr-defined]
+    assert DoorState.CLOSED == recorded_event.event.state
     assert (recorded_event.recorded_ns, ["CLOSED"]) == drawn.rows(
         "/map/doors/front", STATE, "recorded"
     )[-1]
