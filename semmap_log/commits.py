@@ -3,8 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 from semmap_log.errors import InvalidEventError
+
+
+class Durability(IntEnum):
+    """What a writer promises of a commit when `append` returns."""
+
+    EVENT = 0
+    """It survives a power cut: synced before `append` returns."""
+    BATCH = 1
+    """It survives a power cut soon: synced with others, after so many events or so long."""
+    FLUSH = 2
+    """It survives the end of the process, however it ends, but not a power cut."""
+    NONE = 3
+    """It waits in memory until there is much to write, or somebody calls `sync` or `close`."""
+
+    @classmethod
+    def parse(cls, text: str | Durability) -> Durability:
+        """Return the level of that name.
+
+        Raises:
+            InvalidEventError: There is none.
+        """
+        if isinstance(text, cls):
+            return text
+        try:
+            return cls[str(text).upper()]
+        except KeyError:
+            names = ", ".join(level.name.lower() for level in cls)
+            raise InvalidEventError("durability", f"one of {names}", text) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +89,11 @@ class Commit:
     boot_id: bytes
     previous_hash: bytes
     hash: bytes
+    durability: Durability = Durability.EVENT
+    durable_before: int = 0
+    """Events below this number were known to be on the disk when this commit was written."""
+    content: bytes = bytes(16)
+    """Digest of what the command asked for; zeros where its id was drawn for it."""
     note: Note = Note()
 
     @property

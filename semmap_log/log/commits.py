@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from mcap.opcode import Opcode
 
-from semmap_log.commits import Commit, Note
+from semmap_log.commits import Commit, Durability, Note
 from semmap_log.errors import CommandError
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.log import records as mcap
@@ -53,6 +53,9 @@ class Stamp:
     wall_clock_ns: int
     monotonic_clock_ns: int
     boot_id: bytes
+    durability: Durability = Durability.EVENT
+    durable_before: int = 0
+    content: bytes = bytes(16)
 
 
 class _Channel:
@@ -122,6 +125,9 @@ class CommitBuilder:
             boot_id=stamp.boot_id,
             previous_hash=stamp.previous_hash,
             hash=self._hash,
+            durability=stamp.durability,
+            durable_before=stamp.durable_before,
+            content=stamp.content,
             note=self._note,
         )
 
@@ -163,8 +169,11 @@ class CommitBuilder:
         stamp = self._stamp
         data = layout("Commit").pack(
             stamp.first_event,
+            stamp.durable_before,
             self._number - stamp.first_event,
+            stamp.durability,
             stamp.command_id,
+            stamp.content,
             stamp.wall_clock_ns,
             stamp.monotonic_clock_ns,
             stamp.boot_id,

@@ -22,7 +22,7 @@ from pathlib import Path
 from semmap_log.events import KINDS, FloorMap
 from semmap_log.messages import ros_type, type_name
 
-FORMAT_VERSION = "1"
+FORMAT_VERSION = "2"
 PROFILE = "ros2"
 LIBRARY = "semmap-log"
 

@@ -6,7 +6,7 @@ import base64
 import hashlib
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from mcap.records import Metadata
@@ -35,12 +35,16 @@ class SegmentHeader:
     first_event: int
     hash_so_far: bytes
     """Hash of the commit before this segment's first; zeros in the first segment."""
+    last_number: int = -1
+    """Of the segments that were merged into this one, the last; its own where none was."""
+
+    def __post_init__(self) -> None:
+        if self.last_number < 0:
+            object.__setattr__(self, "last_number", self.number)
 
     def next(self, first_event: int, hash_so_far: bytes) -> SegmentHeader:
         """Return the header of the segment that follows."""
-        return replace(
-            self, number=self.number + 1, first_event=first_event, hash_so_far=hash_so_far
-        )
+        return SegmentHeader(self.info, self.last_number + 1, first_event, hash_so_far)
 
     def to_metadata(self) -> Metadata:
         """Return the MCAP record."""
@@ -53,6 +57,7 @@ class SegmentHeader:
                 "building": self.info.building,
                 "robot": self.info.robot,
                 "segment": str(self.number),
+                "last_segment": str(self.last_number),
                 "first_event": str(self.first_event),
                 "hash_so_far": self.hash_so_far.hex(),
             },
@@ -66,11 +71,12 @@ class SegmentHeader:
             ValueError: It is damaged, or of a newer format.
         """
         entries = _checked(metadata)
-        version = entries.get("format_version")
+        version = entries.get("format_version", "")
         if version != FORMAT_VERSION:
+            wanted = "the semmap-log that made it" if version == "1" else "a newer semmap-log"
             raise ValueError(
                 f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
-                "install a newer semmap-log"
+                f"install {wanted}"
             )
         try:
             info = LogInfo(
@@ -81,6 +87,7 @@ class SegmentHeader:
                 int(entries["segment"]),
                 int(entries["first_event"]),
                 bytes.fromhex(entries["hash_so_far"]),
+                int(entries["last_segment"]),
             )
         except KeyError as error:
             raise ValueError(f"its entry {error} is missing") from None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import Commit, Note
+from semmap_log.commits import Commit, Durability, Note
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event
@@ -151,6 +151,7 @@ class Page:
     def _commit(self, i: int) -> Commit:
         fields: dict[str, Any] = layout("Commit").unpack(self._payload(i))
         has_note = i > 0 and bool(self.heads["channel_id"][i - 1] == NOTE_CHANNEL)
+        fields["durability"] = Durability(fields["durability"])
         closed_ns = int(self.heads["log_time"][i])
         return Commit(
             recorded_ns=closed_ns - fields["count"] - has_note,

@@ -233,15 +233,17 @@ def _check_complete(folder: Path, segments: Sequence[Segment]) -> None:
     ids = {segment.header.info.log_id for segment in segments}
     if len(ids) > 1:
         raise CorruptLogError(folder, 0, f"segments of {len(ids)} logs lie in one folder")
-    for number, segment in enumerate(segments):
+    number = 0
+    for segment in segments:
         found = segment.header.number
         if found != number:
             problem = f"expected segment {number} of the log next, got segment {found}"
             hint = "it is there twice" if found < number else "one is missing"
             raise CorruptLogError(segment.path, 0, f"{problem}: {hint}")
-        if not segment.closed and number < len(segments) - 1:
+        if not segment.closed and segment is not segments[-1]:
             problem = "not closed, and segments follow it: it was cut"
             raise CorruptLogError(segment.path, segment.whole_end, problem)
+        number = segment.header.last_number + 1
 
 
 def segment_paths(folder: Path) -> list[Path]:

@@ -142,6 +142,8 @@ class LogWriter:
         self._unfolded_size = 0
         self._refold = False
         self._last_hash = NO_HASH
+        self._durable_before = 0
+        """Events below this number survive a power cut."""
         self._segment: SegmentWriter | None = None
         self._header: SegmentHeader
         self._continue: Segment | None = None
@@ -164,6 +166,7 @@ class LogWriter:
             raise
         self._header, self._segment, self._continue = header, segment, None
         self.next_event, self._last_hash = header.first_event, header.hash_so_far
+        self._durable_before = self.next_event
 
     def go_on(self, reader: LogReader) -> None:
         """Take up a log where it ends; a live segment is repaired now, a closed one when needed."""
@@ -173,6 +176,7 @@ class LogWriter:
         self.last_ns = reader.last_log_time_ns()
         if commit:
             self.next_event, self._last_hash = commit.last_event + 1, commit.hash
+        self._durable_before = self.next_event  # what is closed was synced; a copy will be
         self._closed_segments = [
             statistics_of(segment.path, segment.file) for segment in reader.segments[:-1]
         ]
@@ -230,6 +234,7 @@ class LogWriter:
             wall_clock_ns=wall_ns,
             monotonic_clock_ns=self.clock.monotonic_ns(),
             boot_id=self.clock.boot_id,
+            durable_before=self._durable_before,
         )
         builder = CommitBuilder(stamp, note, self.entropy(16))
         try:
@@ -245,6 +250,8 @@ class LogWriter:
             self._poisoned(f"{error.strerror}")
             raise LogPoisonedError(self._poison) from error
         commit = builder.commit
+        if sync:
+            self._durable_before = commit.last_event + 1
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
         if self._commands is not None:
@@ -262,6 +269,7 @@ class LogWriter:
         if self._segment is not None:
             try:
                 self._segment.sync()
+                self._durable_before = self.next_event
             except OSError as error:
                 self._poisoned(f"{error.strerror}")
                 raise LogPoisonedError(self._poison) from error

@@ -14,7 +14,7 @@ TYPE_HASHES = {
     "DoorAnnotated": "RIHS01_fa6a3ba9b8c6fd73a1867e0162b3f61cc3627be40ddab7ae8aa930ecee113dcc",
     "LevelAdded": "RIHS01_00c9cea28dd9d5f2979a8cf93f28bc084018666bfdb6e6b72687a0a791fa2492",
     "LogExported": "RIHS01_a174d55b49b48f3b110381bb371cbac8bdd009828e2a0e31ef9e1c7e12bf94b8",
-    "Commit": "RIHS01_3b5f38cc291930443f08c745b7c7e632bae883aaa86b399d918917bdde1fcf0a",
+    "Commit": "RIHS01_30510ac739af49cd50a85384f4a7e214cff848fe12c33c6bb6b97c54f9a8930c",
     "CommitNote": "RIHS01_e495f9ceaca267d3baed47c574eb081900b5e74c2905efe81b3f9bff13242974",
     "Keyframe": "RIHS01_248a0ab5a2a67f6cd0139e55fbad9ad239faa0ecb63a80b3e6adfd2f2bfdac96",
 }
