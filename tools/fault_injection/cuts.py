@@ -3,75 +3,68 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Generator
+from functools import partial
 from pathlib import Path
 
 import semmap_log as sl
-from fault_injection.flips import is_live
-from fault_injection.judging import Judge, Tally, Verdict, WrongAnswerError, contents, copy_of
-from semmap_log.log.scan import open_segment
+from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import (
+    Judge,
+    Subject,
+    Verdict,
+    WrongAnswerError,
+    contents,
+    copy_of,
+)
+from fault_injection.sample import COMMITS_A_SEGMENT, make_sample
 
 GARBAGE_BYTES = 200
+APPEND_AFTER = 8
+"""Once in so many cuts of a last segment's head the log is opened for appending; behind it, always.
+"""
 
 
-def cut_everywhere(log: Path, judge: Judge, *, seed: int = 0, step: int = 1) -> Tally:
-    """Cut every segment at every byte, with each kind of tail in turn, and read.
+def cuts(plan: Plan) -> Generator[Outcome, None, None]:
+    """Cut a live and a closed log at every byte of every segment, each with some kind of tail."""
+    sample = make_sample(plan.folder / "sample")
+    logs = [
+        Subject.of(path, plan.folder, title, last_commits=COMMITS_A_SEGMENT)
+        for title, path in (("live", sample.live), ("closed", sample.closed))
+    ]
+    yield from cut(plan, logs)
+
+
+def cut(plan: Plan, logs: list[Subject]) -> Generator[Outcome, None, None]:
+    """Cut every segment at every byte, with each kind of tail in turn, and ask what the log says.
 
     A segment that others follow may not be shortened unseen. Of the last one, whole commits are
-    left: exactly those that lie before the cut. (Its head was synced before it got its name: cut
-    there, it may as well be refused.)
+    left: exactly those that lie before the cut, also when the log is then opened for appending.
+    (Its head was synced before it got its name: cut there, it may as well be refused.)
 
     Args:
-        log: An undamaged log, its last segment live or closed.
-        judge: Who knows what it says; of as many commits back as the last segment has.
-        seed: Which garbage.
-        step: Only every n-th byte, beginning anywhere.
+        plan: Its seed says in which order, and with which tail.
+        logs: Logs to damage.
     """
-    tally, dice = Tally(), random.Random(seed)
-    with copy_of(log) as copy:
-        files = sorted(copy.glob("*.mcap"))
-        for path in files:
-            whole = path.read_bytes()
-            ends = _commit_ends(path) if path == files[-1] else []
-            for size in range(dice.randrange(step), len(whole), step):
-                kind, tail = _tail(dice, tally.tried)
-                path.write_bytes(whole[:size] + tail)
-                missing = sum(end > size for end in ends[1:])
-                tally.count(
-                    f"{path.name} cut at {size} {kind}",
-                    lambda p=path, m=missing: judge.judge(
-                        copy, p.name, may_lose=m, only=judge.quick
-                    ),
-                )
-            path.write_bytes(whole)
-    return tally
-
-
-def cut_and_append(
-    log: Path, judge: Judge, *, seed: int = 0, step: int = 1, start: int = 0
-) -> Tally:
-    """Cut the last segment and open the log to append: exactly the whole commits are left.
-
-    Args:
-        log: An undamaged log.
-        judge: Who knows what it says; of as many commits back as the last segment has.
-        seed: Which garbage.
-        step: Only every n-th byte.
-        start: The first byte to cut at.
-    """
-    tally, dice = Tally(), random.Random(seed)
-    last = sorted(log.glob("*.mcap"))[-1]
-    whole, ends = last.read_bytes(), _commit_ends(last)
-    for size in range(start + dice.randrange(step), len(whole), step):
-        with copy_of(log) as copy:
-            kind, tail = _tail(dice, tally.tried)
-            (copy / last.name).write_bytes(whole[:size] + tail)
-            missing = sum(end > size for end in ends[1:])
-            tally.count(
-                f"{last.name} cut at {size} {kind}, appending",
-                lambda c=copy, m=missing, h=size < ends[0]: _recover(c, judge, m, in_head=h),
-            )
-    return tally
+    dice = random.Random(plan.seed)
+    places = [(g, p.name, at) for g in logs for p in g.files for at in range(p.stat().st_size)]
+    dice.shuffle(places)
+    for turn, (log, name, size) in enumerate(places):
+        path = log.log / name
+        tail_is, tail = _tail(dice, turn)
+        what = f"{name}: cut at byte {size}, {tail_is}"
+        whole = path.read_bytes()
+        is_last = path == log.files[-1]
+        in_head = size < log.places[0][0]
+        missing = sum(end > size for _, end in log.places) if is_last else 0
+        path.write_bytes(whole[:size] + tail)
+        judged = partial(log.judge.judge, log.log, name, may_lose=missing, only=log.judge.quick)
+        yield log.outcome(plan, what, judged)
+        if is_last and (not in_head or turn % APPEND_AFTER == 0):
+            with copy_of(log.log) as copy:
+                judged = partial(_recover, copy, log.judge, missing, in_head=in_head)
+                yield log.outcome(plan, f"{what}, opened for appending", judged, copy)
+        path.write_bytes(whole)
 
 
 def _recover(log: Path, judge: Judge, missing: int, *, in_head: bool) -> Verdict:
@@ -86,20 +79,6 @@ def _recover(log: Path, judge: Judge, missing: int, *, in_head: bool) -> Verdict
     if before != contents(log):
         raise WrongAnswerError("a second opening changed files that the first had left in order")
     return verdict
-
-
-def _commit_ends(path: Path) -> list[int]:
-    """Return where the keyframe's chunk ends, then where each commit's last chunk does."""
-    from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
-    from semmap_log.log.pages import Page
-
-    segment = open_segment(path)
-    ends = []
-    for chunk in segment.chunks:
-        heads = Page(chunk.records(segment.file), 0, path).heads
-        if heads["channel_id"][-1] in (COMMIT_CHANNEL, KEYFRAME_CHANNEL):
-            ends.append(chunk.offset + chunk.length)
-    return ends
 
 
 def _tail(dice: random.Random, turn: int) -> tuple[str, bytes]:

@@ -4,75 +4,80 @@ from __future__ import annotations
 
 import os
 import random
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from functools import partial
 from pathlib import Path
 
-from fault_injection.judging import Judge, Tally, copy_of
 from mcap.opcode import Opcode
+
+from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import Subject, copy_of
+from fault_injection.sample import make_sample
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import frames
 
 _TEXTS = (Opcode.SCHEMA, Opcode.CHANNEL)
 
+APPEND_AFTER = 16
+"""Once in so many flips, the log is not only read but opened for appending."""
 
-def flip_bits(
-    log: Path, judge: Judge, *, seed: int = 0, bits: int = 8, text_bits: int = 1, step: int = 1
-) -> Tally:
-    """Flip bits of every segment, one at a time, and ask what the log says.
+Place = tuple[Subject, str, int, int, bool]
+"""A log, a file of it, a byte, a bit, and whether it is one of a schema's or a channel's text."""
+
+
+def flips(plan: Plan) -> Generator[Outcome, None, None]:
+    """Flip every bit of a live and of a closed log; of schemas and channels, a bit of each byte.
+
+    (These texts stand twice in each segment, are nine tenths of a small one, and are all alike.)
+    """
+    yield from flip(plan, subjects(plan), text_bits=1)
+
+
+def subjects(plan: Plan) -> list[Subject]:
+    """Return a live and a closed log of three segments."""
+    sample = make_sample(plan.folder / "sample")
+    return [
+        Subject.of(sample.live, plan.folder, "live"),
+        Subject.of(sample.closed, plan.folder, "closed"),
+    ]
+
+
+def flip(
+    plan: Plan, logs: list[Subject], *, bits: int = 8, text_bits: int = 8
+) -> Generator[Outcome, None, None]:
+    """Flip bits of logs, one at a time, and ask what they say.
 
     Args:
-        log: An undamaged log.
-        judge: Who knows what it says.
-        seed: Which bits are chosen where not all are.
+        plan: Its seed says in which order.
+        logs: Logs to damage.
         bits: How many of the eight bits of a byte.
-        text_bits: The same for bytes of schemas and channels: nine tenths of a small segment.
-        step: Only every n-th byte, beginning anywhere.
+        text_bits: The same for bytes of schemas and channels.
     """
-    tally, dice = Tally(), random.Random(seed)
-    with copy_of(log) as copy:
-        files = sorted(copy.glob("*.mcap"))
-        for path in files:
-            may_lose = int(path == files[-1] and is_live(path))
-            texts = _text_bytes(path)
-            for at in range(dice.randrange(step), path.stat().st_size, step):
-                is_text = at in texts
-                for bit in dice.sample(range(8), text_bits if is_text else bits):
-                    with flipped(path, at, bit):
-                        only = judge.quick if is_text else judge.some(tally.tried)
-                        tally.count(
-                            f"{path.name} byte {at} bit {bit}",
-                            lambda p=path, o=only: judge.judge(
-                                copy, p.name, may_lose=may_lose, only=o
-                            ),
-                        )
-    return tally
+    dice = random.Random(plan.seed)
+    places = [place for log in logs for place in _places(log, dice, bits, text_bits)]
+    dice.shuffle(places)
+    for turn, (log, name, at, bit, is_text) in enumerate(places):
+        what = f"{name}: bit {bit} of byte {at} flipped"
+        path = log.log / name
+        in_last = log.places[-1][0] <= at < log.places[-1][1]
+        may_lose = int(path == log.files[-1] and in_last)
+        with flipped(path, at, bit):
+            only = log.judge.quick if is_text else log.judge.some(turn)
+            judged = partial(log.judge.judge, log.log, name, may_lose=may_lose, only=only)
+            yield log.outcome(plan, what, judged)
+            if turn % APPEND_AFTER == 0:
+                with copy_of(log.log) as copy:
+                    judged = partial(log.judge.judge_appending, copy, name, may_lose=may_lose)
+                    yield log.outcome(plan, f"{what}, opened for appending", judged, copy)
 
 
-def flip_bits_and_append(log: Path, judge: Judge, *, seed: int = 0, times: int = 300) -> Tally:
-    """Flip random bits, one at a time, and open the log for appending.
-
-    Args:
-        log: An undamaged log.
-        judge: Who knows what it says.
-        seed: Which bits.
-        times: How many; half of them in the last segment.
-    """
-    tally, dice = Tally(), random.Random(seed)
-    names = sorted(path.name for path in log.glob("*.mcap"))
-    for turn in range(times):
-        name = names[-1] if turn % 2 else dice.choice(names)
-        with copy_of(log) as copy:
-            path = copy / name
-            may_lose = int(name == names[-1] and is_live(path))
-            whole = [at for at in range(path.stat().st_size) if turn % 8 == 0] or _no_texts(path)
-            at, bit = dice.choice(whole), dice.randrange(8)
-            with path.open("r+b") as file:
-                _turn_over(file.fileno(), at, bit)
-            tally.count(
-                f"{name} byte {at} bit {bit}, appending",
-                lambda n=name, c=copy, m=may_lose: judge.judge_appending(c, n, may_lose=m),
-            )
-    return tally
+def _places(log: Subject, dice: random.Random, bits: int, text_bits: int) -> Iterator[Place]:
+    for path in log.files:
+        texts = text_bytes(path)
+        for at in range(path.stat().st_size):
+            is_text = at in texts
+            for bit in dice.sample(range(8), text_bits if is_text else bits):
+                yield log, path.name, at, bit, is_text
 
 
 class flipped:  # noqa: N801  # reads as what it is: with flipped(path, at, bit)
@@ -90,21 +95,12 @@ class flipped:  # noqa: N801  # reads as what it is: with flipped(path, at, bit)
         os.close(self._fd)
 
 
-def is_live(path: Path) -> bool:
-    """Tell whether a segment has no footer."""
-    return not path.read_bytes().endswith(mcap.MAGIC)
-
-
 def _turn_over(fd: int, at: int, bit: int) -> None:
     (byte,) = os.pread(fd, 1, at)
     os.pwrite(fd, bytes([byte ^ 1 << bit]), at)
 
 
-def _no_texts(path: Path) -> list[int]:
-    return sorted(set(range(path.stat().st_size)) - _text_bytes(path))
-
-
-def _text_bytes(path: Path) -> set[int]:
+def text_bytes(path: Path) -> set[int]:
     """Return the places of all bytes of a segment's schemas and channels, frames left out."""
     return set(_texts(path.read_bytes()))
 

@@ -6,26 +6,37 @@ taken for a torn tail; or an error that names the file. All answers must be of o
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import semmap_log as sl
-from semmap_log.errors import CorruptLogError, LogError, NotALogError
+from fault_injection.fault import Outcome, Plan
+from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import FloorMap
+from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
+from semmap_log.log.pages import Page
+from semmap_log.log.scan import Segment, open_segment
 
-REFUSALS = (CorruptLogError, NotALogError)
+REFUSALS = (CorruptLogError, NotALogError, LogAccessError)
 
 
 class WrongAnswerError(AssertionError):
     """A damaged log gave an answer that is not the log's, or an error that is not ours."""
+
+    def __init__(self, problem: str, lost: int = 0, invented: int = 0) -> None:
+        super().__init__(problem)
+        self.lost = lost
+        """Commits that are not there, and no error says so."""
+        self.invented = invented
+        """Commits that are there, and that nobody wrote."""
 
 
 class Verdict(Enum):
@@ -36,33 +47,73 @@ class Verdict(Enum):
     REFUSED = "an error that names the file"
 
 
-@dataclass
-class Tally:
-    """What came of many damages."""
-
-    verdicts: Counter[Verdict] = field(default_factory=Counter)
-    wrong: list[str] = field(default_factory=list)
-    """Each damage that got a wrong answer, and the answer."""
-
-    @property
-    def tried(self) -> int:
-        """How many damages were done."""
-        return self.verdicts.total() + len(self.wrong)
-
-    def count(self, what: str, judged: Callable[[], Verdict]) -> None:
-        """Add one damage."""
-        try:
-            self.verdicts[judged()] += 1
-        except WrongAnswerError as error:
-            self.wrong.append(f"{what}: {error}")
-
-    def __str__(self) -> str:
-        parts = [f"{self.verdicts[verdict]:,} {verdict.value}" for verdict in Verdict]
-        return f"{self.tried:,} tried: {', '.join(parts)}; {len(self.wrong)} wrong"
-
-
 Question = Callable[[sl.DoorLog], Any]
 Answers = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A log to damage: a copy whose files may be written to, and who knows what it should say."""
+
+    log: Path
+    """Its folder; whoever damages it puts it in order again."""
+    judge: Judge
+    title: str
+    """What it is, for messages."""
+    places: tuple[tuple[int, int], ...]
+    """Where each commit of the last segment lies: first byte, and first byte behind it."""
+
+    @classmethod
+    def of(cls, log: Path, folder: Path, title: str, *, last_commits: int = 1) -> Subject:
+        """Copy a log into a folder.
+
+        Args:
+            log: One that is not damaged.
+            folder: Where the copy is made.
+            title: What it is.
+            last_commits: How many commits at its end may be taken for a torn tail.
+        """
+        copy = folder / title / log.name
+        shutil.copytree(log, copy, ignore=shutil.ignore_patterns(".lock"))
+        last = open_segment(max(copy.glob("*.mcap")))
+        return cls(copy, Judge(log, last_commits=last_commits), title, _commit_places(last))
+
+    @property
+    def files(self) -> list[Path]:
+        """Its segments, in order."""
+        return sorted(self.log.glob("*.mcap"))
+
+    def may_lose(self, name: str, data: bytes) -> int:
+        """Return how many commits at the end may be taken for torn if a segment has these bytes.
+
+        Only commits of the last segment, and only if every commit from the first touched one on is
+        touched: a whole one behind it proves that what lies before it was on disk.
+        """
+        if name != self.files[-1].name:
+            return 0
+        whole = (self.log / name).read_bytes()
+        touched = [whole[a:b] != data[a:b] for a, b in self.places]
+        return len(touched) - touched.index(True) if any(touched) and _is_tail(touched) else 0
+
+    def outcome(
+        self, plan: Plan, fault: str, judged: Callable[[], Verdict], log: Path | None = None
+    ) -> Outcome:
+        """Return what came of one damage; the log is kept if that was wrong.
+
+        Args:
+            plan: Says where such logs are kept.
+            fault: What was done.
+            judged: Judges the log.
+            log: The damaged folder; default: its own.
+        """
+        checked = len(self.judge.truth[0]["commits"])
+        what = f"{self.title} log, {fault}"
+        try:
+            judged()
+        except WrongAnswerError as error:
+            kept = _keep(log or self.log, plan.keep, what)
+            return Outcome(what, checked, error.lost, error.invented, str(error), kept)
+        return Outcome(what, checked)
 
 
 class Judge:
@@ -100,7 +151,7 @@ class Judge:
     @property
     def quick(self) -> tuple[str, ...]:
         """The two questions that read every byte that counts."""
-        return ("events", "commits")
+        return ("commits", "events")
 
     def some(self, turn: int) -> tuple[str, ...]:
         """Return the quick questions and two of the others, in turns."""
@@ -118,7 +169,9 @@ class Judge:
             sl.append(log).close()
         except REFUSALS as error:
             if before != contents(log):
-                raise WrongAnswerError(f"refused, and changed files all the same: {error}") from None
+                raise WrongAnswerError(
+                    f"refused, and changed files all the same: {error}"
+                ) from None
             return _refused(error, damaged)
         except Exception as error:
             raise WrongAnswerError(f"opening to append: {error!r}") from error
@@ -161,7 +214,7 @@ class Judge:
                 raise WrongAnswerError(f"{name}: {error!r}") from error
             possible = [left_out for left_out in possible if answer == self.truth[left_out][name]]
             if not possible:
-                raise WrongAnswerError(f"{name}: {_difference(self.truth[0][name], answer)}")
+                raise _wrong(name, self.truth[0][name], answer)
         return verdict or (Verdict.TORN if possible[0] else Verdict.HARMLESS)
 
 
@@ -181,11 +234,42 @@ def contents(folder: Path) -> dict[str, tuple[int, bytes]]:
     return {path.name: (path.stat().st_mtime_ns, path.read_bytes()) for path in files}
 
 
+MOST_KEPT = 20
+
+
+def _keep(log: Path, where: Path, fault: str) -> Path | None:
+    """Copy a damaged log to a folder that tells the fault; None if many are kept already."""
+    kept = where / re.sub(r"[^\w.]+", "-", fault)
+    if where.is_dir() and len(list(where.iterdir())) >= MOST_KEPT:
+        return None
+    shutil.copytree(log, kept / log.name, dirs_exist_ok=True, symlinks=True)
+    return kept
+
+
+def _commit_places(segment: Segment) -> tuple[tuple[int, int], ...]:
+    """Return where each commit's chunks lie, from the first to the last of them."""
+    places, start = [], None
+    for chunk in segment.chunks:
+        heads = Page(chunk.records(segment.file), 0, segment.path).heads
+        last = int(heads["channel_id"][-1])
+        if last == KEYFRAME_CHANNEL:
+            continue
+        start = chunk.offset if start is None else start
+        if last == COMMIT_CHANNEL:
+            places.append((start, chunk.offset + chunk.length))
+            start = None
+    return tuple(places)
+
+
+def _is_tail(touched: list[bool]) -> bool:
+    return all(touched[touched.index(True) :])
+
+
 def _questions(moments: list[int], numbers: list[int]) -> dict[str, Question]:
     """Return what to ask of a log; the first two read every byte that counts."""
     asked: dict[str, Question] = {
-        "events": lambda log: [_plain(batch) for batch in log.reader.batches()],
         "commits": lambda log: list(log.commits()),
+        "events": lambda log: [_plain(batch) for batch in log.reader.batches()],
         "replay": lambda log: repr(log.replay()),
         "history": lambda log: [_text(entry) for entry in log.history()],
         "floor map": lambda log: _text(log.floor_map(1)),
@@ -234,9 +318,13 @@ def _refused(error: Exception, damaged: str) -> Verdict:
     return Verdict.REFUSED
 
 
-def _difference(expected: Any, got: Any) -> str:
-    """Return where two answers part, in few words."""
+def _wrong(name: str, expected: Any, got: Any) -> WrongAnswerError:
+    """Return the error that says where two answers part, in few words."""
     one, other = repr(expected), repr(got)
     at = next((i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), 0)
     start = max(0, at - 30)
-    return f"expected …{one[start : at + 60]}…, got …{other[start : at + 60]}…"
+    said = f"{name}: expected …{one[start : at + 60]}…, got …{other[start : at + 60]}…"
+    if name != "commits":
+        return WrongAnswerError(said)
+    lost = sum(commit not in got for commit in expected)
+    return WrongAnswerError(said, lost, sum(commit not in expected for commit in got))

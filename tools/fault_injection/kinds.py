@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
+from fault_injection.flips import flips
+from fault_injection.sectors import sectors
+from fault_injection.segments import segments
 
-KINDS: dict[str, Kind] = {}
+KINDS: dict[str, Kind] = {
+    "flips": flips,
+    "cuts": cuts,
+    "sectors": sectors,
+    "segments": segments,
+}
 """Name on the command line -> the function that tries its faults, in the order of the table."""

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
@@ -55,6 +56,13 @@ class SteadyClock:
         return self.ticks_ns
 
 
+class About(TypedDict):
+    """What makes two samples the same, byte for byte."""
+
+    clock: SteadyClock
+    entropy: Callable[[int], bytes]
+
+
 @dataclass(frozen=True, slots=True)
 class Sample:
     """The log at rest and how its writer came there."""
@@ -63,26 +71,29 @@ class Sample:
     """As `close` leaves it."""
     live: Path
     """As a writer that was killed leaves it: the last segment has neither index nor footer."""
-    live_before: Path
-    """The same writer's folder two commits earlier: what a disk might give back as stale."""
+    older: Path
+    """Of each segment, a version that it once was: what a disk might give back as stale."""
     commits: tuple[Commit, ...]
     """As `append` answered them."""
 
 
 def make_sample(folder: Path) -> Sample:
     """Write the log into that folder, by way of the public calls alone."""
-    path = folder / NAME
+    path, older, live = folder / NAME, folder / "older" / NAME, folder / "live" / NAME
     with small_segments():
-        make = {"clock": SteadyClock(), "entropy": random.Random(1).randbytes}
+        make: About = {"clock": SteadyClock(), "entropy": random.Random(1).randbytes}
         with sl.create(path, tz="Europe/Vienna", building="office", robot="tug1", **make) as log:
             commits = [do(log) for do in FIRST]
+        shutil.copytree(path, older)
         compact_folder(path)
         with sl.append(path, **make) as log:
-            commits += [do(log) for do in (*SECOND, *THIRD[:3])]
-            shutil.copytree(path, folder / "before" / NAME)
+            commits += [do(log) for do in SECOND[:3]]
+            shutil.copy2(path / f"{NAME}_000001.mcap", older)
+            commits += [do(log) for do in (*SECOND[3:], *THIRD[:3])]
+            shutil.copy2(path / f"{NAME}_000002.mcap", older)
             commits += [do(log) for do in THIRD[3:]]
-            shutil.copytree(path, folder / "live" / NAME)
-    return Sample(path, folder / "live" / NAME, folder / "before" / NAME, tuple(commits))
+            shutil.copytree(path, live)
+    return Sample(path, live, older, tuple(commits))
 
 
 def compact_folder(path: Path) -> None:
