@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from semmap_log.command_content import are_same
 from semmap_log.commands import Gatekeeper, Roster, resolve_door
-from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
+from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandReusedError, LogPoisonedError, UnexpectedEventError
 from semmap_log.events import Event, RobotPose
+from semmap_log.log.durability import Promise
 from semmap_log.log.reader import LogReader
 from semmap_log.log.writer import LogWriter
 from semmap_log.projections.door_map import DoorMapState
@@ -104,9 +105,9 @@ class AppendableLog(DoorLog):
             return self._roster
 
     @property
-    def durability(self) -> Durability:
+    def promise(self) -> Promise:
         """What is promised of an append when it returns."""
-        return self._writer.promise.level
+        return self._writer.promise
 
     @property
     def durable_before(self) -> int:
