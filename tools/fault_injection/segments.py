@@ -39,10 +39,11 @@ def segments(plan: Plan) -> Generator[Outcome, None, None]:
     """Do to the files of a live and of a closed log what people, copies and disks do to them."""
     sample = make_sample(plan.folder / "sample")
     other = another_log(plan.folder / "other")
+    early = closed_early(sample, plan.folder / "early")
     dice = random.Random(plan.seed)
     for title, path in (("live", sample.live), ("closed", sample.closed)):
         log = Subject.of(path, plan.folder, title, last_commits=COMMITS_A_SEGMENT)
-        damages = list(damages_of(log, sample, other))
+        damages = list(damages_of(log, sample, other, early))
         dice.shuffle(damages)
         for what, do, named, may_lose, expected in damages:
             for judged_by, suffix in (
@@ -65,10 +66,20 @@ def another_log(folder: Path) -> Path:
     return path
 
 
-def damages_of(log: Subject, sample: Sample, other: Path) -> Iterator[Damage]:
+def closed_early(sample: Sample, folder: Path) -> Path:
+    """Return a log of the first two segments, whole, the second closed after some commits."""
+    path = folder / NAME
+    path.mkdir(parents=True)
+    shutil.copy2(sample.closed / FIRST, path)
+    shutil.copy2(sample.older / MIDDLE, path)
+    sl.append(path).close()
+    return path
+
+
+def damages_of(log: Subject, sample: Sample, other: Path, early: Path) -> Iterator[Damage]:
     """Yield everything that is done to whole files of a log."""
     yield from _missing_and_moved()
-    yield from _from_elsewhere(sample, other)
+    yield from _from_elsewhere(sample, other, early)
     yield from _shortened(log)
     yield from _beside_the_segments()
 
@@ -91,7 +102,7 @@ def _missing_and_moved() -> Iterator[Damage]:
     yield "named in reverse order", _reverse, "log", 0, HARMLESS
 
 
-def _from_elsewhere(sample: Sample, other: Path) -> Iterator[Damage]:
+def _from_elsewhere(sample: Sample, other: Path, early: Path) -> Iterator[Damage]:
     """Yield segments of other logs and of other days."""
     for name in (FIRST, MIDDLE, LAST):
         foreign = partial(_replace, name=name, source=other / name)
@@ -102,6 +113,8 @@ def _from_elsewhere(sample: Sample, other: Path) -> Iterator[Damage]:
         older = partial(_replace, name=name, source=sample.older / name)
         expected = HARMLESS if name == FIRST else REFUSED  # the first: not yet compacted
         yield f"an older version of {name}", older, "log_", 0, expected
+    shorter = partial(_replace, name=MIDDLE, source=early / MIDDLE)
+    yield f"{MIDDLE} as it was when it was closed too early", shorter, "log_", 0, REFUSED
     older = partial(_replace, name=LAST, source=sample.older / LAST)
     yield f"an older version of {LAST}", older, "", TORN_BY_CUT, TORN
 
