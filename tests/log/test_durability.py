@@ -174,9 +174,10 @@ def test_none_writes_when_much_waits(tmp_path: Path) -> None:
     """
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", durability="none") as log:
-        log.append([PatrolStarted(patrol=n) for n in range(2000)])
+        for n in range(400):
+            log.append([PatrolStarted(patrol=n)])
 
-        assert 2000 == _events(path)
+        assert 200 < _events(path) < 400
 
 
 def test_commits_say_what_was_durable_before_them(tmp_path: Path) -> None:
