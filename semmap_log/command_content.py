@@ -8,6 +8,7 @@ compared with the events that are stored.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,6 +17,9 @@ import numpy as np
 from semmap_log.commits import NO_CONTENT
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.messages import encode
+
+SAME_ANGLE = 1e-6
+"""Radians: what going through a quaternion may change."""
 
 
 def content_of(*words: object) -> bytes:
@@ -51,7 +55,7 @@ def _is_same_map(given: FloorMap, stored: FloorMap) -> bool:
         given.level == stored.level
         and np.float32(given.resolution) == np.float32(stored.resolution)
         and (given.origin_x, given.origin_y) == (stored.origin_x, stored.origin_y)
-        and bool(np.isclose(given.origin_theta, stored.origin_theta, rtol=0, atol=1e-9))
+        and abs(math.remainder(given.origin_theta - stored.origin_theta, math.tau)) < SAME_ANGLE
         and np.array_equal(given.cells, stored.cells)
     )
 

@@ -104,10 +104,13 @@ class SegmentWriter:
             os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
             0o644,
         )
-        start = mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
-        self._write(start)
-        self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
-        self._write(_schema_and_channel_bytes())
+        try:
+            self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
+            self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
+            self._write(_schema_and_channel_bytes())
+        except BaseException:
+            self.abandon()
+            raise
 
     def add(
         self,

@@ -175,8 +175,10 @@ class LogWriter:
         """Return once every commit so far survives a power cut.
 
         Raises:
-            LogPoisonedError: The sync failed; it is not tried again.
+            LogPoisonedError: A write or sync failed, now or earlier; none is tried again.
         """
+        if self._poison:
+            raise LogPoisonedError(self._poison)
         self.make_durable(self.next_event)
 
     def make_durable(self, before: int) -> None:
