@@ -5,6 +5,7 @@ from __future__ import annotations
 from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
+from fault_injection.rivals import rivals
 from fault_injection.sectors import sectors
 from fault_injection.segments import segments
 
@@ -13,5 +14,6 @@ KINDS: dict[str, Kind] = {
     "cuts": cuts,
     "sectors": sectors,
     "segments": segments,
+    "rivals": rivals,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

@@ -15,9 +15,8 @@ from queue import Empty
 
 import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
-from fault_injection.judging import contents
 from fault_injection.sample import compact_folder, small_segments
-from semmap_log.errors import LogError, LogLockedError
+from semmap_log.errors import LogLockedError
 from semmap_log.events import RobotPose
 
 READING_S = 60.0
@@ -57,7 +56,9 @@ def race(folder: Path, *, races: int = RACES) -> Iterator[Outcome]:
     yield Outcome(f"race of {RACERS} writers, at its end", len(acknowledged), lost, invented)
 
 
-def _racer(log: Path, races: int, name: int, answers: multiprocessing.Queue[tuple[int, int]]) -> None:
+def _racer(
+    log: Path, races: int, name: int, answers: multiprocessing.Queue[tuple[int, int]]
+) -> None:
     for turn in range(races):
         while True:
             try:
