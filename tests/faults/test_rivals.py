@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from fault_injection.rivals import race, read_during_everything
 import semmap_log as sl
 from semmap_log.doors import DoorId
 from semmap_log.errors import LogError, LogLockedError
-from semmap_log.events import DoorAdded
+from semmap_log.events import DoorAdded, RobotPose
 
 APPEND = "import sys, semmap_log as sl; sl.append(sys.argv[1]).close()"
 
@@ -144,7 +145,10 @@ def test_what_a_forked_child_does_releases_nothing(tmp_path: Path) -> None:
         before = (path / "log_000000.mcap").read_bytes()
         child = os.fork()
         if child == 0:
-            os._exit(_try_everything(log))
+            try:
+                os._exit(_try_everything(log))
+            finally:
+                os._exit(1)
         _, status = os.waitpid(child, 0)
 
         assert 3 == os.waitstatus_to_exitcode(status)
@@ -159,7 +163,8 @@ def test_what_a_forked_child_does_releases_nothing(tmp_path: Path) -> None:
 def _try_everything(log: sl.DoorLogWriter) -> int:
     """Return how many of a child's calls were refused."""
     refused = 0
-    for call in (log.add_door, log.start_patrol, log.sync):
+    pose = RobotPose(x=0.0, y=0.0, theta=0.0)
+    for call in (log.add_door, log.start_patrol, partial(log.append, [pose])):
         with pytest.raises(LogError, match="forked child cannot append"):
             call()
         refused += 1
