@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fault_injection.clocks import clocks
 from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
@@ -15,5 +16,6 @@ KINDS: dict[str, Kind] = {
     "sectors": sectors,
     "segments": segments,
     "rivals": rivals,
+    "clocks": clocks,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""
