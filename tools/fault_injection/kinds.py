@@ -6,9 +6,11 @@ from fault_injection.clocks import clocks
 from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
+from fault_injection.interrupts import interrupts
 from fault_injection.rivals import rivals
 from fault_injection.sectors import sectors
 from fault_injection.segments import segments
+from fault_injection.signals import signals
 
 KINDS: dict[str, Kind] = {
     "flips": flips,
@@ -17,5 +19,7 @@ KINDS: dict[str, Kind] = {
     "segments": segments,
     "rivals": rivals,
     "clocks": clocks,
+    "interrupts": interrupts,
+    "signals": signals,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""
