@@ -19,6 +19,7 @@ from semmap_log.log.header import SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reader import LogReader
 from semmap_log.log.segment_chain import SegmentChain
+from semmap_log.log.uniform_commit import uniform_commit
 from semmap_log.log.written_state import WrittenState
 from semmap_log.projections.door_map import DoorMapState
 
@@ -32,6 +33,8 @@ class Surroundings:
     promise: Promise = field(default_factory=Promise)
     clock: Clock = field(default_factory=SystemClock)
     entropy: Entropy = os.urandom
+    compacts: bool = True
+    """Whether full segments are put into large compressed chunks in the background."""
 
 
 class LogWriter:
@@ -52,7 +55,7 @@ class LogWriter:
         self.last_ns = 0
         self._last_hash = NO_HASH
         self._lock = lock
-        self._chain = SegmentChain(folder)
+        self._chain = SegmentChain(folder, compacts=surroundings.compacts)
         self._state = WrittenState(folder, state, self.flush)
         self._commands = CommandMemory(folder, self.flush)
         self._syncs = SharedSync()
@@ -144,12 +147,19 @@ class LogWriter:
             self._syncs.durable_before,
             content,
         )
-        builder = CommitBuilder(stamp, note, self.entropy)
-        for chunk in builder.chunks(events):
+        uniform = uniform_commit(stamp, note, events) if isinstance(events, list) else None
+        if uniform is not None:
+            chunk, commit = uniform
             self._in_commit = True
-            segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
+            segment.add(chunk, hold_back=self._holds_back)
             self._state.add(chunk)
-        commit = builder.commit
+        else:
+            builder = CommitBuilder(stamp, note, self.entropy)
+            for chunk in builder.chunks(events):
+                self._in_commit = True
+                segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
+                self._state.add(chunk)
+            commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
         self._commands.add(commit)
@@ -232,6 +242,7 @@ class LogWriter:
             self._timer.close()
             if os.getpid() == self._pid:
                 self._close_or_abandon()
+                self._chain.rest(wait=not self._poison)
         except OSError as error:
             self._poisoned(error.strerror)
             raise LogPoisonedError(
@@ -292,7 +303,7 @@ class LogWriter:
             if chain.live is None:
                 chain.continue_last()
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
-                chain.close_live()
+                chain.roll()
                 self.last_ns = max(wall_ns, self.last_ns + 1)
                 keyframe = keyframes.keyframe_chunk(self.state, self.last_ns)
                 chain.begin_next(self.next_event, self._last_hash, keyframe)
