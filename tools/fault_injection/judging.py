@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -269,7 +269,7 @@ def _questions(moments: list[int], numbers: list[int]) -> dict[str, Question]:
     """Return what to ask of a log; the first two read every byte that counts."""
     asked: dict[str, Question] = {
         "commits": lambda log: list(log.commits()),
-        "events": lambda log: [_plain(batch) for batch in log.reader.batches()],
+        "events": lambda log: _plain(log.reader.batches()),
         "replay": lambda log: repr(log.replay()),
         "history": lambda log: [_text(entry) for entry in log.history()],
         "floor map": lambda log: _text(log.floor_map(1)),
@@ -294,12 +294,20 @@ def _answer(ask: Question, log: sl.DoorLog) -> Any:
         return f"{type(error).__name__}: {str(error).removeprefix(str(log.path))}"
 
 
-def _plain(batch: EventBatch) -> Any:
-    """Return a batch as values that compare: NaN is NaN."""
-    columns = {kind: rows.tobytes() for kind, rows in sorted(batch.columns.items())}
-    texts = {kind: [_text(e) for e in events] for kind, events in sorted(batch.objects.items())}
-    stamps = (batch.number, batch.kind, batch.happened_ns, batch.recorded_ns)
-    return [array.tolist() for array in stamps], columns, texts
+def _plain(batches: Iterable[EventBatch]) -> Any:
+    """Return batches as values that compare, however they are split: NaN is NaN."""
+    stamps: tuple[list[int], ...] = ([], [], [], [])
+    columns: dict[int, bytes] = {}
+    texts: dict[int, list[str]] = {}
+    for batch in batches:
+        arrays = (batch.number, batch.kind, batch.happened_ns, batch.recorded_ns)
+        for values, array in zip(stamps, arrays, strict=True):
+            values += array.tolist()
+        for kind, rows in batch.columns.items():
+            columns[kind] = columns.get(kind, b"") + rows.tobytes()
+        for kind, events in batch.objects.items():
+            texts.setdefault(kind, []).extend(map(_text, events))
+    return stamps, columns, texts
 
 
 def _text(value: Any) -> str:
