@@ -34,6 +34,10 @@ Pause = Callable[[int], None]
 handled twice, once to be written and once to be compared. What it raises stops the work."""
 
 
+PAUSE_EVERY = 500
+"""Small chunks read between two pauses: about a millisecond."""
+
+
 def no_pause(done: int) -> None:
     """Go on at once."""
 
@@ -99,8 +103,11 @@ def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> b
     """Write and close the copy; return the digest of all records of the old segments."""
     whole = hashlib.sha256()
     check = SequenceCheck()
-    for segment, page in _pages(sources):
+    for segment, page in _pages(sources, pause):
+        _ = page.offsets
+        pause(0)  # after each step that does not let go of the interpreter
         check.add(segment.header, page)
+        pause(0)
         writer.add(_smallest(page), levels=page.levels)
         whole.update(page.records)
         pause(len(page.records))
@@ -108,7 +115,7 @@ def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> b
     return whole.digest()
 
 
-def _pages(sources: Sequence[Segment]) -> Iterator[tuple[Segment, Page]]:
+def _pages(sources: Sequence[Segment], pause: Pause) -> Iterator[tuple[Segment, Page]]:
     """Yield all records in parts of about a MiB, each keyframe by itself.
 
     Whole chunks are joined until they are long enough: a commit's note never parts from it, and
@@ -117,7 +124,9 @@ def _pages(sources: Sequence[Segment]) -> Iterator[tuple[Segment, Page]]:
     for segment in sources:
         parts: list[bytes | memoryview] = []
         size = first = 0
-        for chunk in segment.chunks:
+        for i, chunk in enumerate(segment.chunks):
+            if i % PAUSE_EVERY == 0:
+                pause(0)
             records = read_chunk(segment, chunk)
             is_keyframe = _is_keyframe(records)
             if parts and (is_keyframe or size >= CHUNK_BYTES):
