@@ -15,7 +15,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.log import writer as writer_module
+from semmap_log.log import segment_chain
 from tests.log.logs import digest_of_records, segment_files, write_log
 
 Run = Callable[..., tuple[int, str, str]]
@@ -24,7 +24,7 @@ Run = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Three closed segments of many small chunks."""
-    monkeypatch.setattr(writer_module, "ROLL_COMMITS", 100)
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 100)
     return write_log(tmp_path / "office", 250)
 
 
