@@ -46,3 +46,29 @@ def digest_of_records(log: Path) -> str:
         for chunk in segment.chunks:
             whole.update(read_chunk(segment, chunk))
     return whole.hexdigest()
+
+
+def answers(log: Path) -> dict[str, Any]:
+    """Return what a log says to every question, at many moments, as texts that can be compared."""
+    opened = sl.read(log)
+    commits = list(opened.commits())
+    recorded = [commit.closed_ns for commit in commits]
+    moments = recorded[:: max(1, len(recorded) // 8)]
+    last = commits[-1].last_event if commits else -1
+    numbers = range(0, last + 1, max(1, last // 8))
+    return {
+        "commits": [repr(commit) for commit in commits],
+        "history": [repr(entry) for entry in opened.history()],
+        "now": repr(opened.replay()),
+        "at": [repr(opened.replay(at=ns)) for ns in moments],
+        "known at": [repr(opened.replay(known_at=ns)) for ns in moments],
+        "before": [repr(opened.replay(known_at=ns - 1)) for ns in moments],
+        "event": [repr(opened.replay(event=number)) for number in numbers],
+        "entries": [repr(opened.entry(number)) for number in numbers],
+        "records": digest_of_records(log),
+    }
+
+
+def chunk_sizes(path: Path) -> list[tuple[str, int]]:
+    """Return compression and uncompressed size of a segment's chunks."""
+    return [(chunk.compression, chunk.size) for chunk in open_segment(path).chunks]
