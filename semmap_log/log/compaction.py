@@ -15,7 +15,8 @@ from semmap_log.log.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, LAST_EVENT_CHANN
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.merge import Step, plan, remove_merged
 from semmap_log.log.reader import LogReader, Progress, check_is_log
-from semmap_log.log.rechunk import Pause, needs_compaction, no_pause, rechunked
+from semmap_log.log.rechunk import needs_compaction, rechunked
+from semmap_log.log.repaging import Pause, no_pause
 from semmap_log.log.scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
 

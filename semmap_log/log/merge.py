@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.log.bag_metadata import ClosedSegment, write_bag_metadata
-from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.disk import sync_folder
 from semmap_log.log.form import ROLL_BYTES
-from semmap_log.log.header import SegmentHeader
-from semmap_log.log.pages import Page
-from semmap_log.log.reader import read_chunk, segment_paths
-from semmap_log.log.rechunk import Pause, needs_compaction, rechunked
-from semmap_log.log.scan import Segment, map_file, open_segment, read_head
+from semmap_log.log.reader import LogReader
+from semmap_log.log.rechunk import needs_compaction, rechunked
+from semmap_log.log.repaging import Pause
+from semmap_log.log.scan import Segment
 
 MERGE_BYTES = ROLL_BYTES
 """Records that a merged segment holds at most, uncompressed."""
@@ -96,68 +94,23 @@ def _small_neighbours(closed: Sequence[Segment]) -> Iterator[tuple[Segment, ...]
 
 
 def _size(segment: Segment) -> int:
-    return sum(chunk.size for chunk in segment.chunks)
+    return int(segment.chunks.rows["size"].sum())
 
 
 def remove_merged(folder: Path) -> list[Path]:
-    """Remove segments that lie wholly inside a merged one; only for who holds the writer's lock.
+    """Remove what a merge that was killed left: segments whose commits lie in a merged one.
+
+    Only for who holds the writer's lock.
 
     Returns:
         What was removed.
 
     Raises:
-        CorruptLogError: The merged segment is damaged; nothing is removed.
+        CorruptLogError: The segments do not fit together; nothing is removed.
     """
-    removed: list[Path] = []
-    for whole, parts in _overlaps(folder):
-        hashes = _commit_hashes(open_segment(whole))
-        for part in parts:
-            if _ends_in(part, hashes):
-                part.unlink()
-                removed.append(part)
-    if removed:
+    leftovers = LogReader(folder).leftovers
+    for path in leftovers:
+        path.unlink()
+    if leftovers:
         sync_folder(folder)
-    return removed
-
-
-def _overlaps(folder: Path) -> list[tuple[Path, list[Path]]]:
-    """Return merged segments with the others whose numbers lie inside theirs."""
-    headers = {path: read_head(path, map_file(path))[0] for path in segment_paths(folder)}
-    found = []
-    for whole, header in headers.items():
-        if header.last_number > header.number:
-            parts = [p for p, h in headers.items() if p != whole and _inside(h, header)]
-            if parts:
-                found.append((whole, parts))
-    return found
-
-
-def _inside(part: SegmentHeader, whole: SegmentHeader) -> bool:
-    return (
-        part.info == whole.info
-        and whole.number <= part.number
-        and part.last_number <= whole.last_number
-        and part.last_number - part.number < whole.last_number - whole.number
-    )
-
-
-def _commit_hashes(segment: Segment) -> set[bytes]:
-    """Return the hashes of all commits of a segment, and the one before them."""
-    hashes = {segment.header.hash_so_far}
-    for chunk in segment.chunks:
-        hashes.update(commit.hash for commit in _page(segment, chunk).commits())
-    return hashes
-
-
-def _ends_in(path: Path, hashes: set[bytes]) -> bool:
-    """Tell whether a segment's last commit is one of these: then all before it are, too."""
-    part = open_segment(path)
-    for chunk in reversed(part.chunks):
-        commits = _page(part, chunk).commits()
-        if commits:
-            return commits[-1].hash in hashes
-    return part.header.hash_so_far in hashes
-
-
-def _page(segment: Segment, chunk: StoredChunk) -> Page:
-    return Page(read_chunk(segment, chunk), segment.header.first_event, segment.path, chunk.offset)
+    return leftovers

@@ -10,8 +10,8 @@ from typing import Any
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import DoorObserved, Event
-from semmap_log.log.reader import read_chunk
 from semmap_log.log.scan import open_segment
+from semmap_log.log.segment_reading import pages_of
 
 
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
@@ -42,9 +42,8 @@ def digest_of_records(log: Path) -> str:
     """Return one digest of all records of a log, in order, however they are chunked."""
     whole = hashlib.sha256()
     for path in segment_files(log):
-        segment = open_segment(path)
-        for chunk in segment.chunks:
-            whole.update(read_chunk(segment, chunk))
+        for page in pages_of(open_segment(path)):
+            whole.update(page.records)
     return whole.hexdigest()
 
 

@@ -20,10 +20,10 @@ from semmap_log.log.chunks import BuiltChunk, build_chunk, walk
 from semmap_log.log.compaction import compact, compact_segment
 from semmap_log.log.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
-from semmap_log.log.reader import read_chunk
 from semmap_log.log.rechunk import needs_compaction, rechunked
 from semmap_log.log.scan import open_segment
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.segment_reading import page_at
 from tests.conftest import SteadyClock
 from tests.log.logs import (
     answers,
@@ -174,8 +174,8 @@ def rewritten(path: Path, change: Callable[[Records], Records]) -> None:
     """Write a segment anew with other records, every CRC and statistic of which is right."""
     segment = open_segment(path)
     records: Records = []
-    for chunk in segment.chunks:
-        data = bytes(read_chunk(segment, chunk))
+    for chunk in range(len(segment.chunks)):
+        data = bytes(page_at(segment, chunk).records)
         starts = [*walk(data).tolist(), len(data)]
         records += [data[a:b] for a, b in pairwise(starts)]
     writer = SegmentWriter(path, segment.header)
