@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
+from itertools import accumulate
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import semmap_log as sl
 from fault_injection.story import Act, SteadyClock, Story
+from semmap_log.appendable_log import Appended
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.exporting import export
 from semmap_log.log.compaction import compact
 
 LEVELS = ("event", "batch", "flush", "none")
+BATCH_EVENTS = 8
+BATCH_S = 3600.0
+"""Never: what is synced when must not hang on how quick the machine is."""
 
 Tell = Callable[[str], None]
 """Takes a line; must have put it into safety outside the log's folder when it returns."""
@@ -70,6 +74,7 @@ class Player:
         self._clock = SteadyClock()
         self._random = Random(0)
         self._accepted = 0
+        self._waits_for: Appended | None = None
         self._exports = 0
 
     def play(self) -> None:
@@ -84,6 +89,7 @@ class Player:
             "append": self._append,
             "repeat": self._repeat,
             "sync": self._sync,
+            "wait": self._wait,
             "reopen": self.close,
             "export": self._export,
             "compact": self._compact,
@@ -92,32 +98,33 @@ class Player:
     def open(self) -> DoorLogWriter:
         """Return the log, open for writing."""
         if self.log is None:
-            about: dict[str, Any] = {"clock": self._clock, "entropy": self._random.randbytes}
-            if "durability" in inspect.signature(sl.append).parameters:
-                about["durability"] = self.durability
-            if list(self.folder.glob("*.mcap")):
-                self.log = sl.append(self.folder, **about)
-            else:
-                self.log = sl.create(self.folder, tz="UTC", **about)
+            make = sl.append if list(self.folder.glob("*.mcap")) else _create
+            self.log = make(
+                self.folder,
+                durability=self.durability,
+                batch_events=BATCH_EVENTS,
+                batch_s=BATCH_S,
+                clock=self._clock,
+                entropy=self._random.randbytes,
+            )
         return self.log
 
     def close(self) -> None:
         """Close the log if it is open."""
         if self.log is not None:
             self.log.close()
-            self.log = None
+            self.log = self._waits_for = None
             self._tell(f"durable {self._accepted}")
 
     def _append(self) -> None:
         wish = self._story.wishes[self._accepted]
         log = self.open()
         self._tell(f"asked {self._accepted + 1}")
-        at_once = self.durability == "event"
-        log.append(wish.events, note=wish.note, command_id=wish.command_id, sync=at_once)
+        appended = log.append(wish.events, note=wish.note, command_id=wish.command_id)
         self._accepted += 1
         self._tell(f"accepted {self._accepted}")
-        if at_once:
-            self._tell(f"durable {self._accepted}")
+        self._waits_for = appended
+        self._tell_durable(log)
 
     def _repeat(self) -> None:
         if self._accepted == 0:
@@ -131,6 +138,22 @@ class Player:
         self.open().sync()
         self._tell(f"durable {self._accepted}")
 
+    def _wait(self) -> None:
+        if self._waits_for is not None:
+            self._waits_for.wait()
+            self._tell(f"durable {self._accepted}")
+
+    def _tell_durable(self, log: DoorLogWriter) -> None:
+        """Tell what the log itself says to be on the disk; check that it is what it promises."""
+        ends = accumulate(len(wish.events) for wish in self._story.wishes)
+        durable = sum(end <= log.durable_before for end in ends)
+        self._tell(f"durable {durable}")
+        unsynced = self._waits_for.commit.last_event + 1 - log.durable_before
+        if self.durability == "event":
+            assert unsynced == 0, "an append returned before it was durable"
+        if self.durability == "batch":
+            assert unsynced < BATCH_EVENTS, f"{unsynced} events of a batch are not durable"
+
     def _export(self) -> None:
         log = self.open()
         self._tell(f"exporting {self._exports + 1}")
@@ -143,3 +166,6 @@ class Player:
         self.close()
         if list(self.folder.glob("*.mcap")):
             compact(self.folder)
+
+
+_create = partial(sl.create, tz="UTC")

@@ -38,13 +38,19 @@ from semmap_log.events import (
 from semmap_log.messages import encode
 
 START_NS = 1_772_400_000 * 10**9
-SMALL_LIMITS = {"ROLL_COMMITS": 7, "CHUNK_BYTES": 4096, "COMPRESS_FROM_BYTES": 3000}
+SMALL_LIMITS = {
+    "ROLL_COMMITS": 7,
+    "CHUNK_BYTES": 4096,
+    "COMPRESS_FROM_BYTES": 3000,
+    "CONTINUE_BELOW_BYTES": 38_000,
+    "MOST_HELD_BACK_BYTES": 3000,
+}
 """Names in the rooms of semmap_log.log; a commit of a hundred events is three chunks."""
 
 SPARE_WISHES = 4
 """For those who go on with a log when the story has ended."""
 
-Act = Literal["append", "repeat", "sync", "reopen", "export", "compact"]
+Act = Literal["append", "repeat", "sync", "wait", "reopen", "export", "compact"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +83,9 @@ def story(seed: int, *, tail: int = 12) -> Story:
         "append", "append", "compact", "append", "repeat", "append", "sync", "append",
     ]  # fmt: skip
     drawn: list[Act] = teller.random.choices(
-        ("append", "repeat", "sync", "reopen", "export", "compact"), (12, 2, 2, 2, 1, 1), k=tail
+        ("append", "repeat", "sync", "wait", "reopen", "export", "compact"),
+        (12, 2, 1, 1, 2, 1, 1),
+        k=tail,
     )
     acts = (*plot, *drawn, "append")
     wishes = acts.count("append") + SPARE_WISHES
