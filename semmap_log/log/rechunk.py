@@ -92,7 +92,7 @@ def _can_join(segment: Segment, i: int) -> bool:
 def _shrinks(segment: Segment, chunk: StoredChunk) -> bool:
     records = bytes(read_chunk(segment, chunk))
     page = Page(records, segment.header.first_event, segment.path, chunk.offset)
-    return _smallest(page).compression == "zstd"
+    return _smallest(page).facts.compression == "zstd"
 
 
 def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> bytes:
@@ -146,7 +146,7 @@ def _smallest(page: Page) -> BuiltChunk:
     """Return the chunk of these records: compressed, unless that makes it no smaller."""
     records = bytes(page.records)
     built = build_chunk(records, page.offsets, compression="zstd")
-    if built.stored_size < built.size:
+    if built.facts.stored_size < built.facts.size:
         return built
     return build_chunk(records, page.offsets, compression="")
 
