@@ -124,7 +124,7 @@ class Player:
         self._accepted += 1
         self._tell(f"accepted {self._accepted}")
         self._waits_for = appended
-        self._tell_durable(log)
+        self._tell_durable(log.durable_before, appended.commit.last_event + 1)
 
     def _repeat(self) -> None:
         if self._accepted == 0:
@@ -143,12 +143,11 @@ class Player:
             self._waits_for.wait()
             self._tell(f"durable {self._accepted}")
 
-    def _tell_durable(self, log: DoorLogWriter) -> None:
+    def _tell_durable(self, durable_before: int, appended_before: int) -> None:
         """Tell what the log itself says to be on the disk; check that it is what it promises."""
         ends = accumulate(len(wish.events) for wish in self._story.wishes)
-        durable = sum(end <= log.durable_before for end in ends)
-        self._tell(f"durable {durable}")
-        unsynced = self._waits_for.commit.last_event + 1 - log.durable_before
+        self._tell(f"durable {sum(end <= durable_before for end in ends)}")
+        unsynced = appended_before - durable_before
         if self.durability == "event":
             assert unsynced == 0, "an append returned before it was durable"
         if self.durability == "batch":

@@ -132,7 +132,7 @@ def arm(
     calls: Call, action: Action, first: int, count: int = 1, error: int = errno.EIO
 ) -> None:  # fmt: skip
     """Do that at the calls of these sorts from the `first` on, counted from 0 and from now."""
-    _library().shim_arm(int(calls), int(action), first, first + count, error)
+    _library().shim_arm(int(calls), int(action), first, min(first + count, FOR_EVER), error)
 
 
 def count(calls: Call) -> None:
