@@ -28,6 +28,7 @@ def create(
     durability: Durability | str = Durability.EVENT,
     batch_events: int = Promise.batch_events,
     batch_s: float = Promise.batch_s,
+    compact: bool = True,
     clock: Clock | None = None,
     entropy: Entropy = os.urandom,
 ) -> DoorLogWriter:
@@ -42,6 +43,7 @@ def create(
             cut), `batch` (soon it does), `flush` (the end of the process) or `none`.
         batch_events: `batch`: so many events at most are not yet synced.
         batch_s: `batch`: after so many seconds at most they are.
+        compact: Put full segments into large compressed chunks, in a background thread.
         clock: Where times come from; default: the machine.
         entropy: Where ids come from; seed it to get the same bytes again.
 
@@ -56,7 +58,7 @@ def create(
     check_text("building", building)
     check_text("robot", robot)
     info = LogInfo(entropy(16).hex(), timezone, building, robot)
-    surroundings = Surroundings(promise, clock or SystemClock(), entropy)
+    surroundings = Surroundings(promise, clock or SystemClock(), entropy, compact)
     return DoorLogWriter(create_log(Path(path), info, surroundings))
 
 
@@ -66,6 +68,7 @@ def append(
     durability: Durability | str = Durability.EVENT,
     batch_events: int = Promise.batch_events,
     batch_s: float = Promise.batch_s,
+    compact: bool = True,
     clock: Clock | None = None,
     entropy: Entropy = os.urandom,
 ) -> DoorLogWriter:
@@ -77,6 +80,7 @@ def append(
             cut), `batch` (soon it does), `flush` (the end of the process) or `none`.
         batch_events: `batch`: so many events at most are not yet synced.
         batch_s: `batch`: after so many seconds at most they are.
+        compact: Put full segments into large compressed chunks, in a background thread.
         clock: Where times come from; default: the machine.
         entropy: Where ids come from; seed it to get the same bytes again.
 
@@ -88,7 +92,7 @@ def append(
     """
     promise = Promise.of(durability, batch_events, batch_s)
     return DoorLogWriter(
-        open_for_append(Path(path), Surroundings(promise, clock or SystemClock(), entropy))
+        open_for_append(Path(path), Surroundings(promise, clock or SystemClock(), entropy, compact))
     )
 
 

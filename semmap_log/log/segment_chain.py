@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError
+from semmap_log.log.background import BackgroundCompactor
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
 from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.form import (
@@ -23,6 +24,7 @@ from semmap_log.log.form import (
     segment_name,
 )
 from semmap_log.log.header import SegmentHeader
+from semmap_log.log.rechunk import needs_compaction
 from semmap_log.log.recovery import reopened
 from semmap_log.log.scan import Segment
 from semmap_log.log.segment import SegmentWriter
@@ -34,7 +36,13 @@ class SegmentChain:
     Every method may raise OSError; after that the live segment must only be abandoned.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, compacts: bool) -> None:
+        """Prepare.
+
+        Args:
+            folder: The log's.
+            compacts: Whether full segments are compacted in the background.
+        """
         self.folder = folder
         self.live: SegmentWriter | None = None
         self._header: SegmentHeader
@@ -46,6 +54,8 @@ class SegmentChain:
         self._closed: dict[str, ClosedSegment] = {}
         self._listing = threading.Lock()
         """Held while metadata.yaml is made: the background thread changes it, too."""
+        self._compacts = compacts
+        self._compactor = BackgroundCompactor(self._compacted)
 
     def begin(self, header: SegmentHeader, keyframe: BuiltChunk) -> None:
         """Start a segment: head, keyframe, its name on disk."""
@@ -68,6 +78,8 @@ class SegmentChain:
         self._older, self._header, self._small = older, last.header, last
         if not last.closed:
             self.continue_last()
+        for segment in reversed(_left_to_compact(older)):
+            self._compact(segment.path)
 
     def continue_last(self) -> None:
         """Make the last segment live again, in a copy, if it is small; else close it."""
@@ -82,7 +94,7 @@ class SegmentChain:
         segment.install()
         self.live = segment
         if segment.size >= CONTINUE_BELOW_BYTES:
-            self.close_live()
+            self.roll()
 
     def is_full(self, now_ns: int) -> bool:
         """Tell whether the live segment wants another after it."""
@@ -92,6 +104,13 @@ class SegmentChain:
             or live.commits >= ROLL_COMMITS
             or now_ns - live.start_ns >= ROLL_AGE_NS
         )
+
+    def roll(self) -> None:
+        """Close the live segment, since another will follow, and have it compacted."""
+        segment = self.live
+        self.close_live()
+        if segment is not None:
+            self._compact(segment.path)
 
     def close_live(self) -> None:
         """Give the live segment its index and footer, so that every tool reads it."""
@@ -110,6 +129,25 @@ class SegmentChain:
             self.live.abandon()
             self.live = None
 
+    def rest(self, *, wait: bool) -> None:
+        """End the background thread; what it has not done is left to the next writer.
+
+        Args:
+            wait: Let it finish the segment that it is at.
+        """
+        self._compactor.close(wait=wait)
+
+    def _compact(self, path: Path) -> None:
+        if self._compacts:
+            self._compactor.add(path)
+
+    def _compacted(self, path: Path, closed: ClosedSegment) -> None:
+        """Take in that a segment was replaced; called by the background thread."""
+        with self._listing:
+            self._closed[path.name] = closed
+            if not self._older:
+                write_bag_metadata(self.folder, self._closed.values())
+
     def _list(self, *closed: ClosedSegment) -> None:
         """Write metadata.yaml anew, with what was closed."""
         with self._listing:
@@ -120,3 +158,14 @@ class SegmentChain:
             for one in closed:
                 self._closed[one.name] = one
             write_bag_metadata(self.folder, self._closed.values())
+
+
+def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
+    """Return the last segments that the writers before did not get to, the last first."""
+    found = []
+    with suppress(CorruptLogError):  # who reads it is told
+        for segment in reversed(closed):
+            if not needs_compaction(segment):
+                break
+            found.append(segment)
+    return found

@@ -32,6 +32,8 @@ class Surroundings:
     promise: Promise = field(default_factory=Promise)
     clock: Clock = field(default_factory=SystemClock)
     entropy: Entropy = os.urandom
+    compacts: bool = True
+    """Whether full segments are put into large compressed chunks in the background."""
 
 
 class LogWriter:
@@ -52,7 +54,7 @@ class LogWriter:
         self.last_ns = 0
         self._last_hash = NO_HASH
         self._lock = lock
-        self._chain = SegmentChain(folder)
+        self._chain = SegmentChain(folder, compacts=surroundings.compacts)
         self._state = WrittenState(folder, state, self.flush)
         self._commands = CommandMemory(folder, self.flush)
         self._syncs = SharedSync()
@@ -232,6 +234,7 @@ class LogWriter:
             self._timer.close()
             if os.getpid() == self._pid:
                 self._close_or_abandon()
+                self._chain.rest(wait=not self._poison)
         except OSError as error:
             self._poisoned(error.strerror)
             raise LogPoisonedError(
@@ -292,7 +295,7 @@ class LogWriter:
             if chain.live is None:
                 chain.continue_last()
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
-                chain.close_live()
+                chain.roll()
                 self.last_ns = max(wall_ns, self.last_ns + 1)
                 keyframe = keyframes.keyframe_chunk(self.state, self.last_ns)
                 chain.begin_next(self.next_event, self._last_hash, keyframe)

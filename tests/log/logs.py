@@ -17,7 +17,7 @@ from semmap_log.log.scan import open_segment
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
     """Write a log of a door that opens and closes; `clock` repeats if it must."""
     made = {"clock": clock} if clock else {}
-    with sl.create(path, tz="UTC", **made) as log:
+    with sl.create(path, tz="UTC", compact=False, **made) as log:
         door = log.add_door(actor="survey", reason="first visit")
         for number in range(commits - 1):
             log.append(sightings(door, per_commit, number), sync=False)

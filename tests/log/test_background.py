@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from semmap_log.errors import LogError
-from semmap_log.log import background
-from semmap_log.log import writer as writer_module
+from semmap_log.log import background, segment_chain
 from semmap_log.log.background import BackgroundCompactor
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
 from semmap_log.log.rechunk import needs_compaction
@@ -26,7 +25,7 @@ from tests.log.logs import digest_of_records, segment_files, write_log
 @pytest.fixture
 def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A log of three closed segments of many small chunks."""
-    monkeypatch.setattr(writer_module, "ROLL_COMMITS", 100)
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 100)
     return write_log(tmp_path / "log", 250)
 
 

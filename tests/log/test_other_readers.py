@@ -69,7 +69,7 @@ def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
     """A log of three segments with every kind of event, levels, notes and a long commit."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 20)
     path = tmp_path / "building one"
-    with sl.create(path, tz="Europe/Vienna", robot="r2") as made:
+    with sl.create(path, tz="Europe/Vienna", robot="r2", compact=False) as made:
         made.append(ONE_OF_EACH, note=sl.Note(actor="survey", reason="first visit"))
         for i in range(50):
             made.observe(DOOR, "open" if i % 2 else "closed", accuracy=0.9, at=1000 + i)

@@ -137,7 +137,7 @@ def test_a_missing_segment_is_noticed(tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 2)
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as log:
+    with sl.create(path, tz="UTC", compact=False) as log:
         for _ in range(6):
             log.add_door()
     for name, problem in (("000000", "one is missing"), ("000001", "one is missing")):

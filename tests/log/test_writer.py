@@ -107,7 +107,7 @@ def test_segments_roll(
     limit = {"ROLL_COMMITS": 5, "ROLL_BYTES": 20_000, "ROLL_AGE_NS": 10 * 10**6}[rule]
     monkeypatch.setattr(segment_chain, rule, limit)
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC", clock=clock) as log:
+    with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
         for _ in range(40):
             log.add_door()
 
@@ -129,7 +129,7 @@ def test_the_chain_of_hashes_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as log:
+    with sl.create(path, tz="UTC", compact=False) as log:
         for i in range(10):
             log.add_door(name=f"door {i}", actor="me")
     previous, checked = bytes(32), 0
