@@ -11,10 +11,16 @@ from fault_injection.rivals import rivals
 from fault_injection.sectors import sectors
 from fault_injection.segments import segments
 from fault_injection.signals import signals
+from fault_injection.simulated_disk import simulated_disk
+from fault_injection.syscall_errors import syscall_errors
+from fault_injection.syscall_kills import syscall_kills
 
 KINDS: dict[str, Kind] = {
-    "flips": flips,
+    "disk": simulated_disk,
+    "syscalls": syscall_kills,
+    "errors": syscall_errors,
     "cuts": cuts,
+    "flips": flips,
     "sectors": sectors,
     "segments": segments,
     "rivals": rivals,

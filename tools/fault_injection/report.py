@@ -70,10 +70,15 @@ def show(tallies: Sequence[Tally], seed: int) -> None:
             console.print(f"NOT TRIED: {tally.kind}: {tally.skipped}", style="bold")
         for bad in tally.bad[:MOST_SHOWN]:
             console.print(f"{tally.kind}: {bad.fault}: lost {bad.lost}, invented {bad.invented}. "
-                          f"{bad.problem}{f' Kept: {bad.kept}' if bad.kept else ''}",
+                          f"{_last_line(bad.problem)}{f' Kept: {bad.kept}' if bad.kept else ''}",
                           style="red", soft_wrap=True, markup=False)  # fmt: skip
         if len(tally.bad) > MOST_SHOWN:
             console.print(f"{tally.kind}: … and {len(tally.bad) - MOST_SHOWN} more", style="red")
+
+
+def _last_line(problem: str) -> str:
+    """Return what a traceback ends with; all of it is in the JSON."""
+    return problem.strip().rpartition("\n")[2]
 
 
 def to_json(tallies: Sequence[Tally], seed: int) -> dict[str, Any]:
