@@ -72,13 +72,14 @@ def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:
     listed = list(segments)
     path = folder / BAG_METADATA_NAME
     if listed:
-        replace_file(path, _text(listed).encode())
+        replace_file(path, bag_metadata_text(listed).encode())
     elif path.exists():
         path.unlink()
         sync_folder(folder)
 
 
-def _text(segments: list[ClosedSegment]) -> str:
+def bag_metadata_text(segments: list[ClosedSegment]) -> str:
+    """Return the text of metadata.yaml for these segments, at least one."""
     counts: Counter[int] = Counter()
     for segment in segments:
         counts.update(segment.counts)
