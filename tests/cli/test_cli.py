@@ -33,6 +33,7 @@ VERBS = [
     "diff",
     "export",
     "info",
+    "verify",
     "view",
 ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from mcap.opcode import Opcode
@@ -26,7 +26,7 @@ from semmap_log.log.header import read_index
 from semmap_log.log.segment import channel_record, schema_records
 from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
 from semmap_log.log.verification.pieces import Piece
-from semmap_log.log.verification.walk import Flaw
+from semmap_log.log.verification.walk import Flaw, schemas_and_channels
 
 SECTOR = 512
 
@@ -189,22 +189,21 @@ def _records_behind(
         MetadataIndex(length=contents.header_end - head, name=LOG_METADATA, offset=head),
         MetadataIndex(length=index_length, name=INDEX_METADATA, offset=at),
     ]
-    channels = [channel_record(topic) for topic in topics()]
-    channels += [channel_record(floor_map_topic(level)) for level in sorted(contents.levels)]
-    groups: list[tuple[Opcode, str, list[McapRecord]]] = [
-        (Opcode.SCHEMA, "a Schema of the summary", list(schema_records())),
-        (Opcode.CHANNEL, "a Channel of the summary", list(channels)),
-        (Opcode.STATISTICS, "the Statistics", [contents.statistics(len(metadata))]),
-        (Opcode.CHUNK_INDEX, "a ChunkIndex", list(contents.chunks)),
-        (Opcode.METADATA_INDEX, "a MetadataIndex", list(metadata)),
+    levels = [channel_record(floor_map_topic(level)) for level in sorted(contents.levels)]
+    known = list(schemas_and_channels())
+    groups: list[tuple[Opcode, list[tuple[str, bytes]]]] = [
+        (Opcode.SCHEMA, known[: len(schema_records())]),
+        (Opcode.CHANNEL, known[len(schema_records()) :] + _named("a Channel", levels)),
+        (Opcode.STATISTICS, _named("the Statistics", [contents.statistics(len(metadata))])),
+        (Opcode.CHUNK_INDEX, _named("a ChunkIndex", contents.chunks)),
+        (Opcode.METADATA_INDEX, _named("a MetadataIndex", metadata)),
     ]
     parts: list[bytes] = []
     offsets, end = b"", start
-    for opcode, name, group in groups:
+    for opcode, group in groups:
         group_start = end
-        for one in group:
-            data = mcap.record(one)
-            yield name, data
+        for name, data in group:
+            yield f"{name} of the summary", data
             parts.append(data)
             end += len(data)
         if group:
@@ -214,3 +213,7 @@ def _records_behind(
     behind = mcap.record(footer)
     crc = zlib.crc32(b"".join((*parts, offsets, behind[:-4])))
     yield "the Footer", behind[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC
+
+
+def _named(name: str, records: Sequence[McapRecord]) -> list[tuple[str, bytes]]:
+    return [(name, mcap.record(one)) for one in records]

@@ -72,6 +72,12 @@ def number_in(name: str) -> int | None:
     return int(found[1]) if found else None
 
 
+def name_of(file: SegmentFile, number: int) -> Path:
+    """Return the name that the segment of another number must have beside this one."""
+    stem = _NUMBER.sub("", file.path.name).removesuffix(".mcap")
+    return file.path.with_name(f"{stem}_{number:06d}.mcap")
+
+
 class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins anew
     """A file was replaced or removed since it was listed: a compaction is at work."""
 

@@ -20,7 +20,7 @@ from semmap_log.log.verification.closing import (
     is_whole_closing,
     summary_flaws,
 )
-from semmap_log.log.verification.files import SegmentFile, Vanished, first_bytes, mapped
+from semmap_log.log.verification.files import SegmentFile, Vanished, first_bytes, mapped, name_of
 from semmap_log.log.verification.findings import Finding, Severity, Verification
 from semmap_log.log.verification.folder import Arrangement, arrange, bag_metadata_findings
 from semmap_log.log.verification.keyframes import KeyframeCheck, Place
@@ -117,7 +117,7 @@ class Verifier:
         is_last = i == len(self.arrangement.segments) - 1
         is_live = is_last and not file.is_closed
         contents = Contents(file.header_end, is_complete=file.header_end > 0)
-        self._check_place(file, contents, is_last=is_last)
+        self._check_place(file, contents)
         with mapped(file) as (data, unreadable):
             self._bytes += len(data)
             for start, end in unreadable:
@@ -129,20 +129,22 @@ class Verifier:
             self._breaks = self.chain.breaks
             self._keyframes.forget()
 
-    def _check_place(self, file: SegmentFile, contents: Contents, *, is_last: bool) -> None:
-        """Check what the heads say: that nothing is missing before, and that it was closed."""
+    def _check_place(self, file: SegmentFile, contents: Contents) -> None:
+        """Check what the head says, and that nothing is missing before it."""
         missing_from = self.arrangement.missing.get(file.number)
         if missing_from is not None and self.path != file.path:
-            name = self.arrangement.folder / f"(segment {missing_from})"
             many = file.number - missing_from
-            what = "segment is" if many == 1 else f"{many} segments from here on are"
-            self.chain.wrong("missing", name, None, f"the {what} missing before {file.path.name}")
+            what = (
+                f"segment {missing_from} is"
+                if many == 1
+                else (f"segments {missing_from}..{file.number - 1} are")
+            )
+            path = name_of(file, missing_from)
+            self.chain.wrong("missing", path, None, f"{what} missing before {file.path.name}")
         if file.problem:
             at = 0 if "magic" in file.problem else len(first_bytes())
             self._damage("header", at, file.problem)
             contents.is_flawless = False
-        if not file.is_closed and not is_last:
-            self._damage("shortened", None, "not closed, and segments follow it: its end was cut")
         self.chain.begin_segment(file.path, file.header)
 
     def _chunks(self, i: int, walk: SegmentWalk, contents: Contents, *, is_live: bool) -> bool:
@@ -199,10 +201,11 @@ class Verifier:
         data, at = walk.file, walk.pieces_end
         if is_live:
             self._end_of_live(walk, contents)
+        elif contents.is_complete and not file.is_closed and is_whole_closing(data, at, contents):
+            self._report_all(closing_flaws(data, at, contents))
         elif not file.is_closed:
-            if walk.problem or self.chain.is_inside_commit:
-                text = walk.problem or "the file ends in the middle of a commit"
-                self.chain.wrong("chunk", file.path, at, text)
+            text = "segments follow it, so it was closed once, but no footer ends it: it was cut"
+            self.chain.wrong("shortened", file.path, at, text)
         elif not contents.is_complete:
             self._report_all(summary_flaws(data))
         elif data[at] == Opcode.METADATA:
@@ -266,8 +269,14 @@ class Verifier:
 
     def _folder(self, found: Arrangement) -> None:
         """Compare what metadata.yaml knows; a leftover's hash must have come by now."""
+        damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
         is_all = len(self._closed) == sum(file.is_closed for file in found.segments)
-        self.findings += bag_metadata_findings(found, self._closed if is_all else None)
+        closed = self._closed if is_all else None
+        self.findings += [
+            finding
+            for finding in bag_metadata_findings(found, closed)
+            if finding.path not in damaged
+        ]
         for path, _ in self._merged.values():
             text = "its number is that of a merged segment, but its commits are not in that one"
             self.findings.append(Finding("duplicated", Severity.DAMAGE, path, None, None, text))

@@ -87,7 +87,7 @@ class SegmentWalk:
     def _schemas_and_channels(self) -> Iterator[Flaw]:
         """Compare every Schema and Channel with ours, byte for byte."""
         at = self._header_end
-        for name, data in _expected_head():
+        for name, data in schemas_and_channels():
             if self.file[at : at + len(data)] != data:
                 yield Flaw("schema", at, f"{name} is not ours")
             at += len(data)
@@ -144,7 +144,7 @@ def _durable_before(piece: Piece) -> Iterator[int]:
 
 
 @cache
-def _expected_head() -> tuple[tuple[str, bytes], ...]:
+def schemas_and_channels() -> tuple[tuple[str, bytes], ...]:
     """Return the name and the bytes of each Schema and Channel, in order."""
     schemas = [(f"the Schema {one.name}", mcap.record(one)) for one in schema_records()]
     channels = [(f"the Channel {t.topic}", mcap.record(channel_record(t))) for t in topics()]

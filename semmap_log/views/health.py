@@ -1,0 +1,111 @@
+"""How a log is, in words: for `verify`, `recover` and `info`. Fits 80 columns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from semmap_log.log.verification import Finding, Verification
+
+VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
+"""Exit code of `verify` -> what it says."""
+
+SEVERITY_STYLES = {
+    "NOTE": "dim",
+    "WARNING": "yellow",
+    "TORN": "yellow",
+    "DAMAGE": "red",
+    "NOT_A_LOG": "red",
+}
+MOST_NOTES = 20
+"""Of suspect clocks and their like; damage is always shown whole."""
+
+
+def verdict(found: Verification) -> str:
+    """Return in two words how a log is."""
+    return VERDICTS[found.exit_code]
+
+
+def verification_report(found: Verification) -> RenderableType:
+    """Return what was read, what was found in it, and what to do about it."""
+    if found.exit_code == 5:
+        return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))
+    checked = (
+        f"{found.events:,} events in {found.commits:,} commits, "
+        f"{found.size / 1e6:,.1f} MB in {files(found.segments)}"
+    )
+    said = Text.assemble(plain_text(str(found.path)), f": {verdict(found)}; {checked}")
+    parts: list[RenderableType] = [said]
+    if found.events_after_head is not None:
+        parts.append(Text(f"holds the head asked for; {found.events_after_head:,} events since"))
+    notes = 0
+    for finding in found.findings:
+        notes += finding.severity.name == "NOTE"
+        if notes <= MOST_NOTES or finding.severity.name != "NOTE":
+            parts += _finding(finding)
+    if notes > MOST_NOTES:
+        parts.append(Text(f"… and {notes - MOST_NOTES} more notes (all: --json)", style="dim"))
+    parts.append(Text(f"head {found.head.hex()}"))
+    if found.exit_code == 0 and found.events_after_head is None:
+        parts.append(head_hint(str(found.path)))
+    if todo := _what_to_do(found):
+        parts.append(Text(todo))
+    return Group(*parts)
+
+
+def head_hint(log: str) -> Text:
+    """Return what a log's head is good for."""
+    return Text("Keep it elsewhere; a cut tail then shows: ", style="dim").append_text(
+        plain_text(f"semmap-log verify {log} --head HASH")
+    )
+
+
+def files(count: int) -> str:
+    """Return a number of files."""
+    return f"{count:,} file{'' if count == 1 else 's'}"
+
+
+def events_in_words(events: tuple[int, int | None]) -> str:
+    """Return which events, in words."""
+    first, last = events
+    if last is None:
+        return f"events from {first} on"
+    return f"event {first}" if first == last else f"events {first}..{last}"
+
+
+def plain_text(text: str, *, style: str = "") -> Text:
+    """Return a text that comes from outside: characters that steer a terminal are spelt out."""
+    return Text("".join(c if c.isprintable() else repr(c)[1:-1] for c in text), style=style)
+
+
+def _finding(finding: Finding) -> list[RenderableType]:
+    """Return where it is in one line, and below what it is."""
+    name = finding.severity.name
+    where = Text.assemble((name.lower().replace("_", " "), SEVERITY_STYLES[name]), "  ")
+    where.append_text(plain_text(finding.path.name))
+    if finding.offset is not None:
+        where.append(f", byte {finding.offset}")
+    if finding.events is not None:
+        lost = " lost" if name == "DAMAGE" else ""
+        where.append(f", {events_in_words(finding.events)}{lost}")
+    return [where, Padding(plain_text(finding.text), (0, 0, 0, 8), expand=False)]
+
+
+def _what_to_do(found: Verification) -> str:
+    if found.exit_code == 4:
+        return (
+            "To do: take a copy of the folder from a backup if there is one; else "
+            "`semmap-log recover LOG` shows what can be saved."
+        )
+    if found.exit_code == 3:
+        return (
+            "To do: nothing. The next writer keeps the torn tail beside the log and goes on; if "
+            "one is at work now, it is a commit that is just being written."
+        )
+    return ""
