@@ -35,7 +35,7 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.log import writer as writer_module
+from semmap_log.log import segment_chain
 from semmap_log.log.compaction import compact
 
 DOOR = DoorId(1)
@@ -67,9 +67,9 @@ ONE_OF_EACH: list[Event] = [
 @pytest.fixture(params=["as written", "compacted"])
 def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A log of three segments with every kind of event, levels, notes and a long commit."""
-    monkeypatch.setattr(writer_module, "ROLL_COMMITS", 20)
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 20)
     path = tmp_path / "building one"
-    with sl.create(path, tz="Europe/Vienna", robot="r2") as made:
+    with sl.create(path, tz="Europe/Vienna", robot="r2", compact=False) as made:
         made.append(ONE_OF_EACH, note=sl.Note(actor="survey", reason="first visit"))
         for i in range(50):
             made.observe(DOOR, "open" if i % 2 else "closed", accuracy=0.9, at=1000 + i)

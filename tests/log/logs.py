@@ -1,0 +1,48 @@
+"""Logs for the tests of compaction, and what to compare of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import semmap_log as sl
+from semmap_log.doors import DoorId, DoorState
+from semmap_log.events import DoorObserved, Event
+from semmap_log.log.reader import read_chunk
+from semmap_log.log.scan import open_segment
+
+
+def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
+    """Write a log of a door that opens and closes; `clock` repeats if it must."""
+    made = {"clock": clock} if clock else {}
+    with sl.create(path, tz="UTC", compact=False, **made) as log:
+        door = log.add_door(actor="survey", reason="first visit")
+        for number in range(commits - 1):
+            log.append(sightings(door, per_commit, number), sync=False)
+        log.sync()
+    return path
+
+
+def sightings(door: DoorId, count: int, start: int = 0) -> Iterator[Event]:
+    """Yield sightings of a door, no two the same."""
+    for i in range(count):
+        state = DoorState.OPEN if (start + i) % 2 else DoorState.CLOSED
+        accuracy = 0.5 + ((start + i) % 1000) / 2000
+        yield DoorObserved(door_id=door, state=state, accuracy_open=accuracy, accuracy_closed=0.9)
+
+
+def segment_files(log: Path) -> list[Path]:
+    """Return a log's segments, by name."""
+    return sorted(log.glob("*.mcap"))
+
+
+def digest_of_records(log: Path) -> str:
+    """Return one digest of all records of a log, in order, however they are chunked."""
+    whole = hashlib.sha256()
+    for path in segment_files(log):
+        segment = open_segment(path)
+        for chunk in segment.chunks:
+            whole.update(read_chunk(segment, chunk))
+    return whole.hexdigest()
