@@ -9,7 +9,6 @@ from rich.padding import Padding
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from pathlib import Path
 
     from semmap_log.log.verification import Finding, Verification
 

@@ -225,9 +225,9 @@ class Verifier:
             if unfinished:
                 text = f"a commit that was not finished: {unfinished} events without their Commit"
                 self._torn(at, at, text)
-        elif is_torn_closing(data, at, contents):
+        elif contents.is_complete and is_torn_closing(data, at, contents):
             self._torn(at, len(data), "the closing was not finished")
-        elif is_whole_closing(data, at, contents):
+        elif contents.is_complete and is_whole_closing(data, at, contents):
             self._report_all(closing_flaws(data, at, contents))
         else:
             self._torn(at, len(data), walk.problem)
