@@ -19,6 +19,7 @@ from semmap_log.cli import (
     observe,
     patrol,
     record,
+    recover,
     remove,
     replay,
     show,
@@ -85,4 +86,5 @@ app.command("diff", short_help="Show what differs between two moments.")(diff.ru
 app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
 app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
+app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)
 app.command("view", short_help="Look at the history in rerun.")(view.run)

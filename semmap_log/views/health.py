@@ -8,9 +8,11 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-if TYPE_CHECKING:
+from semmap_log.log.verification.findings import Finding, Severity, Verification
+from semmap_log.moments import format_local
 
-    from semmap_log.log.verification import Finding, Verification
+if TYPE_CHECKING:
+    from semmap_log.log.salvage import Loss, Recovered, Survey
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
 """Exit code of `verify` -> what it says."""
@@ -108,3 +110,64 @@ def _what_to_do(found: Verification) -> str:
             "one is at work now, it is a commit that is just being written."
         )
     return ""
+
+
+def recovery_report(found: Survey, done: Recovered | None) -> RenderableType:
+    """Return what a recovery saves and loses, and where things are once it is done.
+
+    Args:
+        found: What was found.
+        done: What was done about it; None: nothing, it was only asked.
+    """
+    name = plain_text(str(found.path))
+    if not found.has_to_do:
+        said = Text.assemble(name, ": nothing to recover")
+        if found.verification.of(Severity.TORN):
+            said.append("; it has a torn tail, which the next writer puts in order")
+        if done and done.kept:
+            said.append(f"; a recovery that was interrupted is finished, see {done.kept}")
+        return said
+    tz = found.info.timezone if found.info else "UTC"
+    saved = f"{found.events:,} events in {found.commits:,} commits"
+    parts: list[RenderableType] = [
+        Text.assemble(name, f": {'saved' if done else 'would be saved'} {saved}")
+    ]
+    if found.span_ns:
+        first, last = (format_local(ns, tz) for ns in found.span_ns)
+        parts.append(Text(f"recorded {first} to {last}"))
+    for loss in found.losses:
+        parts += _loss(loss, tz)
+    if not found.losses:
+        parts.append(Text("no event is lost"))
+    if found.doors:
+        doors = ", ".join(map(str, found.doors))
+        parts.append(Text(f"doors that have events, but are not added any more: {doors}"))
+    if found.dropped:
+        numbers = ", ".join(map(str, found.dropped))
+        parts.append(Text(f"dropped, since they retract lost events only: {numbers}"))
+    if not found.keeps_numbers:
+        parts.append(Text("behind the first gap events get new numbers, and the log a new id"))
+    parts += _where(done) if done else [Text("Nothing was written. To do it: add --yes.")]
+    return Group(*parts)
+
+
+def _loss(loss: Loss, tz: str) -> list[RenderableType]:
+    span = [
+        f"{word} {format_local(ns, tz)}"
+        for word, ns in (("after", loss.after_ns), ("before", loss.before_ns))
+        if ns is not None
+    ]
+    events = events_in_words((loss.first_event, loss.last_event))
+    head = Text.assemble(("lost", "red"), f"  {events}, recorded {' and '.join(span)}".rstrip())
+    why = [
+        Padding(plain_text(f"{', '.join(loss.files)}: {text}"), (0, 0, 0, 6), expand=False)
+        for text in loss.why
+    ]
+    return [head, *why]
+
+
+def _where(done: Recovered) -> list[RenderableType]:
+    said: list[RenderableType] = [plain_text(f"whole again: {done.log}")]
+    if done.kept:
+        said.append(plain_text(f"the damaged files: {done.kept}"))
+    return said

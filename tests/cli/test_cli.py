@@ -34,6 +34,7 @@ VERBS = [
     "export",
     "info",
     "verify",
+    "recover",
     "view",
 ]
 

@@ -11,7 +11,16 @@ closing     index, summary and footer, computed anew
 run         all of it
 """
 
+from semmap_log.log.verification.chain import WholeCommit
 from semmap_log.log.verification.findings import Finding, Severity, Verification
-from semmap_log.log.verification.run import Verifier, verify
+from semmap_log.log.verification.run import Progress, Verifier, verify
 
-__all__ = ["Finding", "Severity", "Verification", "Verifier", "verify"]
+__all__ = [
+    "Finding",
+    "Progress",
+    "Severity",
+    "Verification",
+    "Verifier",
+    "WholeCommit",
+    "verify",
+]

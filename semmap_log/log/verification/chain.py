@@ -33,7 +33,6 @@ SEQUENCE_RANGE = 2**32
 class Part:
     """What a commit has in one chunk."""
 
-    path: Path
     piece: Piece
     first: int
     """Its first message there, by its place in `piece.messages`."""
@@ -47,6 +46,7 @@ class WholeCommit:
 
     commit: Commit
     parts: list[Part]
+    """Its events and its note; empty where nobody asked for them."""
 
 
 OnCommit = Callable[[WholeCommit], None]
@@ -75,6 +75,12 @@ class _Pending:
             digest = self.digests[channel] = hashlib.sha256()
         digest.update(record)
 
+    def keep(self, piece: Piece, i: int) -> None:
+        """Remember where its records are."""
+        if not self.parts or self.parts[-1].piece is not piece:
+            self.parts.append(Part(piece, i, i))
+        self.parts[-1].last = i + 1
+
     def wrong(self, problem: str) -> None:
         """Remember the first thing that is wrong with it."""
         self.problem = self.problem or problem
@@ -83,12 +89,15 @@ class _Pending:
 class Chain:
     """Takes chunk after chunk of a log, in order, and reports what does not follow."""
 
-    def __init__(self, report: Report, on_commit: OnCommit | None = None) -> None:
+    def __init__(
+        self, report: Report, on_commit: OnCommit | None = None, *, keep_parts: bool = False
+    ) -> None:
         """Begin before the first segment.
 
         Args:
             report: Takes each finding.
             on_commit: Takes each commit that is whole and in its place.
+            keep_parts: Whether to tell it where the commit's records are.
         """
         self.next_event = 0
         self.head = NO_HASH
@@ -101,6 +110,7 @@ class Chain:
         """How often something was wrong with it."""
         self._report = report
         self._on_commit = on_commit
+        self._keep_parts = keep_parts
         self._pending: _Pending | None = None
         self._open: list[Finding] = []
         self._path = Path()
@@ -210,9 +220,8 @@ class Chain:
         pending = self._pending
         if pending is None:
             pending = self._pending = _Pending(self._number(sequence))
-        if not pending.parts or pending.parts[-1].piece is not piece:
-            pending.parts.append(Part(self._path, piece, i, i))
-        pending.parts[-1].last = i + 1
+        if self._keep_parts:
+            pending.keep(piece, i)
         pending.add(channel, record, log_ns)
         expected = pending.first_event + pending.count
         if channel == NOTE_CHANNEL:
@@ -273,7 +282,6 @@ class Chain:
         commit = Commit(
             recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
         )
-        pending.parts.append(Part(self._path, piece, i, i + 1))
         self._place(WholeCommit(commit, pending.parts), offset)
 
     def _place(self, whole: WholeCommit, offset: int) -> None:

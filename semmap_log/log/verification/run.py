@@ -68,9 +68,20 @@ class Verifier:
         head: bytes | None = None,
         progress: Progress | None = None,
         on_commit: OnCommit | None = None,
+        *,
+        keep_parts: bool = False,
     ) -> None:
+        """Prepare to read.
+
+        Args:
+            path: As for `verify`.
+            head: As for `verify`.
+            progress: As for `verify`.
+            on_commit: Takes each commit that is whole and in its place.
+            keep_parts: Whether it wants the commit's records: a long commit is in memory then.
+        """
         self.path = path
-        self.chain = Chain(self._report, self._commit)
+        self.chain = Chain(self._report, self._commit, keep_parts=keep_parts)
         self.arrangement = Arrangement(path)
         self.findings: list[Finding] = []
         self._head = head
