@@ -38,13 +38,14 @@ def verification_report(found: Verification) -> RenderableType:
     if found.exit_code == 5:
         return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))
     checked = (
-        f"{found.events:,} events in {found.commits:,} commits, "
-        f"{found.size / 1e6:,.1f} MB in {files(found.segments)}"
+        f"{count(found.events, 'event')} in {count(found.commits, 'commit')}, "
+        f"{found.size / 1e6:,.1f} MB in {count(found.segments, 'file')}"
     )
     said = Text.assemble(plain_text(str(found.path)), f": {verdict(found)}; {checked}")
     parts: list[RenderableType] = [said]
-    if found.events_after_head is not None:
-        parts.append(Text(f"holds the head asked for; {found.events_after_head:,} events since"))
+    since = found.events_after_head
+    if since is not None:
+        parts.append(Text(f"holds the head asked for, and {count(since, 'event')} since"))
     notes = 0
     for finding in found.findings:
         notes += finding.severity.name == "NOTE"
@@ -53,7 +54,7 @@ def verification_report(found: Verification) -> RenderableType:
     if notes > MOST_NOTES:
         parts.append(Text(f"… and {notes - MOST_NOTES} more notes (all: --json)", style="dim"))
     parts.append(Text(f"head {found.head.hex()}"))
-    if found.exit_code == 0 and found.events_after_head is None:
+    if found.exit_code == 0 and since is None:
         parts.append(head_hint(str(found.path)))
     if todo := _what_to_do(found):
         parts.append(Text(todo))
@@ -62,14 +63,14 @@ def verification_report(found: Verification) -> RenderableType:
 
 def head_hint(log: str) -> Text:
     """Return what a log's head is good for."""
-    return Text("Keep it elsewhere; a cut tail then shows: ", style="dim").append_text(
+    return Text("Keep the head elsewhere; a cut tail then shows: ", style="dim").append_text(
         plain_text(f"semmap-log verify {log} --head HASH")
     )
 
 
-def files(count: int) -> str:
-    """Return a number of files."""
-    return f"{count:,} file{'' if count == 1 else 's'}"
+def count(number: int, what: str) -> str:
+    """Return how many of a thing."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def events_in_words(events: tuple[int, int | None]) -> str:
@@ -128,7 +129,7 @@ def recovery_report(found: Survey, done: Recovered | None) -> RenderableType:
             said.append(f"; a recovery that was interrupted is finished, see {done.kept}")
         return said
     tz = found.info.timezone if found.info else "UTC"
-    saved = f"{found.events:,} events in {found.commits:,} commits"
+    saved = f"{count(found.events, 'event')} in {count(found.commits, 'commit')}"
     parts: list[RenderableType] = [
         Text.assemble(name, f": {'saved' if done else 'would be saved'} {saved}")
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -283,11 +284,10 @@ class Verifier:
         damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
         is_all = len(self._closed) == sum(file.is_closed for file in found.segments)
         closed = self._closed if is_all else None
-        self.findings += [
-            finding
-            for finding in bag_metadata_findings(found, closed)
-            if finding.path not in damaged
-        ]
+        for finding in bag_metadata_findings(found, closed):
+            if finding.path not in damaged:
+                lost = (self.chain.next_event, None) if finding.kind == "missing" else None
+                self.findings.append(replace(finding, events=lost))
         for path, _ in self._merged.values():
             text = "its number is that of a merged segment, but its commits are not in that one"
             self.findings.append(Finding("duplicated", Severity.DAMAGE, path, None, None, text))
