@@ -279,9 +279,14 @@ class AppendableLog(DoorLog):
         poses = self._poses
         gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses))
         try:
-            events = _checked(make(), gatekeeper)
+            events = make()
+            if isinstance(events, (list, tuple)):
+                gatekeeper.check_all(events)
+                events = [*poses, *events]
+            else:
+                events = chain(poses, _checked(events, gatekeeper))
             commit = self._writer.append(
-                chain(poses, events) if poses else events,
+                events,
                 note=note,
                 command_id=command_id,
                 content=content,

@@ -9,6 +9,7 @@ import typer
 from semmap_log.cli import (
     add,
     annotate,
+    compact,
     demo,
     diff,
     export,
@@ -87,4 +88,5 @@ app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
 app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
 app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)
+app.command("compact", short_help="Make a log smaller.")(compact.run)
 app.command("view", short_help="Look at the history in rerun.")(view.run)

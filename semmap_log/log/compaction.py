@@ -1,50 +1,138 @@
-"""A log made small: closed segments in large compressed chunks."""
+"""A log made small: closed segments in large compressed chunks, small ones merged."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.errors import CorruptLogError
+from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
 from semmap_log.log.bag_metadata import statistics_of, write_bag_metadata
-from semmap_log.log.form import CHUNK_BYTES
+from semmap_log.log.disk import remove_leftovers
+from semmap_log.log.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL
 from semmap_log.log.lock import WriterLock
-from semmap_log.log.reader import LogReader, check_is_log
-from semmap_log.log.rechunk import Pause, needs_compaction, no_pause, rechunked
-from semmap_log.log.scan import open_segment
+from semmap_log.log.merge import Step, plan, remove_merged
+from semmap_log.log.reader import LogReader, Progress, check_is_log
+from semmap_log.log.rechunk import needs_compaction, rechunked
+from semmap_log.log.repaging import Pause, no_pause
+from semmap_log.log.scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
 
 
 @dataclass(frozen=True, slots=True)
 class Compacted:
-    """What a compaction did."""
+    """What a compaction did to the closed segments, or would do."""
 
-    segments: int
+    segments_before: int
+    segments_after: int
     bytes_before: int
-    bytes_after: int
+    bytes_after: int | None
+    """None where it was only planned."""
+    events: int
+    """In all closed segments."""
+    steps: tuple[tuple[Path, ...], ...]
+    """For each file that was written: what it was made of; it has the first one's name."""
 
 
-def compact(folder: Path) -> Compacted:
-    """Rechunk every closed segment of a log to zstd chunks of about a MiB.
+def compact(folder: Path, *, merge: bool = True, progress: Progress | None = None) -> Compacted:
+    """Rechunk the closed segments of a log, and merge small ones that follow each other.
+
+    The live segment is not touched. Stopped at any point, by whatever, the folder holds the log.
+
+    Args:
+        folder: The log.
+        merge: Merge small segments, up to 64 MiB of records in a file.
+        progress: Told how far the work is.
 
     Raises:
         LogLockedError: Somebody is writing.
-        CorruptLogError: A segment is damaged; it is left as it is.
+        LogAccessError: The file system says no; what was done until then stays done.
+        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
     """
     check_is_log(folder)
     lock = WriterLock(folder)
     try:
-        segments = [segment for segment in LogReader(folder).segments if segment.closed]
-        before = sum(len(segment.file) for segment in segments)
-        for segment in segments:
-            compact_segment(segment.path)
-        closed = [open_segment(segment.path) for segment in segments]
-        write_bag_metadata(folder, [statistics_of(s.path, s.file) for s in closed])
+        remove_leftovers(folder)
+        remove_merged(folder)
+        return _compact(folder, merge=merge, progress=progress)
+    except OSError as error:
+        if isinstance(error, SemmapError):
+            raise
+        problem = f"{folder}: cannot be compacted: {error.strerror}. The log is whole."
+        raise LogAccessError(problem) from error
     finally:
         lock.release()
-    return Compacted(len(segments), before, sum(len(segment.file) for segment in closed))
+
+
+def plan_compaction(folder: Path, *, merge: bool = True) -> Compacted:
+    """Return what `compact` would do; needs no lock and no write access."""
+    closed = _closed(folder)
+    steps = plan(closed, merge=merge)
+    merged_away = sum(len(step.sources) - 1 for step in steps)
+    return _summary(closed, steps, len(closed) - merged_away, None)
+
+
+def _compact(folder: Path, *, merge: bool, progress: Progress | None) -> Compacted:
+    before = _closed(folder)
+    steps = plan(before, merge=merge)
+    pause = _told(progress, sum(2 * step.size for step in steps)) if progress else no_pause
+    listed = {segment.path: statistics_of(segment.path, segment.file) for segment in before}
+    try:
+        for step in steps:
+            listed = step.run(folder, listed, pause)
+    except BaseException:
+        with suppress(SemmapError, OSError):
+            remove_merged(folder)
+            _list_closed(folder)
+        raise
+    after = _list_closed(folder)
+    return _summary(before, steps, len(after), sum(len(segment.file) for segment in after))
+
+
+def _told(progress: Progress, total: int) -> Pause:
+    done = 0
+
+    def pause(more: int) -> None:
+        nonlocal done
+        done += more
+        progress(done, total)
+
+    return pause
+
+
+def _closed(folder: Path) -> list[Segment]:
+    return [segment for segment in LogReader(folder).segments if segment.closed]
+
+
+def _list_closed(folder: Path) -> list[Segment]:
+    """Bring metadata.yaml up to date; return what it lists."""
+    closed = _closed(folder)
+    write_bag_metadata(folder, [statistics_of(s.path, s.file) for s in closed])
+    return closed
+
+
+def _summary(
+    before: Sequence[Segment], steps: Sequence[Step], segments_after: int, bytes_after: int | None
+) -> Compacted:
+    return Compacted(
+        segments_before=len(before),
+        segments_after=segments_after,
+        bytes_before=sum(len(segment.file) for segment in before),
+        bytes_after=bytes_after,
+        events=sum(_events(segment) for segment in before),
+        steps=tuple(tuple(source.path for source in step.sources) for step in steps),
+    )
+
+
+def _events(segment: Segment) -> int:
+    counts = statistics_of(segment.path, segment.file).counts
+    return sum(
+        count
+        for channel, count in counts.items()
+        if channel <= LAST_EVENT_CHANNEL or channel >= FLOOR_MAP_CHANNEL
+    )
 
 
 def compact_segment(

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-import stat
+import os
+import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from semmap_log.commits import Commit, Note
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Retracted
 from semmap_log.log import keyframes
-from semmap_log.log.bag_metadata import statistics_of
 from semmap_log.log.chunks import ChunkDamage, StoredChunk
-from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.header import LogInfo
+from semmap_log.log.mapping import map_file
 from semmap_log.log.pages import Page
-from semmap_log.log.scan import Segment, map_file, open_segment, read_head
+from semmap_log.log.scan import Segment, open_segment, read_head
+from semmap_log.log.segment_reading import chunk_of, commit_of, last_commit, page_at, pages_of
+from semmap_log.log.segment_set import arrange, check_follows
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
 
@@ -33,32 +37,61 @@ class LogReader:
 
         Raises:
             NotALogError: There is none.
-            CorruptLogError: A segment is damaged.
+            CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
         self.folder = folder
         self._only = only
-        self._known: dict[tuple[str, int, int], Segment] = {}
+        self._known: dict[tuple[str, int], Segment] = {}
         self.segments: list[Segment] = []
+        self.leftovers: list[Path] = []
+        """Files whose segments were merged into another: for the next writer to remove."""
         self.refresh()
 
     def refresh(self) -> None:
-        """Take in what was written since; closed segments that are known are not read again."""
-        paths = [self._only] if self._only else segment_paths(self.folder)
-        known: dict[tuple[str, int, int], Segment] = {}
-        for path in paths:
+        """Take in what was written since; what is known is not read again.
+
+        A folder cannot be listed at one instant. Where a file has gone since, or the files do not
+        fit together, it is listed again: a writer leaves a whole log at every instant.
+
+        Raises:
+            CorruptLogError: A segment is damaged, missing, or from elsewhere.
+            LogAccessError: A segment cannot be read.
+        """
+        if self._only is not None:
+            self.segments = [open_segment(self._only)]
+            return
+        seen: object = None
+        for attempt in range(_MOST_LISTINGS):
+            listing = list_segments(self.folder)
             try:
-                status = path.stat()
-            except OSError as error:
-                raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
-            key = (path.name, status.st_ino, status.st_size)
-            known[key] = self._known.get(key) or open_segment(path)
-        self._known = known
-        self.segments = sorted(
-            known.values(), key=lambda s: (s.header.first_event, s.header.number)
-        )
-        if self._only is None:
-            _check_complete(self.folder, self.segments)
+                found = self._open(listing)
+                arranged = arrange(self.folder, list(found.values()))
+            except (_GoneError, CorruptLogError) as error:
+                settled = listing == seen and not isinstance(error, _GoneError)
+                if settled or attempt == _MOST_LISTINGS - 1:
+                    raise
+                seen = listing
+                time.sleep(attempt * _LISTING_PAUSE_S)
+                continue
+            self._known, self.segments = found, arranged.segments
+            self.leftovers = arranged.leftovers
+            return
+
+    def _open(self, listing: Sequence[tuple[str, int]]) -> dict[tuple[str, int], Segment]:
+        found: dict[tuple[str, int], Segment] = {}
+        for name, inode in listing:
+            path = self.folder / name
+            known = self._known.get((name, inode))
+            try:
+                if known is None or not (known.closed or _size(path) == len(known.file)):
+                    known = open_segment(path, earlier=known)
+            except LogAccessError as error:
+                if isinstance(error.__cause__, FileNotFoundError):
+                    raise _GoneError(str(error)) from error.__cause__
+                raise
+            found[name, inode] = known
+        return found
 
     @property
     def info(self) -> LogInfo:
@@ -66,21 +99,31 @@ class LogReader:
         return self.segments[0].header.info
 
     def pages(
-        self, first_segment: int = 0, progress: Progress | None = None
+        self, first_segment: int = 0, progress: Progress | None = None, *, first_chunk: int = 0
     ) -> Iterator[tuple[Segment, Page]]:
         """Yield all records, in order, small chunks joined to pages of about a MiB.
 
         Raises:
-            CorruptLogError: A chunk is not what was written.
+            CorruptLogError: A chunk is not what was written, or a segment does not follow the last.
         """
-        todo = sum(chunk.length for s in self.segments[first_segment:] for chunk in s.chunks)
+        segments = self.segments[first_segment:]
+        todo = sum(len(segment.file) for segment in segments)
         done = 0
-        for segment in self.segments[first_segment:]:
-            for chunks in _groups(segment.chunks):
-                yield segment, _page(segment, chunks)
-                done += sum(chunk.length for chunk in chunks)
+        last: Page | None = None
+        for i, segment in enumerate(segments):
+            if i > 0:
+                before = segments[i - 1]
+                commit = last.last_commit() if last is not None else None
+                check_follows(segment, commit or last_commit(before), before)
+            last = None
+            for page in pages_of(segment, first_chunk if i == 0 else 0):
+                yield segment, page
+                last = page
                 if progress:
-                    progress(done, todo)
+                    progress(done + page.offset, todo)
+            done += len(segment.file)
+        if progress:
+            progress(done, todo)
 
     def batches(
         self, *, limit: int | None = None, first_segment: int = 0, progress: Progress | None = None
@@ -95,12 +138,11 @@ class LogReader:
             batch = page.events()
             if not len(batch):
                 continue
-            if batch.number[0] != expected or batch.number[-1] != expected + len(batch) - 1:
+            if batch.number[0] != expected or (np.diff(batch.number) != 1).any():
                 raise CorruptLogError(
                     segment.path,
-                    0,
-                    f"expected event {expected} next, got {int(batch.number[0])}; "
-                    "a segment is missing, or from another log",
+                    page.offset,
+                    f"expected event {expected} next, got {int(batch.number[0])} or a later gap",
                 )
             expected += len(batch)
             if limit is not None and batch.number[-1] >= limit:
@@ -126,19 +168,13 @@ class LogReader:
 
     def last_commit(self) -> Commit | None:
         """Return the log's last commit; None in a log without any."""
-        for segment in reversed(self.segments):
-            for chunk in reversed(segment.chunks):
-                commits = _chunk_page(segment, chunk).commits()
-                if commits:
-                    return commits[-1]
-        return None
+        return next((c for s in reversed(self.segments) if (c := last_commit(s))), None)
 
     def last_log_time_ns(self) -> int:
         """Return the log time of the last record, keyframes included; 0 in an empty log."""
         for segment in reversed(self.segments):
-            if segment.chunks:
-                page = _chunk_page(segment, segment.chunks[-1])
-                return int(page.heads["log_time"].max())
+            if len(segment.chunks):
+                return int(page_at(segment, len(segment.chunks) - 1).heads["log_time"].max())
         return 0
 
     def event_known_at(self, known_at_ns: int) -> int:
@@ -146,17 +182,14 @@ class LogReader:
 
         A commit is known from the log time of its first record on.
         """
-        found = -1
-        for segment in reversed(self.segments):
-            early = [i for i, chunk in enumerate(segment.chunks) if chunk.start_ns <= known_at_ns]
-            for i in reversed(early):
-                page = _chunk_page(segment, segment.chunks[i])
-                batch = page.events()
-                known = batch.number[batch.recorded_ns <= known_at_ns]
-                if len(known):
-                    found = int(known[-1])
-                    return self._commit_of(segment, i, found).last_event
-        return found
+        early = bisect_right(self.segments, known_at_ns, key=_start_ns)
+        for segment in reversed(self.segments[:early]):
+            for chunk in reversed(range(segment.chunks.starting_by(known_at_ns))):
+                page = page_at(segment, chunk)
+                numbers = page.event_numbers(recorded_by_ns=known_at_ns)
+                if len(numbers):
+                    return self._commit_of(segment, int(numbers[-1])).last_event
+        return -1
 
     def event(self, number: int) -> RecordedEvent:
         """Return the event of that number.
@@ -164,8 +197,8 @@ class LogReader:
         Raises:
             LogError: There is none.
         """
-        segment, i = self._chunk_of(number)
-        batch = _chunk_page(segment, segment.chunks[i]).events()
+        segment, chunk = self._chunk_of(number)
+        batch = page_at(segment, chunk).events()
         (recorded,) = batch.select(batch.number == number)
         return recorded
 
@@ -175,32 +208,33 @@ class LogReader:
         Raises:
             LogError: There is no such event.
         """
-        commit = self._commit_of(*self._chunk_of(number), number)
+        segment, _ = self._chunk_of(number)
+        commit = self._commit_of(segment, number)
         return commit.note, commit.command_id
+
+    def segment_of(self, number: int) -> int | None:
+        """Return the place of the segment that holds an event, or would; None: none begins yet."""
+        behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
+        return behind - 1 if behind else None
 
     def _chunk_of(self, number: int) -> tuple[Segment, int]:
         """Return the segment and the place of the chunk that holds an event."""
-        behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
-        for segment in reversed(self.segments[:behind]):
-            first = bisect_right(segment.chunks, number, key=lambda c: _first_number(segment, c))
-            for i in reversed(range(first)):
-                batch = _chunk_page(segment, segment.chunks[i]).events()
-                if len(batch) and batch.number[-1] < number:
-                    break
-                if len(batch):
-                    return segment, i
-        raise LogError(f"{self.folder}: there is no event {number}.")
+        place = self.segment_of(number)
+        chunk = None if place is None else chunk_of(self.segments[place], number)
+        if place is None or chunk is None:
+            raise LogError(f"{self.folder}: there is no event {number}.")
+        return self.segments[place], chunk
 
     def retractions(self, *, limit: int | None = None) -> Retractions:
         """Return what was taken back by the events up to the number `limit`."""
         retractions = Retractions()
-        for segment in self.segments:
-            if segment.closed:
-                counts = statistics_of(segment.path, segment.file).counts
-                if not counts.get(Retracted.kind):
-                    continue
-            for chunk in segment.chunks:
-                page = _chunk_page(segment, chunk)
+        for place, segment in enumerate(self.segments):
+            if segment.counts is not None and not segment.counts.get(Retracted.kind):
+                continue
+            if place > 0:
+                before = self.segments[place - 1]
+                check_follows(segment, last_commit(before), before)
+            for page in pages_of(segment):
                 if (page.heads["channel_id"] == Retracted.kind).any():
                     batch = page.events()
                     retractions.apply(
@@ -210,40 +244,46 @@ class LogReader:
 
     def keyframe(self, segment: Segment) -> DoorMapState | None:
         """Return the state at a segment's head; None if its keyframe cannot be used."""
-        if not segment.chunks:
+        if not len(segment.chunks):
             return None
-        stored = _chunk_page(segment, segment.chunks[0]).keyframes()
+        stored = page_at(segment, 0).keyframes()
         return keyframes.decode(stored[0]) if stored else None
 
-    def _commit_of(self, segment: Segment, first_chunk: int, event: int) -> Commit:
-        """Return the commit that holds `event`, looking from a chunk on."""
-        for chunk in segment.chunks[first_chunk:]:
-            for commit in _chunk_page(segment, chunk).commits():
-                if commit.last_event >= event:
-                    return commit
-        raise CorruptLogError(segment.path, 0, f"event {event} belongs to no commit")
+    def _commit_of(self, segment: Segment, event: int) -> Commit:
+        commit = commit_of(segment, event)
+        if commit is None:
+            raise CorruptLogError(segment.path, 0, f"event {event} belongs to no commit")
+        return commit
 
 
-def _check_complete(folder: Path, segments: Sequence[Segment]) -> None:
-    """Check what the heads of the segments say: all of one log, none missing, one live at most.
+class _GoneError(LogAccessError):
+    """A file that was listed is not there any more."""
+
+
+_MOST_LISTINGS = 20
+_LISTING_PAUSE_S = 0.002
+
+
+def list_segments(folder: Path) -> list[tuple[str, int]]:
+    """Return name and inode of the segment files of a log, by name.
 
     Raises:
-        CorruptLogError: Names the segment at which something is wrong.
+        NotALogError: There is no folder, or no segment in it.
+        LogAccessError: It cannot be read.
     """
-    ids = {segment.header.info.log_id for segment in segments}
-    if len(ids) > 1:
-        raise CorruptLogError(folder, 0, f"segments of {len(ids)} logs lie in one folder")
-    number = 0
-    for segment in segments:
-        found = segment.header.number
-        if found != number:
-            problem = f"expected segment {number} of the log next, got segment {found}"
-            hint = "it is there twice" if found < number else "one is missing"
-            raise CorruptLogError(segment.path, 0, f"{problem}: {hint}")
-        if not segment.closed and segment is not segments[-1]:
-            problem = "not closed, and segments follow it: it was cut"
-            raise CorruptLogError(segment.path, segment.whole_end, problem)
-        number = segment.header.last_number + 1
+    try:
+        with os.scandir(folder) as entries:
+            found = [(e.name, e.inode()) for e in entries if e.name.endswith(".mcap")]
+    except FileNotFoundError:
+        message = f"{folder}: no such log. To make one: semmap-log init {folder}"
+        raise NotALogError(message) from None
+    except NotADirectoryError:
+        raise NotALogError(f"{folder}: a log is a folder, this is a file.") from None
+    except OSError as error:
+        raise LogAccessError(f"{folder}: cannot be read: {error.strerror}.") from error
+    if not found:
+        raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
+    return sorted(found)
 
 
 def segment_paths(folder: Path) -> list[Path]:
@@ -251,20 +291,9 @@ def segment_paths(folder: Path) -> list[Path]:
 
     Raises:
         NotALogError: There is no folder, or no segment in it.
+        LogAccessError: It cannot be read.
     """
-    try:
-        status = folder.stat()
-    except FileNotFoundError:
-        message = f"{folder}: no such log. To make one: semmap-log init {folder}"
-        raise NotALogError(message) from None
-    except OSError as error:
-        raise LogAccessError(f"{folder}: cannot be read: {error.strerror}.") from error
-    if not stat.S_ISDIR(status.st_mode):
-        raise NotALogError(f"{folder}: a log is a folder, this is a file.")
-    paths = sorted(folder.glob("*.mcap"))
-    if not paths:
-        raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
-    return paths
+    return [folder / name for name, _ in list_segments(folder)]
 
 
 def check_is_log(folder: Path) -> None:
@@ -274,7 +303,7 @@ def check_is_log(folder: Path) -> None:
         NotALogError: There is no log, or one file is not of it.
     """
     for path in segment_paths(folder):
-        read_head(path, map_file(path))
+        read_head(path, map_file(path).data)
 
 
 def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
@@ -289,32 +318,13 @@ def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
         raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
 
 
-def _first_number(segment: Segment, chunk: StoredChunk) -> int:
-    """Return the event number of a chunk's first record (a keyframe: of the last event in it)."""
-    page = _chunk_page(segment, chunk)
-    after_first = int(page.heads["sequence"][0]) - (segment.header.first_event - 1)
-    return (after_first & 0xFFFF_FFFF) + segment.header.first_event - 1
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError as error:
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
 
 
-def _groups(chunks: Sequence[StoredChunk]) -> Iterator[list[StoredChunk]]:
-    """Yield chunks in groups of about a MiB of records: small ones are read together."""
-    group: list[StoredChunk] = []
-    size = 0
-    for chunk in chunks:
-        group.append(chunk)
-        size += chunk.size
-        if size >= CHUNK_BYTES:
-            yield group
-            group, size = [], 0
-    if group:
-        yield group
-
-
-def _chunk_page(segment: Segment, chunk: StoredChunk) -> Page:
-    return _page(segment, [chunk])
-
-
-def _page(segment: Segment, chunks: list[StoredChunk]) -> Page:
-    parts = [read_chunk(segment, chunk) for chunk in chunks]
-    records = parts[0] if len(parts) == 1 else b"".join(parts)
-    return Page(records, segment.header.first_event, segment.path, chunks[0].offset)
+def _start_ns(segment: Segment) -> int:
+    """Return the log time of a segment's first record."""
+    return int(segment.chunks.rows["start_ns"][0]) if len(segment.chunks) else 0

@@ -8,34 +8,28 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from semmap_log.errors import CorruptLogError
-from semmap_log.log import records as mcap
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
-from semmap_log.log.chunks import BuiltChunk, StoredChunk, build_chunk
+from semmap_log.log.chunks import BuiltChunk, build_chunk
 from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
-from semmap_log.log.reader import read_chunk
+from semmap_log.log.repaging import Pause, no_pause, pages
 from semmap_log.log.scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.segment_reading import page_at, pages_of
 from semmap_log.log.sequence import SequenceCheck
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from semmap_log.log.header import SegmentHeader
-
-Pause = Callable[[int], None]
-"""Called between chunks with the bytes of records handled since the last call; each record is
-handled twice, once to be written and once to be compared. What it raises stops the work."""
-
-
-def no_pause(done: int) -> None:
-    """Go on at once."""
 
 
 @contextmanager
@@ -72,74 +66,43 @@ def needs_compaction(segment: Segment) -> bool:
     """Tell whether compaction would make a closed segment smaller or its chunks fewer.
 
     Reads a few chunks at most: the first that gives a reason ends the search, and of a segment
-    that was compacted only those small enough to be a keyframe or the last.
+    that was compacted only those that are small, or not compressed, have to be looked at.
     """
-    return any(_can_join(segment, i) for i in range(len(segment.chunks) - 1)) or any(
-        chunk.compression != "zstd" and _shrinks(segment, chunk) for chunk in segment.chunks
-    )
+    rows = segment.chunks.rows
+    small = np.flatnonzero(rows["size"][:-1] < CHUNK_BYTES).tolist()
+    plain = np.flatnonzero(rows["compression"] != b"zstd").tolist()
+    return any(_can_join(segment, i) for i in small) or any(_shrinks(segment, i) for i in plain)
 
 
 def _can_join(segment: Segment, i: int) -> bool:
-    """Tell whether `_pages` would put a chunk and the next into one."""
-    chunk, behind = segment.chunks[i : i + 2]
-    return (
-        chunk.size < CHUNK_BYTES
-        and not _is_keyframe(read_chunk(segment, chunk))
-        and not _is_keyframe(read_chunk(segment, behind))
-    )
+    """Tell whether a small chunk and the next one would be put into one."""
+    return not (_is_keyframe(page_at(segment, i)) or _is_keyframe(page_at(segment, i + 1)))
 
 
-def _shrinks(segment: Segment, chunk: StoredChunk) -> bool:
-    records = bytes(read_chunk(segment, chunk))
-    page = Page(records, segment.header.first_event, segment.path, chunk.offset)
-    return _smallest(page).facts.compression == "zstd"
+def _shrinks(segment: Segment, i: int) -> bool:
+    return _smallest(page_at(segment, i)).facts.compression == "zstd"
+
+
+def _is_keyframe(page: Page) -> bool:
+    """Tell whether a chunk's first record is a Keyframe: then it is its only one."""
+    return bool(page.heads["channel_id"][0] == KEYFRAME_CHANNEL)
 
 
 def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> bytes:
     """Write and close the copy; return the digest of all records of the old segments."""
     whole = hashlib.sha256()
     check = SequenceCheck()
-    for segment, page in _pages(sources):
-        check.add(segment.header, page)
-        writer.add(_smallest(page), levels=page.levels)
-        whole.update(page.records)
-        pause(len(page.records))
+    for segment in sources:
+        for page in pages(segment, pause):
+            check.add(segment.header, page)
+            pause(0)  # after each step that keeps the interpreter
+            chunk = _smallest(page)
+            pause(0)
+            writer.add(chunk, levels=page.levels)
+            whole.update(page.records)
+            pause(len(page.records))
     writer.close()
     return whole.digest()
-
-
-def _pages(sources: Sequence[Segment]) -> Iterator[tuple[Segment, Page]]:
-    """Yield all records in parts of about a MiB, each keyframe by itself.
-
-    Whole chunks are joined until they are long enough: a commit's note never parts from it, and
-    what has been joined once joins no further, so that a second compaction changes nothing.
-    """
-    for segment in sources:
-        parts: list[bytes | memoryview] = []
-        size = first = 0
-        for chunk in segment.chunks:
-            records = read_chunk(segment, chunk)
-            is_keyframe = _is_keyframe(records)
-            if parts and (is_keyframe or size >= CHUNK_BYTES):
-                yield segment, _page(segment, parts, first)
-                parts, size = [], 0
-            first = first if parts else chunk.offset
-            parts.append(records)
-            size += CHUNK_BYTES if is_keyframe else len(records)
-        if parts:
-            yield segment, _page(segment, parts, first)
-
-
-def _page(segment: Segment, parts: list[bytes | memoryview], offset: int) -> Page:
-    return Page(b"".join(parts), segment.header.first_event, segment.path, offset)
-
-
-def _is_keyframe(records: bytes | memoryview) -> bool:
-    """Tell whether a chunk's first record is a Keyframe: then it is its only one."""
-    if len(records) < mcap.MESSAGE.size:
-        return False
-    channel_id: int = mcap.MESSAGE.unpack_from(records)[2]
-    return channel_id == KEYFRAME_CHANNEL
 
 
 def _smallest(page: Page) -> BuiltChunk:
@@ -163,10 +126,9 @@ def _compare(
     if _contents(said) != _contents([statistics_of(writer.temporary, copy.file)]):
         raise _differs(sources[0].path, "the number or the time of its messages")
     whole = hashlib.sha256()
-    for chunk in copy.chunks:
-        records = read_chunk(copy, chunk)
-        whole.update(records)
-        pause(len(records))
+    for page in pages_of(copy):
+        whole.update(page.records)
+        pause(len(page.records))
     if whole.digest() != digest:
         raise _differs(sources[0].path, "its records")
 

@@ -2,61 +2,137 @@
 
 from __future__ import annotations
 
-import mmap
-import os
-import stat
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
-from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
+from semmap_log.errors import CorruptLogError, NotALogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import ChunkDamage, StoredChunk, frames, heads_of, read_chunk_head, walk
-from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, LOG_METADATA, PROFILE
+from semmap_log.log.chunk_table import ChunkTable
+from semmap_log.log.chunks import frames
+from semmap_log.log.closed_summary import FOOTER_BYTES, ClosedSummary, read_summary
+from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
+from semmap_log.log.live_scan import LiveScan, go_on, scan_live
+from semmap_log.log.mapping import MappedFile, map_file
 
-_FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
 
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Segment:
-    """What lies in a segment's file, found by walking its records."""
+    """What lies in a segment's file.
+
+    Of a closed one only the head was read, and that there is a footer: the rest is looked at when
+    it is asked for. Of a live one all that counts was read and checked.
+    """
 
     path: Path
     header: SegmentHeader
     file: memoryview
     """All bytes of the file as it was when it was opened; stays readable if it is replaced."""
-    chunks: tuple[StoredChunk, ...]
-    """Keyframes and the chunks of whole commits, in file order."""
-    closed: bool
-    """With index and footer: complete, never modified again."""
-    whole_end: int
-    """Where the last whole commit (or keyframe) ends."""
-    problem: str = ""
-    """Why what lies behind `whole_end` does not count; empty if nothing lies there."""
+    identity: tuple[int, int]
+    """Device and inode of the file."""
+    head_end: int
+    """Where the records behind the head's Metadata begin."""
+    live: LiveScan | None
+    """What a scan of a live segment found; None: it is closed."""
+
+    @property
+    def closed(self) -> bool:
+        """With index and footer: complete, never modified again."""
+        return self.live is None
+
+    @cached_property
+    def summary(self) -> ClosedSummary:
+        """What closing a segment wrote behind its data.
+
+        Raises:
+            CorruptLogError: It does not fit its CRC, or itself.
+        """
+        return read_summary(self.path, self.file)
+
+    @cached_property
+    def counts(self) -> Mapping[int, int] | None:
+        """Messages on each channel, as a closed segment counts them; None for a live one.
+
+        Raises:
+            CorruptLogError: The summary is damaged.
+        """
+        if self.live is not None:
+            return None
+        counts: Mapping[int, int] = self.summary.statistics().channel_message_counts
+        return counts
+
+    @cached_property
+    def chunks(self) -> ChunkTable:
+        """Keyframes and the chunks of whole commits, in file order.
+
+        Raises:
+            CorruptLogError: The summary of a closed segment is damaged.
+        """
+        if self.live is not None:
+            return self.live.chunks
+        return self.summary.chunks(self.head_end)
+
+    @property
+    def whole_end(self) -> int:
+        """Where the last whole commit (or keyframe) ends."""
+        if self.live is not None:
+            return min(self.live.whole_at, len(self.file))
+        return self.summary.data_end
+
+    @property
+    def problem(self) -> str:
+        """Why what lies behind `whole_end` does not count; empty if nothing of worth lies there."""
+        return self.live.problem if self.live is not None else ""
 
     @property
     def torn_bytes(self) -> int:
-        """How many bytes lie behind the last whole commit of a live segment."""
-        return 0 if self.closed else len(self.file) - self.whole_end
+        """How many bytes lie behind the last whole commit of a live segment, and do not count."""
+        return len(self.file) - self.whole_end if self.problem else 0
 
 
-def open_segment(path: Path) -> Segment:
+def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:
     """Return the segment in that file.
+
+    Args:
+        path: The file.
+        earlier: The same segment as it was: a live one is read on from where it ended then.
 
     Raises:
         NotALogError: The file is not a segment of ours.
-        CorruptLogError: It was, and is damaged: in its head or, if closed, anywhere that shows
-            without reading every byte; in a live one, before commits that are whole.
+        CorruptLogError: It was, and is damaged: in its head; a live one, in what was on the disk.
         LogAccessError: It cannot be read.
     """
-    file = map_file(path)
-    header, start = read_head(path, file)
-    if _is_closed(file):
-        return _scan_closed(path, header, file, start)
-    return _scan_live(path, header, file, start)
+    mapped = map_file(path)
+    header, head_end = read_head(path, mapped.data)
+    if is_closed(mapped.data):
+        return Segment(path, header, mapped.data, mapped.identity, head_end, live=None)
+    live = _known_scan(earlier, mapped, header)
+    if live is None:
+        live = scan_live(path, header, mapped.data, head_end)
+    else:
+        live = go_on(live, header, mapped.data)
+    if live.is_damage:
+        raise CorruptLogError(path, min(live.at, len(mapped.data)), live.problem)
+    return Segment(path, header, mapped.data, mapped.identity, head_end, live)
+
+
+def _known_scan(
+    earlier: Segment | None, mapped: MappedFile, header: SegmentHeader
+) -> LiveScan | None:
+    """Return the scan of the same file when it was shorter; None if it is another file."""
+    if (
+        earlier is None
+        or earlier.identity != mapped.identity
+        or earlier.header != header
+        or len(earlier.file) > len(mapped.data)
+    ):
+        return None
+    return earlier.live
 
 
 def read_head(path: Path, file: memoryview) -> tuple[SegmentHeader, int]:
@@ -90,100 +166,9 @@ def read_head(path: Path, file: memoryview) -> tuple[SegmentHeader, int]:
         raise CorruptLogError(path, second[1], str(error)) from None
 
 
-def map_file(path: Path) -> memoryview:
-    """Return a file's bytes as they are now; they stay readable if it is replaced.
-
-    Raises:
-        NotALogError: It is no regular file.
-        LogAccessError: It cannot be read.
-    """
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-    except OSError as error:
-        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
-    try:
-        status = os.fstat(fd)
-        if not stat.S_ISREG(status.st_mode):
-            raise NotALogError(f"{path}: not a regular file.")
-        if status.st_size == 0:
-            return memoryview(b"")
-        return memoryview(mmap.mmap(fd, 0, prot=mmap.PROT_READ))
-    except OSError as error:
-        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
-    finally:
-        os.close(fd)
-
-
-def _is_closed(file: memoryview) -> bool:
+def is_closed(file: memoryview) -> bool:
     """Tell whether the file ends in a footer and the magic: no live segment does."""
-    if file[-len(mcap.MAGIC) :] != mcap.MAGIC or len(file) < _FOOTER_BYTES:
+    if len(file) < FOOTER_BYTES or file[-len(mcap.MAGIC) :] != mcap.MAGIC:
         return False
-    opcode, length = mcap.FRAME.unpack_from(file, len(file) - _FOOTER_BYTES)
+    opcode, length = mcap.FRAME.unpack_from(file, len(file) - FOOTER_BYTES)
     return bool(opcode == Opcode.FOOTER and length == 20)
-
-
-def _scan_closed(path: Path, header: SegmentHeader, file: memoryview, start: int) -> Segment:
-    chunks: list[StoredChunk] = []
-    end = start
-    for opcode, offset, length in frames(file, start, len(file) - len(mcap.MAGIC)):
-        if opcode == Opcode.CHUNK:
-            try:
-                chunks.append(read_chunk_head(file, offset, length))
-            except ChunkDamage as damage:
-                raise CorruptLogError(path, offset, str(damage)) from None
-        elif opcode == Opcode.DATA_END:
-            return Segment(path, header, file, tuple(chunks), closed=True, whole_end=offset)
-        end = offset + length
-    raise CorruptLogError(path, end, "no record follows where one must")
-
-
-def _scan_live(path: Path, header: SegmentHeader, file: memoryview, start: int) -> Segment:
-    """Walk a live segment, checking all of it; what is behind the last whole commit is left out.
-
-    A torn tail is the normal end of a writer that lost its power: sectors of the last commit are
-    missing, in any order. With another whole commit behind it, a bad chunk is damage to what was
-    acknowledged.
-    """
-    whole: list[StoredChunk] = []
-    pending: list[StoredChunk] = []
-    whole_end, problem, problem_at, reached = start, "", 0, start
-    commits_behind = 0
-    for opcode, offset, length in frames(file, start, len(file)):
-        reached = offset + length
-        if opcode == Opcode.MESSAGE_INDEX and whole and not pending and not problem:
-            whole_end = reached
-        if opcode == Opcode.DATA_END:
-            break
-        if opcode != Opcode.CHUNK:
-            continue
-        try:
-            chunk = read_chunk_head(file, offset, length)
-            completes = _last_channel(chunk, file) in (COMMIT_CHANNEL, KEYFRAME_CHANNEL)
-        except ChunkDamage as damage:
-            if not problem:
-                problem, problem_at = str(damage), offset
-            continue
-        if problem:
-            commits_behind += completes
-            if commits_behind > (1 if pending else 0):
-                raise CorruptLogError(path, problem_at, f"{problem}; whole commits lie behind it")
-            continue
-        pending.append(chunk)
-        if completes:
-            whole += pending
-            pending = []
-            whole_end = reached
-    if not problem and whole_end < len(file):
-        problem = "a commit that was not finished" if pending else f"no record at byte {reached}"
-    return Segment(
-        path, header, file, tuple(whole), closed=False, whole_end=whole_end, problem=problem
-    )
-
-
-def _last_channel(chunk: StoredChunk, file: memoryview) -> int:
-    """Return the channel of the chunk's last message, all of the chunk checked."""
-    records = chunk.records(file)
-    offsets = walk(records)
-    if not len(offsets):
-        raise ChunkDamage("a chunk without messages")
-    return int(heads_of(records, offsets[-1:])["channel_id"][0])

@@ -25,7 +25,7 @@ class SequenceCheck:
     def __init__(self) -> None:
         self._header: SegmentHeader | None = None
         self._next_event = 0
-        self._last_hash = b""
+        self._last_hash: NDArray[np.uint8]
         self._last_ns = -1
 
     def add(self, header: SegmentHeader, page: Page) -> None:
@@ -41,10 +41,11 @@ class SequenceCheck:
 
     def _begin(self, header: SegmentHeader, page: Page) -> None:
         if self._header is None:
-            self._next_event, self._last_hash = header.first_event, header.hash_so_far
+            self._next_event = header.first_event
+            self._last_hash = np.frombuffer(header.hash_so_far, np.uint8)
         elif header.first_event != self._next_event:
             raise _corrupt(page, f"expected event {self._next_event}, got {header.first_event}")
-        elif header.hash_so_far != self._last_hash:
+        elif header.hash_so_far != self._last_hash.tobytes():
             raise _corrupt(page, "it does not follow the segment before: another hash so far")
         self._header = header
 
@@ -76,10 +77,10 @@ class SequenceCheck:
         commits = gather(page.records, page.offsets[at], dtype)
         if (commits["first_event"].astype(np.int64) + commits["count"] != next_events).any():
             raise _corrupt(page, "a Commit that does not end where its events do")
-        hashes = [self._last_hash, *(row.tobytes() for row in commits["hash"])]
-        if [row.tobytes() for row in commits["previous_hash"]] != hashes[:-1]:
+        before = np.vstack((self._last_hash[None], commits["hash"][:-1]))
+        if not np.array_equal(commits["previous_hash"], before):
             raise _corrupt(page, "a commit does not follow the one before: another hash")
-        self._last_hash = hashes[-1]
+        self._last_hash = commits["hash"][-1]
 
 
 def _corrupt(page: Page, problem: str) -> CorruptLogError:

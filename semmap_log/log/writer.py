@@ -19,6 +19,7 @@ from semmap_log.log.header import SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reader import LogReader
 from semmap_log.log.segment_chain import SegmentChain
+from semmap_log.log.uniform_commit import uniform_commit
 from semmap_log.log.written_state import WrittenState
 from semmap_log.projections.door_map import DoorMapState
 
@@ -146,12 +147,19 @@ class LogWriter:
             self._syncs.durable_before,
             content,
         )
-        builder = CommitBuilder(stamp, note, self.entropy)
-        for chunk in builder.chunks(events):
+        uniform = uniform_commit(stamp, note, events) if isinstance(events, list) else None
+        if uniform is not None:
+            chunk, commit = uniform
             self._in_commit = True
-            segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
+            segment.add(chunk, hold_back=self._holds_back)
             self._state.add(chunk)
-        commit = builder.commit
+        else:
+            builder = CommitBuilder(stamp, note, self.entropy)
+            for chunk in builder.chunks(events):
+                self._in_commit = True
+                segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
+                self._state.add(chunk)
+            commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
         self._commands.add(commit)

@@ -35,6 +35,7 @@ VERBS = [
     "info",
     "verify",
     "recover",
+    "compact",
     "view",
 ]
 

@@ -64,7 +64,7 @@ ONE_OF_EACH: list[Event] = [
 ]
 
 
-@pytest.fixture(params=["as written", "compacted"])
+@pytest.fixture(params=["as written", "compacted", "merged"])
 def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A log of three segments with every kind of event, levels, notes and a long commit."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 20)
@@ -85,8 +85,8 @@ def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
             ]
         )
         made.append(DoorObserved(door_id=DOOR, state=DoorState.OPEN) for _ in range(20_000))
-    if request.param == "compacted":
-        compact(path)
+    if request.param != "as written":
+        compact(path, merge=request.param == "merged")
     return path
 
 
@@ -109,13 +109,16 @@ def ours(path: Path) -> list[tuple[str, int, int]]:
     return found
 
 
-def test_it_has_several_segments(log: Path) -> None:
+def test_it_has_several_segments(log: Path, request: pytest.FixtureRequest) -> None:
     """
-    The fixture is what it says: segments, both maps, all kinds.
+    The fixture is what it says: three segments or what they became, both maps, all kinds.
     """
     reader = sl.read(log).reader
 
-    assert 3 == len(reader.segments)
+    merged = request.node.callspec.params["log"] == "merged"
+    expected = [(0, 2)] if merged else [(0, 0), (1, 1), (2, 2)]
+    assert expected == [(s.header.number, s.header.last_number) for s in reader.segments]
+    assert 3 == sum(topic == "/semmap/keyframe" for topic, *_ in ours(log))
     assert all(segment.closed for segment in reader.segments)
     assert {"/map", "/map/1", "/semmap/keyframe"} < {topic for topic, *_ in ours(log)}
 

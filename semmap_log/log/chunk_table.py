@@ -1,0 +1,229 @@
+"""All chunks of a segment as columns: what its summary, or a scan, says of them.
+
+Nothing here is believed when a chunk is read: its own head must agree with its row.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from semmap_log.errors import CorruptLogError
+from semmap_log.log import records as mcap
+from semmap_log.log.chunks import (
+    MAX_CHUNK_BYTES,
+    ChunkDamage,
+    StoredChunk,
+    gather,
+    read_chunk_head,
+)
+
+ROW: np.dtype[np.void] = np.dtype(
+    [
+        ("offset", "<i8"),
+        ("length", "<i8"),
+        ("start_ns", "<i8"),
+        ("end_ns", "<i8"),
+        ("size", "<i8"),
+        ("stored_size", "<i8"),
+        ("compression", "S4"),
+    ]
+)
+"""As the fields of `StoredChunk`."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkTable(Sequence[StoredChunk]):
+    """Chunks in file order; as a sequence, each with its head read from the file."""
+
+    path: Path
+    """Their file, for messages."""
+    file: memoryview
+    rows: NDArray[np.void]
+    """As `ROW`."""
+
+    @classmethod
+    def of(cls, path: Path, file: memoryview, chunks: Iterable[StoredChunk]) -> ChunkTable:
+        """Return the table of chunks whose heads were read."""
+        return cls(path, file, np.array([_row(chunk) for chunk in chunks], ROW))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, place: int) -> StoredChunk: ...
+    @overload
+    def __getitem__(self, place: slice) -> ChunkTable: ...
+    def __getitem__(self, place: int | slice) -> StoredChunk | ChunkTable:
+        """Return a chunk, or the table of some.
+
+        Raises:
+            CorruptLogError: The chunk's head does not agree with the table.
+        """
+        if isinstance(place, slice):
+            return ChunkTable(self.path, self.file, self.rows[place])
+        try:
+            return self._chunk(self.rows[place])
+        except ChunkDamage as damage:
+            raise CorruptLogError(self.path, int(self.rows["offset"][place]), str(damage)) from None
+
+    def __iter__(self) -> Iterator[StoredChunk]:
+        return (self[i] for i in range(len(self)))
+
+    def _chunk(self, row: np.void) -> StoredChunk:
+        offset, length = int(row["offset"]), int(row["length"])
+        if mcap.FRAME.unpack_from(self.file, offset) != (Opcode.CHUNK, length - mcap.FRAME.size):
+            raise ChunkDamage("no chunk of the length that the segment's summary says")
+        chunk = read_chunk_head(self.file, offset, length)
+        if _row(chunk) != row.item():
+            raise ChunkDamage("its head is not what the segment's summary says")
+        return chunk
+
+    def extended(self, file: memoryview, chunks: Iterable[StoredChunk]) -> ChunkTable:
+        """Return this table with more chunks behind, in a file that has grown."""
+        more = ChunkTable.of(self.path, file, chunks)
+        return ChunkTable(self.path, file, np.concatenate((self.rows, more.rows)))
+
+    def starting_by(self, time_ns: int) -> int:
+        """Return how many chunks start at or before that log time."""
+        return int(np.searchsorted(self.rows["start_ns"], time_ns, "right"))
+
+    def groups(self, most_bytes: int) -> Iterator[ChunkTable]:
+        """Yield them in groups of about so many bytes of records; a compressed one by itself."""
+        sizes = self.rows["size"]
+        plain = self.rows["compression"] == b""
+        reached = np.cumsum(sizes)
+        compressed = np.flatnonzero(~plain)
+        at = 0
+        while at < len(self):
+            end = at + 1
+            if plain[at]:
+                before = int(reached[at] - sizes[at])
+                end = int(np.searchsorted(reached, before + most_bytes)) + 1
+                stop = int(np.searchsorted(compressed, at))
+                end = min(end, *compressed[stop : stop + 1].tolist(), len(self))
+            yield self[at:end]
+            at = end
+
+
+def _row(chunk: StoredChunk) -> tuple[int, int, int, int, int, int, bytes]:
+    return (
+        chunk.offset,
+        chunk.length,
+        chunk.start_ns,
+        chunk.end_ns,
+        chunk.size,
+        chunk.stored_size,
+        chunk.compression.encode(),
+    )
+
+
+_INDEX_HEAD: np.dtype[np.void] = np.dtype(
+    {
+        "names": ["opcode", "start_ns", "end_ns", "offset", "length", "map_size"],
+        "formats": ["u1", "<i8", "<i8", "<i8", "<i8", "<u4"],
+        "offsets": [0, 9, 17, 25, 33, 41],
+        "itemsize": 45,
+    }
+)
+"""The fixed beginning of a ChunkIndex record."""
+_INDEX_TAIL: np.dtype[np.void] = np.dtype([("stored_size", "<i8"), ("size", "<i8")])
+"""Its fixed end; the compression's name lies before."""
+_INDEX_FIXED_BYTES = 64
+"""Of a ChunkIndex's body: all but the map of message indexes and the compression's name."""
+_CHUNK_HEAD_BYTES = mcap.FRAME.size + 40
+"""Of a Chunk record, the compression's name left out."""
+
+
+def table_of_indexes(
+    path: Path, file: memoryview, start: int, end: int, *, data_start: int, data_end: int
+) -> ChunkTable:
+    """Return the chunks that the ChunkIndex records of a summary list.
+
+    Args:
+        path: The file.
+        file: Its bytes.
+        start: Where the group of ChunkIndex records begins; their CRC was checked.
+        end: Where it ends.
+        data_start: Chunks lie from here on …
+        data_end: … to here.
+
+    Raises:
+        CorruptLogError: They contradict themselves, or each other.
+    """
+    try:
+        offsets, lengths = _frames_of_indexes(file, start, end)
+        rows = _rows_of_indexes(file, offsets, lengths)
+        _check_rows(rows, data_start, data_end)
+    except ChunkDamage as damage:
+        raise CorruptLogError(path, start, f"its summary does not fit it: {damage}") from None
+    return ChunkTable(path, file, rows)
+
+
+def _frames_of_indexes(
+    file: memoryview, start: int, end: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where each ChunkIndex begins, and the length of its body."""
+    offsets, lengths = [], []
+    at, unpack = start, struct.Struct("<xQ").unpack_from
+    while at < end:
+        if at + mcap.FRAME.size > end:
+            raise ChunkDamage("a ChunkIndex is cut")
+        (length,) = unpack(file, at)
+        if not _INDEX_FIXED_BYTES <= length <= end - at - mcap.FRAME.size:
+            raise ChunkDamage("a ChunkIndex has a wrong length")
+        offsets.append(at)
+        lengths.append(length)
+        at += mcap.FRAME.size + length
+    return np.array(offsets, np.int64), np.array(lengths, np.int64)
+
+
+def _rows_of_indexes(
+    file: memoryview, offsets: NDArray[np.int64], lengths: NDArray[np.int64]
+) -> NDArray[np.void]:
+    head = gather(file, offsets, _INDEX_HEAD)
+    if (head["opcode"] != Opcode.CHUNK_INDEX).any():
+        raise ChunkDamage("a record among the ChunkIndexes that is none")
+    ends = offsets + mcap.FRAME.size + lengths
+    tail = gather(file, ends - _INDEX_TAIL.itemsize, _INDEX_TAIL)
+    rows = np.zeros(len(offsets), ROW)
+    for name in ("offset", "length", "start_ns", "end_ns"):
+        rows[name] = head[name]
+    for name in ("stored_size", "size"):
+        rows[name] = tail[name]
+    name_sizes = lengths - _INDEX_FIXED_BYTES - head["map_size"].astype(np.int64)
+    for size in np.unique(name_sizes).tolist():
+        if not 0 <= size <= ROW["compression"].itemsize:
+            raise ChunkDamage("a ChunkIndex names an unknown compression")
+        if size:
+            mine = name_sizes == size
+            places = ends[mine] - _INDEX_TAIL.itemsize - size
+            names = gather(file, places, np.dtype([("name", f"S{size}")]))
+            rows["compression"][mine] = names["name"]
+    fixed = rows["stored_size"] + _CHUNK_HEAD_BYTES + name_sizes
+    if (fixed != rows["length"]).any():
+        raise ChunkDamage("a ChunkIndex whose sizes contradict each other")
+    return rows
+
+
+def _check_rows(rows: NDArray[np.void], data_start: int, data_end: int) -> None:
+    offset, length = rows["offset"], rows["length"]
+    plain = rows["compression"] == b""
+    if (rows["stored_size"] < 0).any() or (length < 0).any():
+        raise ChunkDamage("a chunk of negative size")
+    if ((rows["size"] < 0) | (rows["size"] > MAX_CHUNK_BYTES)).any():
+        raise ChunkDamage("a chunk larger than any is")
+    if (rows["size"] != rows["stored_size"])[plain].any():
+        raise ChunkDamage("an uncompressed chunk of two sizes")
+    ends = offset + length
+    if len(rows) and (offset[0] < data_start or ends[-1] > data_end):
+        raise ChunkDamage("a chunk outside the data")
+    if (ends[:-1] > offset[1:]).any():
+        raise ChunkDamage("chunks that overlap")

@@ -1,0 +1,80 @@
+"""A file's bytes, mapped: they stay readable when the file is replaced or removed."""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+import os
+import stat
+import weakref
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from semmap_log.errors import LogAccessError, NotALogError
+
+
+@dataclass(frozen=True, slots=True)
+class MappedFile:
+    """A file as it was when it was mapped."""
+
+    data: memoryview
+    identity: tuple[int, int]
+    """Device and inode: the same for the same file under any name, another for its successor."""
+
+
+def map_file(path: Path) -> MappedFile:
+    """Return a file's bytes as they are now, without keeping a file descriptor.
+
+    Raises:
+        NotALogError: It is no regular file.
+        LogAccessError: It cannot be read; `FileNotFoundError` is its cause where it has gone.
+    """
+    try:
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except OSError as error:
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    try:
+        status = os.fstat(fd)
+        if not stat.S_ISREG(status.st_mode):
+            raise NotALogError(f"{path}: not a regular file.")
+        data = _map(fd, status.st_size) if status.st_size else memoryview(b"")
+        return MappedFile(data, (status.st_dev, status.st_ino))
+    except OSError as error:
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    finally:
+        os.close(fd)
+
+
+def _map(fd: int, size: int) -> memoryview:
+    """Map a file as the C library does.
+
+    Python's own mmap keeps a descriptor for each mapping (before 3.13), and a process may have
+    1,024: a log of five years has more segments.
+    """
+    # A type for each power of two only, since Python never forgets one. What is mapped beyond the
+    # file's end is address space, never looked at.
+    room = 1 << (size - 1).bit_length()
+    address = _library().mmap(None, room, mmap.PROT_READ, mmap.MAP_SHARED, fd, 0)
+    if address == _FAILED:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+    held = (ctypes.c_ubyte * room).from_address(address)
+    # Every view of the bytes holds `held`: they are unmapped when the last one has gone.
+    weakref.finalize(held, _library().munmap, address, room).atexit = False
+    return memoryview(held).cast("B").toreadonly()[:size]
+
+
+_FAILED = ctypes.c_void_p(-1).value
+
+
+@cache
+def _library() -> Any:
+    library = ctypes.CDLL(None, use_errno=True)
+    library.mmap.restype = ctypes.c_void_p
+    library.mmap.argtypes = [
+        ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long,
+    ]  # fmt: skip
+    library.munmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
+    return library
