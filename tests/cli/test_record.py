@@ -1,4 +1,4 @@
-"""`record` as a process: what it promises of a line, lines that come again, and pipes that break."""
+"""`record` as a process: what it promises of a line, lines that come again, broken pipes."""
 
 from __future__ import annotations
 
