@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from semmap_log.command_content import are_same
 from semmap_log.commands import Gatekeeper, Roster, resolve_door
-from semmap_log.commits import Commit, Note
+from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
+from semmap_log.errors import CommandReusedError, LogPoisonedError, UnexpectedEventError
 from semmap_log.events import Event, RobotPose
+from semmap_log.log.durability import Promise
 from semmap_log.log.reader import LogReader
 from semmap_log.log.writer import LogWriter
 from semmap_log.projections.door_map import DoorMapState
@@ -34,6 +37,7 @@ class Appended:
     """How many robot poses, which had waited, stand before its own events in the commit."""
     repeated: bool = False
     """The command was stored before; nothing was written now."""
+    _make_durable: Callable[[int], None] | None = field(default=None, repr=False, compare=False)
 
     @property
     def first_event(self) -> int:
@@ -44,6 +48,22 @@ class Appended:
     def count(self) -> int:
         """How many events of its own it has."""
         return self.commit.count - self.poses
+
+    def wait(self) -> None:
+        """Return once it survives a power cut, whatever the log's durability; threads share syncs.
+
+        Raises:
+            LogPoisonedError: The sync failed; the outcome is unknown until the log is reopened.
+        """
+        if self._make_durable is not None:
+            self._make_durable(self.commit.last_event + 1)
+
+    def __await__(self) -> Generator[Any, None, Appended]:
+        """Wait without blocking the event loop: `appended = await log.append(events)`."""
+        import asyncio
+
+        yield from asyncio.to_thread(self.wait).__await__()
+        return self
 
 
 class AppendableLog(DoorLog):
@@ -65,6 +85,7 @@ class AppendableLog(DoorLog):
         """The bytes underneath, with all that was written so far."""
         with self._mutex:
             if self._is_stale:
+                self._writer.flush()
                 self._reader.refresh()
                 self._is_stale = False
             return self._reader
@@ -83,6 +104,16 @@ class AppendableLog(DoorLog):
                 self._roster = Roster.of(self._writer.state)
             return self._roster
 
+    @property
+    def promise(self) -> Promise:
+        """What is promised of an append when it returns."""
+        return self._writer.promise
+
+    @property
+    def durable_before(self) -> int:
+        """Events below this number survive a power cut."""
+        return self._writer.durable_before
+
     def end_ns(self) -> int:
         """Return the log's end: the latest happened time in it; 0 for a log without events."""
         return self.state.latest_happened_ns
@@ -97,7 +128,9 @@ class AppendableLog(DoorLog):
         *,
         note: Note = Note(),
         command_id: bytes | None = None,
-        sync: bool = True,
+        content: bytes = NO_CONTENT,
+        expected_event: int | None = None,
+        sync: bool | None = None,
     ) -> Appended:
         """Append events as one commit, all or none; waiting robot poses go before them.
 
@@ -105,18 +138,37 @@ class AppendableLog(DoorLog):
             events: At least one.
             note: Who, with what, why.
             command_id: 16 bytes; a command that is stored already is not stored again.
-            sync: Durable on return; otherwise once `sync` has returned.
+            content: Digest of what the command asks for (`content_of`), if the same command may
+                come with other events; default: the events themselves are compared.
+            expected_event: The number of the log's last event (-1: none), as the caller knows it.
+            sync: Whether to return only when it survives a power cut; default: as the log's
+                durability says.
 
         Raises:
             CommandError: The map forbids an event; nothing is written.
+            CommandReusedError: The command is stored already, with other events.
+            UnexpectedEventError: The log went on since.
             LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        return self._append_once(lambda: events, note, command_id, sync=sync)
+        compares = command_id is not None and content == NO_CONTENT
+        given = list(events) if compares else events
+
+        def is_stored(commit: Commit) -> bool:
+            if not compares:
+                return commit.content == content
+            assert isinstance(given, list)
+            stored = self._stored(commit)[-len(given) :]
+            return note == commit.note and are_same(given, stored)
+
+        def expected() -> Iterable[Event]:
+            self._check_last_event("the log", expected_event, self._writer.next_event - 1)
+            return given
+
+        return self._append_once(expected, note, command_id, content, is_stored, sync=sync)
 
     def sync(self) -> None:
         """Return once every commit so far survives a power cut."""
-        with self._mutex:
-            self._writer.sync()
+        self._writer.sync()
 
     def find_command(self, command_id: bytes, *, everywhere: bool = False) -> Commit | None:
         """Return the commit that a command became, if it is stored.
@@ -180,8 +232,10 @@ class AppendableLog(DoorLog):
         make: Callable[[], Iterable[Event]],
         note: Note,
         command_id: bytes | None,
+        content: bytes,
+        is_stored: Callable[[Commit], bool],
         *,
-        sync: bool = True,
+        sync: bool | None = None,
     ) -> Appended:
         """Append the events that `make` gives, unless their command is stored already.
 
@@ -189,26 +243,88 @@ class AppendableLog(DoorLog):
         speak of a door that it has removed itself.
         """
         with self._mutex:
-            known = None if command_id is None else self._writer.find(command_id)
-            if known is not None:
-                return Appended(known, repeated=True)
-            poses = self._poses
-            gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses))
-            try:
-                commit = self._writer.append(
-                    chain(poses, _checked(make(), gatekeeper)),
-                    note=note,
-                    command_id=command_id,
-                    sync=sync,
-                )
-            finally:
-                self._is_stale = True
-            self._poses = []
-            gatekeeper.settle(commit)
-            if not gatekeeper.keeps_names:
-                self._named = None
-            self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
-            return Appended(commit, len(poses))
+            appended = self._repeated(command_id, is_stored)
+            if appended is None:
+                appended = self._append_now(make, note, command_id, content)
+        self._make_last(appended.commit, sync=sync)  # other threads may append meanwhile
+        return appended
+
+    def _repeated(
+        self, command_id: bytes | None, is_stored: Callable[[Commit], bool]
+    ) -> Appended | None:
+        """Return the answer to a command that is stored already; None: it is not.
+
+        Raises:
+            CommandReusedError: It is, with other content.
+        """
+        known = None if command_id is None else self._writer.find(command_id)
+        if known is None:
+            return None
+        if not is_stored(known):
+            raise CommandReusedError(
+                f"command {known.command_id.hex()} is stored already, as event "
+                f"{known.first_event}, and was another; a new command wants a new id."
+            )
+        stored = self._stored(known)
+        poses = next((i for i, e in enumerate(stored) if not isinstance(e, RobotPose)), 0)
+        return Appended(known, poses, repeated=True, _make_durable=self._writer.make_durable)
+
+    def _append_now(
+        self,
+        make: Callable[[], Iterable[Event]],
+        note: Note,
+        command_id: bytes | None,
+        content: bytes,
+    ) -> Appended:
+        poses = self._poses
+        gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses))
+        try:
+            events = make()
+            if isinstance(events, (list, tuple)):
+                gatekeeper.check_all(events)
+                events = [*poses, *events]
+            else:
+                events = chain(poses, _checked(events, gatekeeper))
+            commit = self._writer.append(
+                events,
+                note=note,
+                command_id=command_id,
+                content=content,
+            )
+        finally:
+            self._is_stale = True
+        self._poses = []
+        gatekeeper.settle(commit)
+        if not gatekeeper.keeps_names:
+            self._named = None
+        self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
+        return Appended(commit, len(poses), _make_durable=self._writer.make_durable)
+
+    def _make_last(self, commit: Commit, *, sync: bool | None) -> None:
+        """Return once a commit lasts: as was asked, or as the log's durability promises."""
+        before = commit.last_event + 1
+        try:
+            if sync is None:
+                self._writer.keep_promise(before)
+            elif sync:
+                self._writer.make_durable(before)
+        except LogPoisonedError as error:
+            error.command_id = error.command_id or commit.command_id
+            raise
+
+    def _stored(self, commit: Commit) -> list[Event]:
+        """Return the events of a commit."""
+        numbers = range(commit.first_event, commit.last_event + 1)
+        return [self.event(number).event for number in numbers]
+
+    def _check_last_event(self, of: str, expected: int | None, actual: int) -> None:
+        """Return if the last event is the one that a caller expects, or it expects none.
+
+        Raises:
+            UnexpectedEventError: It is another.
+        """
+        if expected is not None and expected != actual:
+            raise UnexpectedEventError(of, expected, actual)
 
     def _write_poses(self) -> None:
         with self._mutex:
@@ -216,9 +332,10 @@ class AppendableLog(DoorLog):
                 self._pose_timer.cancel()
                 self._pose_timer = None
             if self._poses:
-                self._writer.append(self._poses)
+                commit = self._writer.append(self._poses)
                 self._poses = []
                 self._is_stale = True
+                self._make_last(commit, sync=None)
 
 
 def _checked(events: Iterable[Event], gatekeeper: Gatekeeper) -> Iterator[Event]:

@@ -36,6 +36,10 @@ class Durability(IntEnum):
             raise InvalidEventError("durability", f"one of {names}", text) from None
 
 
+NO_CONTENT = bytes(16)
+"""Digest of a command that was not given by a caller, and so will not come again."""
+
+
 @dataclass(frozen=True, slots=True)
 class Note:
     """Who did it, with what, why; empty texts say nothing."""
@@ -92,7 +96,7 @@ class Commit:
     durability: Durability = Durability.EVENT
     durable_before: int = 0
     """Events below this number were known to be on the disk when this commit was written."""
-    content: bytes = bytes(16)
+    content: bytes = NO_CONTENT
     """Digest of what the command asked for; zeros where its id was drawn for it."""
     note: Note = Note()
 

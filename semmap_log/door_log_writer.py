@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 from semmap_log.appendable_log import AppendableLog, Appended
+from semmap_log.command_content import content_of
 from semmap_log.commands import resolve_door
-from semmap_log.commits import Commit, Note
+from semmap_log.commits import Note
 from semmap_log.door_log import Time
 from semmap_log.doors import NAN, DoorId, DoorState
 from semmap_log.errors import CommandError, InvalidEventError, MomentError
@@ -15,6 +16,7 @@ from semmap_log.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
+    DoorEvent,
     DoorObserved,
     DoorPassed,
     DoorRemoved,
@@ -43,6 +45,9 @@ class About(TypedDict, total=False):
     correlation: str
     command_id: bytes | None
     """16 bytes: the same command, sent again, is stored once, and answered as the first time."""
+    expected_event: int | None
+    """Number of the last event that the caller knows, about the door or, for a new door or a round,
+    in the log; -1: none. Another is an error, and nothing is written."""
 
 
 class DoorLogWriter(AppendableLog):
@@ -93,7 +98,9 @@ class DoorLogWriter(AppendableLog):
             named = DoorAnnotated(door_id=given, key="name", value=name, happened_ns=happened_ns)
             return [added, named]
 
-        _, added = self._commit(events, about, DoorAdded)
+        asked = ("add_door", door_id, level, x, y, theta, width, _state(state), prob_open,
+                 prob_closed, name)  # fmt: skip
+        _, added = self._commit(events, about, DoorAdded, asked)
         return added.door_id
 
     def update_door(
@@ -145,13 +152,16 @@ class DoorLogWriter(AppendableLog):
                 happened_ns=self._happened(about),
             )
 
-        return self._commit_one(event, about)
+        meant = None if state is None else _state(state)
+        asked = (door, x, y, theta, level, width, meant, prob_open, prob_closed)
+        return self._commit_one(event, about, ("update_door", *asked))
 
     def remove_door(self, door: DoorId | str, **about: Unpack[About]) -> Appended:
         """Take a door out of the map; its history stays, its id is never used again."""
         return self._commit_one(
             lambda: DoorRemoved(door_id=self.resolve(door), happened_ns=self._happened(about)),
             about,
+            ("remove_door", door),
         )
 
     def observe(
@@ -186,6 +196,7 @@ class DoorLogWriter(AppendableLog):
                 happened_ns=self._happened(about),
             ),
             about,
+            ("observe", door, _state(state), accuracy, accuracy_open, accuracy_closed, opening),
         )
 
     def annotate(
@@ -201,7 +212,7 @@ class DoorLogWriter(AppendableLog):
                 door_id=door_id, key=key, value=value, happened_ns=self._happened(about)
             )
 
-        return self._commit_one(event, about)
+        return self._commit_one(event, about, ("annotate", door, key, value))
 
     def request(
         self, door: DoorId | str, state: DoorState | str, **about: Unpack[About]
@@ -212,6 +223,7 @@ class DoorLogWriter(AppendableLog):
                 door_id=self.resolve(door), state=_state(state), happened_ns=self._happened(about)
             ),
             about,
+            ("request", door, _state(state)),
         )
 
     def passed(
@@ -231,6 +243,7 @@ class DoorLogWriter(AppendableLog):
                 happened_ns=self._happened(about),
             ),
             about,
+            ("passed", door, passed, waited_s),
         )
 
     def start_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
@@ -240,7 +253,7 @@ class DoorLogWriter(AppendableLog):
             number = self._last_patrol(PatrolStarted) + 1
             return [PatrolStarted(patrol=number, happened_ns=self._happened(about))]
 
-        appended, started = self._commit(events, about, PatrolStarted)
+        appended, started = self._commit(events, about, PatrolStarted, ("start_patrol",))
         return appended, started.patrol
 
     def finish_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
@@ -256,24 +269,38 @@ class DoorLogWriter(AppendableLog):
                 raise CommandError("no patrol round is under way; first: patrol LOG start.")
             return [PatrolFinished(patrol=number, happened_ns=self._happened(about))]
 
-        appended, finished = self._commit(events, about, PatrolFinished)
+        appended, finished = self._commit(events, about, PatrolFinished, ("finish_patrol",))
         return appended, finished.patrol
 
-    def _commit_one(self, make: Callable[[], Event], about: About) -> Appended:
-        return self._commit(lambda: [make()], about, Event)[0]
+    def _commit_one(
+        self, make: Callable[[], Event], about: About, asked: tuple[object, ...]
+    ) -> Appended:
+        return self._commit(lambda: [make()], about, Event, asked)[0]
 
     def _commit(
-        self, make: Callable[[], Iterable[Event]], about: About, kind: type[E]
+        self,
+        make: Callable[[], Iterable[Event]],
+        about: About,
+        kind: type[E],
+        asked: tuple[object, ...],
     ) -> tuple[Appended, E]:
         """Append what `make` gives, once, and return its first event of that kind.
 
+        Args:
+            make: Called if the command is not stored yet.
+            about: When, who, why.
+            kind: Of the event that is wanted.
+            asked: The command in words: what tells it from another of the same id.
+
         Raises:
-            CommandError: The command was stored before, and was another.
+            CommandReusedError: The command was stored before, and was another.
+            UnexpectedEventError: The door, or the log, went on since the caller looked.
         """
         made: list[Event] = []
 
         def remembered() -> list[Event]:
             made.extend(make())
+            self._check_expected(about.get("expected_event"), made[0])
             return made
 
         note = Note(
@@ -282,17 +309,31 @@ class DoorLogWriter(AppendableLog):
             reason=about.get("reason", ""),
             correlation=about.get("correlation", ""),
         )
-        appended = self._append_once(remembered, note, about.get("command_id"))
+        content = content_of(*asked, about.get("at"), note)
+        appended = self._append_once(
+            remembered,
+            note,
+            about.get("command_id"),
+            content,
+            lambda stored: stored.content == content,
+        )
         if appended.repeated:
             made += self._stored(appended.commit)
-        for event in made:
-            if isinstance(event, kind):
-                return appended, event
-        raise CommandError(f"the command of that id was another: see event {appended.first_event}.")
+        return appended, next(event for event in made if isinstance(event, kind))
 
-    def _stored(self, commit: Commit) -> Iterator[Event]:
-        for number in range(commit.first_event, commit.last_event + 1):
-            yield self.event(number).event
+    def _check_expected(self, expected: int | None, event: Event) -> None:
+        """Return if the last event is as expected: of the door it is about, else of the log.
+
+        Raises:
+            UnexpectedEventError: It is another.
+        """
+        if expected is None:
+            return
+        if isinstance(event, DoorEvent) and not isinstance(event, DoorAdded):
+            last = self.state.last_event(event.door_id)
+            self._check_last_event(f"door {event.door_id}", expected, last)
+        else:
+            self._check_last_event("the log", expected, self._writer.next_event - 1)
 
     def _check_unused(self, name: str, level: int, *, but: DoorId | None = None) -> None:
         """Return if no other door of the level bears the name.

@@ -6,7 +6,9 @@
     │   ├── UnknownDoorError        no such door                                     (LookupError)
     │   ├── DoorExistsError         the id is taken, with other values
     │   ├── DoorRemovedError        the id belonged to a door that is gone
-    │   └── UnknownLevelError       no such level                                    (LookupError)
+    │   ├── UnknownLevelError       no such level                                    (LookupError)
+    │   ├── CommandReusedError      the command id is stored, with other content
+    │   └── UnexpectedEventError    the log went on since the caller looked
     ├── MomentError                 a time that cannot be read, or that is ambiguous (ValueError)
     ├── LogError                    the log on disk
     │   ├── NotALogError            a file, an empty folder, somebody else's bag
@@ -60,6 +62,23 @@ class UnknownLevelError(CommandError, LookupError):
     """No level of that number or name is in the map."""
 
 
+class CommandReusedError(CommandError):
+    """A command id that is stored already was given for other events."""
+
+
+class UnexpectedEventError(CommandError):
+    """The last event, of the log or of a door, is not the one that the caller expected."""
+
+    def __init__(self, of: str, expected: int, actual: int) -> None:
+        super().__init__(
+            f"expected event {expected} to be the last of {of}, got {actual}; "
+            "look at what came in between, and decide again."
+        )
+        self.expected = expected
+        self.actual = actual
+        """Number of the last event; -1: there is none."""
+
+
 class MomentError(SemmapError, ValueError):
     """A moment that cannot be read, or that names two instants."""
 
@@ -86,6 +105,12 @@ class LogAccessError(LogError, OSError):
 
 class LogPoisonedError(LogError):
     """A write or sync failed; whether its events are stored is unknown until it is reopened."""
+
+    def __init__(self, message: str, command_id: bytes = b"") -> None:
+        super().__init__(message)
+        self.command_id = command_id
+        """Of the append that failed: the same events with this id, appended once the log is open
+        again, are stored once. Empty where no append was under way."""
 
 
 class CorruptLogError(LogError):

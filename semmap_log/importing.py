@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.commands import resolve_level
-from semmap_log.commits import Note
+from semmap_log.commits import NO_CONTENT, Note
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorId
 from semmap_log.errors import FormatError
@@ -87,7 +87,10 @@ def import_file(
     if not note.source:
         note = replace(note, source=path.name)
     appended = log.append(
-        _told(plan.events, plan.count, progress), note=note, command_id=command_id
+        _told(plan.events, plan.count, progress),
+        note=note,
+        command_id=command_id,
+        content=command_id or NO_CONTENT,
     )
     return Imported(plan, appended.commit.last_event - plan.count + 1)
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from semmap_log.commits import check_text
+from semmap_log.commits import Durability, check_text
 from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.log.clock import Clock
+from semmap_log.log.clock import Clock, SystemClock
+from semmap_log.log.commits import Entropy
+from semmap_log.log.durability import Promise
 from semmap_log.log.header import LogInfo
-from semmap_log.log.writer import Entropy, create_log, open_for_append
+from semmap_log.log.opening import create_log, open_for_append
+from semmap_log.log.writer import Surroundings
 from semmap_log.moments import zone
 
 _LOCALTIME = Path("/etc/localtime")
@@ -22,6 +25,10 @@ def create(
     tz: str | None = None,
     building: str = "",
     robot: str = "",
+    durability: Durability | str = Durability.EVENT,
+    batch_events: int = Promise.batch_events,
+    batch_s: float = Promise.batch_s,
+    compact: bool = True,
     clock: Clock | None = None,
     entropy: Entropy = os.urandom,
 ) -> DoorLogWriter:
@@ -32,32 +39,61 @@ def create(
         tz: IANA zone in which times without an offset are read and shown; default: the machine's.
         building: Its name.
         robot: The robot's name.
+        durability: What is promised of an append when it returns: `event` (it survives a power
+            cut), `batch` (soon it does), `flush` (the end of the process) or `none`.
+        batch_events: `batch`: so many events at most are not yet synced.
+        batch_s: `batch`: after so many seconds at most they are.
+        compact: Put full segments into large compressed chunks, in a background thread.
         clock: Where times come from; default: the machine.
         entropy: Where ids come from; seed it to get the same bytes again.
 
     Raises:
         LogExistsError: There is something there already.
         MomentError: No such zone.
+        InvalidEventError: No such durability.
     """
+    promise = Promise.of(durability, batch_events, batch_s)
     timezone = tz or machine_zone()
     zone(timezone)
     check_text("building", building)
     check_text("robot", robot)
     info = LogInfo(entropy(16).hex(), timezone, building, robot)
-    return DoorLogWriter(create_log(Path(path), info, clock=clock, entropy=entropy))
+    surroundings = Surroundings(promise, clock or SystemClock(), entropy, compact)
+    return DoorLogWriter(create_log(Path(path), info, surroundings))
 
 
 def append(
-    path: str | Path, *, clock: Clock | None = None, entropy: Entropy = os.urandom
+    path: str | Path,
+    *,
+    durability: Durability | str = Durability.EVENT,
+    batch_events: int = Promise.batch_events,
+    batch_s: float = Promise.batch_s,
+    compact: bool = True,
+    clock: Clock | None = None,
+    entropy: Entropy = os.urandom,
 ) -> DoorLogWriter:
     """Open a log for writing; what a crash left unfinished is put in order first.
+
+    Args:
+        path: The log's folder.
+        durability: What is promised of an append when it returns: `event` (it survives a power
+            cut), `batch` (soon it does), `flush` (the end of the process) or `none`.
+        batch_events: `batch`: so many events at most are not yet synced.
+        batch_s: `batch`: after so many seconds at most they are.
+        compact: Put full segments into large compressed chunks, in a background thread.
+        clock: Where times come from; default: the machine.
+        entropy: Where ids come from; seed it to get the same bytes again.
 
     Raises:
         NotALogError: There is none at that path.
         LogLockedError: Another process is writing.
         LogAccessError: It is on a read-only place.
+        InvalidEventError: No such durability.
     """
-    return DoorLogWriter(open_for_append(Path(path), clock=clock, entropy=entropy))
+    promise = Promise.of(durability, batch_events, batch_s)
+    return DoorLogWriter(
+        open_for_append(Path(path), Surroundings(promise, clock or SystemClock(), entropy, compact))
+    )
 
 
 def read(path: str | Path) -> DoorLog:

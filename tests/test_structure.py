@@ -20,7 +20,7 @@ ORDER = [
     {"moments"},
     {"messages", "projections"},
     {"log"},
-    {"replay", "commands"},
+    {"replay", "commands", "command_content"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},

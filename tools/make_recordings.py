@@ -99,7 +99,7 @@ def make(recording: Recording, *, maps: Path, out: Path, seed: int) -> None:
         write(log, journal, tz=recording.tz, robot=recording.robot, building=recording.building,
               rng=rng, progress=shown(f"{recording.name}: writing"))  # fmt: skip
         if recording.compacted:
-            compact(log)
+            compact(log, merge=False)
         shutil.rmtree(out / recording.name, ignore_errors=True)
         log.rename(out / recording.name)
     expected = expected_json(journal, recording.moments(journal, monday_ns))

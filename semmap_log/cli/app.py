@@ -9,6 +9,7 @@ import typer
 from semmap_log.cli import (
     add,
     annotate,
+    compact,
     demo,
     diff,
     export,
@@ -85,4 +86,5 @@ app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
+app.command("compact", short_help="Make a log smaller.")(compact.run)
 app.command("view", short_help="Look at the history in rerun.")(view.run)

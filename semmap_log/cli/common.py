@@ -158,6 +158,14 @@ _ABOUT = {
             help="32 hex digits: the same command, sent again, is stored once.",
         ),
     ],
+    "expected_event": Annotated[
+        int | None,
+        typer.Option(
+            "--expected-event",
+            metavar="N",
+            help="Only if N is still the last event about this door (new doors, rounds: of all).",
+        ),
+    ],
 }
 
 
@@ -173,13 +181,14 @@ def takes_about(command: Callable[..., None]) -> Callable[..., None]:
             "reason": values.pop("reason"),
             "correlation": values.pop("correlation"),
             "command_id": _command_id(values.pop("command_id")),
+            "expected_event": values.pop("expected_event"),
         }
         command(**values, about=about)
 
     own = inspect.signature(command).parameters
     asked = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint,
-                          default=None if name == "at" else "")
+                          default=None if name in ("at", "expected_event") else "")
         for name, hint in _ABOUT.items()
     ]  # fmt: skip
     parameters = [

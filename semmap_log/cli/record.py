@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
+from enum import Enum
 from typing import Annotated
 
 import typer
@@ -12,21 +13,48 @@ import typer
 from semmap_log.cli.common import LogPath, say
 
 
+class Level(str, Enum):
+    """`semmap_log.commits.Durability`, as typer wants its choices."""
+
+    event = "event"
+    batch = "batch"
+    flush = "flush"
+    none = "none"
+
+
 def run(
     log: LogPath,
     *,
     ack: Annotated[
         bool,
-        typer.Option("--ack", help="Answer each line once it is durable, with its event number."),
+        typer.Option("--ack", help="Answer each line once it is stored, with its event number."),
     ] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Stop at the first bad line, instead of skipping it.")
     ] = False,
+    durability: Annotated[
+        Level,
+        typer.Option(help="What is true of a line when it is answered; see below."),
+    ] = Level.event,
+    batch_events: Annotated[
+        int, typer.Option(min=1, help="batch: so many events at most share a sync.")
+    ] = 64,
+    batch_ms: Annotated[
+        float, typer.Option(min=0, help="batch: a line waits so long for others, at most.")
+    ] = 50.0,
 ) -> None:
     """Record events from standard input, one JSON object a line, until it ends or Ctrl-C.
 
     Each line is one commit; a door is its door_id or its name. A bad line is reported with its
     number and skipped; then the exit code is 1. Exit code 0 means that every line is stored.
+    A line with a command_id that is stored already is stored once, and answered as it was then.
+
+    \b
+    Durability, when a line is answered:
+      event  it survives a power cut (lines that wait already share one sync)
+      batch  the same; lines wait a moment for others to share their sync
+      flush  it survives the end of this program, not a power cut
+      none   it may still be in memory; all is on the disk when the program ends
 
     \b
     A line is a kind with its fields (happened, actor, source, reason may be left out):
@@ -52,7 +80,12 @@ def run(
             sys.stdout.write(json.dumps(said, ensure_ascii=False) + "\n")
             sys.stdout.flush()
 
-    with sl.append(log) as opened:
+    with sl.append(
+        log,
+        durability=durability.value,
+        batch_events=batch_events,
+        batch_s=batch_ms / 1000,
+    ) as opened:
         recorder = LineRecorder(opened, answer, strict=strict)
 
         def stop(_number: int, _frame: object) -> None:

@@ -77,6 +77,21 @@ def parse_event_line(
         raise FormatError(path, [(line, str(error))]) from None
 
 
+def command_id_of(text: str | bytes, *, path: Path | str = "line", line: int = 1) -> bytes | None:
+    """Return the command id in a line of JSON, and nothing else of it; None: it has none.
+
+    Raises:
+        FormatError: Not JSON, or not a command id.
+    """
+    key = "command_id" if isinstance(text, str) else b"command_id"
+    if key not in text:  # type: ignore[operator]  # nearly every line: no need to read it twice
+        return None
+    try:
+        return _hex_id(load_object(text).get("command_id"))
+    except (StrictJsonError, _WrongError) as error:
+        raise FormatError(path, [(line, str(error))]) from None
+
+
 class _WrongError(ValueError):
     """A line that is not an event; gets its file and line from `parse_event_line`."""
 
@@ -253,14 +268,18 @@ class _LineReader:
         return parse_instant(value, tz=self.tz)
 
     def command_id(self) -> bytes | None:
-        if "command_id" not in self.left:
-            return None
-        text = self.text("command_id")
-        if len(text) != 32 or set(text) - set("0123456789abcdefABCDEF"):
-            raise _WrongError(f"command_id: expected 32 hexadecimal digits, got {shown(text)}")
-        return bytes.fromhex(text)
+        return _hex_id(self.left.pop("command_id", None))
 
 
+def _hex_id(value: Any) -> bytes | None:
+    if value is None:
+        return None
+    if not isinstance(value, str) or len(value) != 32 or set(value) - _HEX_DIGITS:
+        raise _WrongError(f"command_id: expected 32 hexadecimal digits, got {shown(value)}")
+    return bytes.fromhex(value)
+
+
+_HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
 _TEXTS = frozenset({"key", "value", "name", "format", "file_name"})
 _WHOLES = frozenset({"door_id", "level", "patrol", "first_event", "last_event"})
 

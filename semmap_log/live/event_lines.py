@@ -1,11 +1,13 @@
 """Events as JSON lines from a pipe, a file or a keyboard, each appended as one commit.
 
 Lines that are waiting already share one sync; robot poses join the commit of the next line, or
-are written after a second. Every line is answered once it is durable, or once it is refused.
+are written after a second. Every line is answered once it is stored as the log's durability
+promises, or once it is refused.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import time
@@ -13,11 +15,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from semmap_log.appendable_log import POSES_WAIT_S, Appended
-from semmap_log.commits import Note
+from semmap_log.command_content import content_of
+from semmap_log.commits import NO_CONTENT, Durability, Note
 from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.errors import CommandError, FormatError, SemmapError
+from semmap_log.errors import CommandError, CommandReusedError, FormatError, SemmapError
 from semmap_log.events import Retracted, RobotPose
-from semmap_log.formats.event_json_reader import DoorLookup, ParsedLine, parse_event_line
+from semmap_log.formats.event_json_reader import (
+    DoorLookup,
+    ParsedLine,
+    command_id_of,
+    parse_event_line,
+)
+from semmap_log.formats.strict_json import load_object
 
 READ_BYTES = 2**16
 MAX_LINE_BYTES = 2**23
@@ -42,7 +51,7 @@ class LineRecorder:
 
     log: DoorLogWriter
     answer: Callable[[Answer], None]
-    """Told of every line: as soon as it is durable, or refused."""
+    """Told of every line: as soon as it is stored as was promised, or refused."""
     strict: bool = False
     """Stop at the first bad line."""
     recorded: int = 0
@@ -52,6 +61,7 @@ class LineRecorder:
     _waiting: list[Answer] = field(default_factory=list)
     _poses: list[tuple[int, RobotPose]] = field(default_factory=list)
     _poses_since: float = 0.0
+    _waiting_since: float = 0.0
     _line: int = 0
 
     def run(self, fd: int) -> None:
@@ -60,13 +70,14 @@ class LineRecorder:
         Raises:
             LogPoisonedError: A write failed; lines without an answer may or may not be stored.
         """
-        for lines in _line_groups(fd, self._stop_or_wait):
+        for lines in _line_groups(fd, self._stop_or_wait, self._patience_s):
             for text in lines:
                 self._line += 1
                 if text.strip() and not self._take(text):
                     self._finish()
                     return
-            self._settle()
+            if not self._may_wait():
+                self._settle()
         self._finish()
 
     def _finish(self) -> None:
@@ -77,26 +88,59 @@ class LineRecorder:
         """Tell whether to stop; called while nothing comes in, and between reads."""
         if self._poses and time.monotonic() - self._poses_since >= POSES_WAIT_S:
             self._write_poses()
+        if self._waiting and not self._may_wait():
             self._settle()
         return self.stopping
+
+    def _patience_s(self) -> float:
+        """Return how long nothing need be done while nothing comes in."""
+        return min(POLL_S, self.log.promise.batch_s) if self._waiting else POLL_S
+
+    def _may_wait(self) -> bool:
+        """Tell whether lines that are written may wait for more to share their sync: `batch`."""
+        promise = self.log.promise
+        return (
+            promise.level is Durability.BATCH
+            and len(self._waiting) < promise.batch_events
+            and time.monotonic() - self._waiting_since < promise.batch_s
+        )
 
     def _take(self, text: bytes) -> bool:
         """Record a line; return False if the run must end here."""
         try:
-            parsed = self._parse(text)
-            if isinstance(parsed.event, RobotPose):
-                self._keep_pose(parsed.event)
-            else:
-                self._append(parsed)
+            if not self._is_answered(text):
+                parsed = self._parse(text)
+                if isinstance(parsed.event, RobotPose) and parsed.command_id is None:
+                    self._keep_pose(parsed.event)
+                else:
+                    self._append(parsed, text)
         except (FormatError, CommandError) as error:
             self.refused += 1
             self.answer(Answer(self._line, error=_without_place(error)))
             return not self.strict
         return True
 
-    def _parse(self, text: bytes) -> ParsedLine:
+    def _is_answered(self, text: bytes) -> bool:
+        """Tell whether the line is a command that is stored already, and answer it then.
+
+        Its door may be gone by now, or its name mean another: so it is looked up before it is
+        understood.
+        """
         if len(text) > MAX_LINE_BYTES:
             raise CommandError(f"longer than {MAX_LINE_BYTES} bytes.")
+        command_id = command_id_of(text, path="line", line=self._line)
+        known = None if command_id is None else self.log.find_command(command_id)
+        if known is None:
+            return False
+        if known.content != _content(text):
+            raise CommandReusedError(
+                f"command_id: stored already, as event {known.first_event}, for another line; "
+                "a new line wants a new id."
+            )
+        self._wait(Answer(self._line, known.last_event))
+        return True
+
+    def _parse(self, text: bytes) -> ParsedLine:
         lookup = DoorLookup(
             resolve=self.log.resolve,
             next_id=lambda: self.log.roster.next_free_id,
@@ -119,13 +163,13 @@ class LineRecorder:
             pose = replace(pose, happened_ns=self.log.now_ns())
         self._poses.append((self._line, pose))
 
-    def _append(self, parsed: ParsedLine) -> None:
+    def _append(self, parsed: ParsedLine, text: bytes) -> None:
         note = Note(parsed.actor, parsed.source, parsed.reason, parsed.correlation)
         events = [*(pose for _, pose in self._poses), parsed.event]
-        appended = self.log.append(events, note=note, command_id=parsed.command_id, sync=False)
-        if appended.repeated:
-            self._waiting.append(Answer(self._line, appended.commit.last_event))
-            return
+        content = _content(text) if parsed.command_id else NO_CONTENT
+        appended = self.log.append(
+            events, note=note, command_id=parsed.command_id, content=content, sync=False
+        )
         self._answer_later(appended, [*(line for line, _ in self._poses), self._line])
 
     def _write_poses(self) -> None:
@@ -135,24 +179,34 @@ class LineRecorder:
 
     def _answer_later(self, appended: Appended, lines: list[int]) -> None:
         first = appended.commit.last_event - len(lines) + 1
-        self._waiting += [Answer(line, first + i) for i, line in enumerate(lines)]
+        for i, line in enumerate(lines):
+            self._wait(Answer(line, first + i))
         self._poses = []
 
+    def _wait(self, answer: Answer) -> None:
+        """Keep an answer until what it speaks of is stored as was promised."""
+        if not self._waiting:
+            self._waiting_since = time.monotonic()
+        self._waiting.append(answer)
+
     def _settle(self) -> None:
-        """Sync once for all lines that wait, then answer them."""
+        """Sync once for all lines that wait, if that was promised, then answer them."""
         if self._waiting:
-            self.log.sync()
+            if self.log.promise.level in (Durability.EVENT, Durability.BATCH):
+                self.log.sync()
             for answer in self._waiting:
                 self.recorded += 1
                 self.answer(answer)
             self._waiting = []
 
 
-def _line_groups(fd: int, stop: Callable[[], bool]) -> Iterator[list[bytes]]:
+def _line_groups(
+    fd: int, stop: Callable[[], bool], patience_s: Callable[[], float]
+) -> Iterator[list[bytes]]:
     """Yield the lines that wait on `fd`, a group at a time, until its end or until told to stop."""
     rest = b""
     while not stop():
-        ready, _, _ = select.select([fd], [], [], POLL_S)
+        ready, _, _ = select.select([fd], [], [], patience_s())
         if not ready:
             continue
         data = os.read(fd, READ_BYTES)
@@ -166,6 +220,11 @@ def _line_groups(fd: int, stop: Callable[[], bool]) -> Iterator[list[bytes]]:
         return  # told to stop: a line that has begun is not a line
     if rest:
         yield [rest]
+
+
+def _content(text: bytes) -> bytes:
+    """Return the digest of what a line says, however it is spaced and ordered."""
+    return content_of("line", json.dumps(load_object(text), sort_keys=True))
 
 
 def _without_place(error: SemmapError) -> str:

@@ -68,11 +68,16 @@ def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
 
 
 def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:
-    """Write metadata.yaml for these segments, or remove it where there are none."""
+    """Write metadata.yaml for these segments, or remove it where there are none.
+
+    A file that says so already is left alone.
+    """
     listed = list(segments)
     path = folder / BAG_METADATA_NAME
     if listed:
-        replace_file(path, _text(listed).encode())
+        text = _text(listed).encode()
+        if not path.exists() or path.read_bytes() != text:
+            replace_file(path, text)
     elif path.exists():
         path.unlink()
         sync_folder(folder)

@@ -33,46 +33,55 @@ class ChunkDamage(Exception):  # noqa: N818  # translated into CorruptLogError, 
     """A chunk is not what was written."""
 
 
-@dataclass(frozen=True, slots=True)
-class BuiltChunk:
-    """A Chunk record with its MessageIndex records, and what the summary says of it."""
+@dataclass(slots=True)
+class ChunkFacts:
+    """What a segment's summary says of a chunk; made for every append, so it is kept small."""
 
-    records: bytes
-    """The message records, as they are."""
-    data: bytes
-    """The bytes for the file."""
     chunk_length: int
     """Bytes of the Chunk record; the indexes follow it."""
-    index_offsets: dict[int, int]
-    """Channel id -> where its MessageIndex lies, counted from the chunk's start."""
     compression: str
     stored_size: int
     size: int
-    start_ns: int
-    end_ns: int
+    times: tuple[int, int]
+    """Least and greatest log time."""
+    happened: tuple[int, int]
+    """Of its events, recorded time where that is earlier; `NO_SPAN` if it has none."""
     counts: dict[int, int]
-    """Channel id -> messages."""
-    least_happened_ns: int
-    """Of its events, recorded time where that is earlier; `NO_EVENTS` if it has none."""
-    greatest_happened_ns: int
+    """Channel id -> messages, ids ascending: the order of the indexes."""
 
     def index_at(self, offset: int) -> ChunkIndex:
         """Return the summary's ChunkIndex for this chunk at that place in the file."""
+        at = offset + self.chunk_length
+        index_offsets: dict[int, int] = {}
+        for channel, count in self.counts.items():
+            index_offsets[channel] = at
+            at += mcap.MESSAGE_INDEX_HEAD_BYTES + count * mcap.MESSAGE_INDEX_ENTRY_BYTES
         return ChunkIndex(
             chunk_length=self.chunk_length,
             chunk_start_offset=offset,
             compression=self.compression,
             compressed_size=self.stored_size,
-            message_end_time=self.end_ns,
-            message_index_length=len(self.data) - self.chunk_length,
-            message_index_offsets={c: offset + at for c, at in self.index_offsets.items()},
-            message_start_time=self.start_ns,
+            message_end_time=self.times[1],
+            message_index_length=at - offset - self.chunk_length,
+            message_index_offsets=index_offsets,
+            message_start_time=self.times[0],
             uncompressed_size=self.size,
         )
 
 
-NO_EVENTS = -1
-NO_SPAN = (NO_EVENTS, NO_EVENTS)
+@dataclass(slots=True)
+class BuiltChunk:
+    """A Chunk record with its MessageIndex records."""
+
+    records: bytes
+    """The message records, as they are."""
+    data: bytes
+    """The bytes for the file."""
+    facts: ChunkFacts
+
+
+NO_SPAN = (-1, -1)
+"""The span of happened times of a chunk without events."""
 
 
 def build_chunk(
@@ -128,28 +137,14 @@ def assemble_chunk(
         end=times[1],
     )
     parts = [head, stored]
-    at = chunk_length = len(head) + len(stored)
-    index_offsets: dict[int, int] = {}
     counts: dict[int, int] = {}
     for channel_id, entries in index.items():
         parts += (mcap.message_index_head(channel_id, len(entries)), entries)
-        index_offsets[channel_id] = at
         counts[channel_id] = len(entries) // mcap.MESSAGE_INDEX_ENTRY_BYTES
-        at += mcap.MESSAGE_INDEX_HEAD_BYTES + len(entries)
-    return BuiltChunk(
-        records=records,
-        data=b"".join(parts),
-        chunk_length=chunk_length,
-        index_offsets=index_offsets,
-        compression=compression,
-        stored_size=len(stored),
-        size=len(records),
-        start_ns=times[0],
-        end_ns=times[1],
-        counts=counts,
-        least_happened_ns=happened[0],
-        greatest_happened_ns=happened[1],
+    facts = ChunkFacts(
+        len(head) + len(stored), compression, len(stored), len(records), times, happened, counts
     )
+    return BuiltChunk(records, b"".join(parts), facts)
 
 
 @dataclass(frozen=True, slots=True)

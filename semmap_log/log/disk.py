@@ -20,7 +20,10 @@ def write_all(fd: int, data: bytes | memoryview) -> None:
     Raises:
         OSError: As the kernel says; a part may have been written.
     """
-    view = memoryview(data)
+    written = os.write(fd, data)
+    if written == len(data):
+        return
+    view = memoryview(data)[written:]
     while view:
         view = view[os.write(fd, view) :]
 

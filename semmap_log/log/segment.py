@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import zlib
 from collections import Counter
+from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -12,7 +13,6 @@ from pathlib import Path
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -24,9 +24,10 @@ from mcap.records import (
 )
 
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import BuiltChunk
+from semmap_log.log.chunks import BuiltChunk, ChunkFacts
 from semmap_log.log.disk import sync_folder, write_all
 from semmap_log.log.form import (
+    COMMIT_CHANNEL,
     INDEX_METADATA,
     LIBRARY,
     LOG_METADATA,
@@ -70,6 +71,10 @@ def _schema_and_channel_bytes() -> bytes:
     return mcap.record(*schema_records(), *(channel_record(topic) for topic in topics()))
 
 
+MOST_HELD_BACK_BYTES = 2**16
+"""So much of a log with durability `none` waits in memory before it is written."""
+
+
 class SegmentWriter:
     """A segment under a temporary name, until `install` gives it its own.
 
@@ -82,10 +87,13 @@ class SegmentWriter:
         self.path = path
         self.header = header
         self.size = 0
-        self.chunk_indexes: list[ChunkIndex] = []
+        """Of the file, with what is held back."""
+        self.commits = 0
         self.levels: set[int] = {0}
-        self._spans: list[tuple[int, int]] = []
-        self.counts: Counter[int] = Counter()
+        self._chunks: list[tuple[int, ChunkFacts]] = []
+        """Where each chunk lies, and what the summary says of it."""
+        self._held_back: list[bytes] = []
+        self._held_back_size = 0
         self._metadata: list[MetadataIndex] = []
         self._crc = 0
         self.temporary: Path | None = path.with_name(
@@ -96,24 +104,55 @@ class SegmentWriter:
             os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
             0o644,
         )
-        start = mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
-        self._write(start)
-        self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
-        self._write(_schema_and_channel_bytes())
+        try:
+            self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
+            self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
+            self._write(_schema_and_channel_bytes())
+        except BaseException:
+            self.abandon()
+            raise
 
-    def add(self, chunk: BuiltChunk, *, levels: frozenset[int] | set[int] = frozenset()) -> None:
-        """Append a chunk, after the channels of levels that are new to this segment: one write."""
-        new = sorted(levels - self.levels)
-        channels = mcap.record(*(channel_record(floor_map_topic(level)) for level in new))
-        offset = self.size + len(channels)
-        self._write(channels + chunk.data if channels else chunk.data)
-        self.levels.update(new)
-        self.chunk_indexes.append(chunk.index_at(offset))
-        self._spans.append((chunk.least_happened_ns, chunk.greatest_happened_ns))
-        self.counts.update(chunk.counts)
+    def add(
+        self,
+        chunk: BuiltChunk,
+        *,
+        levels: AbstractSet[int] = frozenset(),
+        hold_back: bool = False,
+    ) -> None:
+        """Append a chunk, after the channels of levels that are new to this segment: one write.
+
+        Args:
+            chunk: The chunk.
+            levels: Levels whose floor maps are in it.
+            hold_back: Keep the bytes in memory until there are many, or `flush` is called.
+        """
+        data = chunk.data
+        offset = self.size
+        if not levels <= self.levels:
+            new = sorted(levels - self.levels)
+            channels = mcap.record(*(channel_record(floor_map_topic(level)) for level in new))
+            data = channels + data
+            offset += len(channels)
+            self.levels.update(new)
+        if hold_back:
+            self._hold_back(data)
+        else:
+            self._write(data)
+        facts = chunk.facts
+        self._chunks.append((offset, facts))
+        self.commits += facts.counts.get(COMMIT_CHANNEL, 0)
+
+    def flush(self) -> None:
+        """Hand to the kernel what is held back: it then survives the end of the process."""
+        if self._held_back:
+            data = b"".join(self._held_back)
+            self._held_back, self._held_back_size = [], 0
+            write_all(self._fd, data)
 
     def sync(self) -> None:
         """Return once all that was added survives a power cut."""
+        if self._held_back:
+            self.flush()
         os.fdatasync(self._fd)
 
     def install(self) -> None:
@@ -126,17 +165,26 @@ class SegmentWriter:
         sync_folder(self.path.parent)
 
     def close(self) -> None:
-        """Write index, summary and footer, and sync."""
-        least, greatest = zip(*self._spans, strict=True) if self._spans else ((), ())
+        """Write index, summary and footer, and sync.
+
+        The magic at the end says that all the rest is there, so all the rest is synced before: a
+        power cut may keep the last sector of a file and lose those before it.
+        """
+        self.flush()
+        spans = [facts.happened for _, facts in self._chunks]
+        least, greatest = zip(*spans, strict=True) if spans else ((), ())
         self._write_metadata(INDEX_METADATA, mcap.record(index_metadata(least, greatest)))
         self._write(mcap.record(DataEnd(data_section_crc=self._crc)))
         self._write(self._summary())
+        os.fsync(self._fd)
+        self._write(mcap.MAGIC)
         os.fsync(self._fd)
         os.close(self._fd)
         self._fd = -1
 
     def abandon(self) -> None:
         """Let go of the file as it is; one that was never installed is removed."""
+        self._held_back, self._held_back_size = [], 0
         if self._fd >= 0:
             with suppress(OSError):
                 os.close(self._fd)
@@ -146,7 +194,21 @@ class SegmentWriter:
                 self.temporary.unlink()
             self.temporary = None
 
+    @property
+    def start_ns(self) -> int:
+        """Log time of the first record."""
+        return self._chunks[0][1].times[0]
+
+    def _hold_back(self, data: bytes) -> None:
+        self._held_back.append(data)
+        self._held_back_size += len(data)
+        self._crc = zlib.crc32(data, self._crc)
+        self.size += len(data)
+        if self._held_back_size >= MOST_HELD_BACK_BYTES:
+            self.flush()
+
     def _write(self, data: bytes) -> None:
+        self.flush()
         write_all(self._fd, data)
         self._crc = zlib.crc32(data, self._crc)
         self.size += len(data)
@@ -157,27 +219,31 @@ class SegmentWriter:
 
     def statistics(self) -> Statistics:
         """Return the MCAP Statistics of what was written so far."""
+        counts: Counter[int] = Counter()
+        for _, facts in self._chunks:
+            counts.update(facts.counts)
+        times = [facts.times for _, facts in self._chunks]
         return Statistics(
             attachment_count=0,
             channel_count=len(topics()) + len(self.levels - {0}),
-            channel_message_counts=dict(sorted(self.counts.items())),
-            chunk_count=len(self.chunk_indexes),
-            message_count=self.counts.total(),
-            message_end_time=max((c.message_end_time for c in self.chunk_indexes), default=0),
-            message_start_time=min((c.message_start_time for c in self.chunk_indexes), default=0),
+            channel_message_counts=dict(sorted(counts.items())),
+            chunk_count=len(self._chunks),
+            message_count=counts.total(),
+            message_end_time=max((end for _, end in times), default=0),
+            message_start_time=min((start for start, _ in times), default=0),
             metadata_count=len(self._metadata),
             schema_count=len(schema_records()),
         )
 
     def _summary(self) -> bytes:
-        """Return everything behind DataEnd: summary, summary offsets, footer, magic."""
+        """Return what stands between DataEnd and the magic: summary, summary offsets, footer."""
         channels = [channel_record(topic) for topic in topics()]
         channels += [channel_record(floor_map_topic(n)) for n in sorted(self.levels - {0})]
         groups: list[tuple[Opcode, list[McapRecord]]] = [
             (Opcode.SCHEMA, list(schema_records())),
             (Opcode.CHANNEL, list(channels)),
             (Opcode.STATISTICS, [self.statistics()]),
-            (Opcode.CHUNK_INDEX, list(self.chunk_indexes)),
+            (Opcode.CHUNK_INDEX, [facts.index_at(offset) for offset, facts in self._chunks]),
             (Opcode.METADATA_INDEX, list(self._metadata)),
         ]
         summary, offsets = b"", b""
@@ -196,4 +262,4 @@ class SegmentWriter:
         )
         everything = summary + offsets + mcap.record(footer)
         crc = zlib.crc32(everything[:-4])
-        return everything[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC
+        return everything[:-4] + crc.to_bytes(4, "little")

@@ -118,6 +118,11 @@ class DoorMapState:
             return False
         return bool(self._columns["added_event"][row] >= 0 > self._columns["removed_event"][row])
 
+    def last_event(self, door_id: int) -> int:
+        """Return the number of the last event about a door; -1 if there is none."""
+        row = self._row_of.get(door_id)
+        return NEVER if row is None else int(self._columns["last_event"][row])
+
     def is_placed(self, door_id: int) -> bool:
         """Tell whether the door has a place on the floor."""
         row = self._row_of.get(door_id)

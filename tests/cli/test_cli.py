@@ -34,6 +34,7 @@ VERBS = [
     "diff",
     "export",
     "info",
+    "compact",
     "view",
 ]
 

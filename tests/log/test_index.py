@@ -22,7 +22,7 @@ def test_the_index_spans_the_happened_times_of_each_chunk(
     earlier, and -1 for the keyframe, which has none.
     """
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC", clock=clock) as log:
+    with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
         door = log.add_door()
         for late_ms in (0, 500, 3, -(10**6)):
             log.observe(door, "open", at=clock.now_ns - late_ms * 10**6)

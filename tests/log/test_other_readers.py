@@ -35,7 +35,7 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.log import writer as writer_module
+from semmap_log.log import segment_chain
 from semmap_log.log.compaction import compact
 
 DOOR = DoorId(1)
@@ -64,12 +64,12 @@ ONE_OF_EACH: list[Event] = [
 ]
 
 
-@pytest.fixture(params=["as written", "compacted"])
+@pytest.fixture(params=["as written", "compacted", "merged"])
 def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A log of three segments with every kind of event, levels, notes and a long commit."""
-    monkeypatch.setattr(writer_module, "ROLL_COMMITS", 20)
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 20)
     path = tmp_path / "building one"
-    with sl.create(path, tz="Europe/Vienna", robot="r2") as made:
+    with sl.create(path, tz="Europe/Vienna", robot="r2", compact=False) as made:
         made.append(ONE_OF_EACH, note=sl.Note(actor="survey", reason="first visit"))
         for i in range(50):
             made.observe(DOOR, "open" if i % 2 else "closed", accuracy=0.9, at=1000 + i)
@@ -85,8 +85,8 @@ def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
             ]
         )
         made.append(DoorObserved(door_id=DOOR, state=DoorState.OPEN) for _ in range(20_000))
-    if request.param == "compacted":
-        compact(path)
+    if request.param != "as written":
+        compact(path, merge=request.param == "merged")
     return path
 
 
@@ -109,13 +109,16 @@ def ours(path: Path) -> list[tuple[str, int, int]]:
     return found
 
 
-def test_it_has_several_segments(log: Path) -> None:
+def test_it_has_several_segments(log: Path, request: pytest.FixtureRequest) -> None:
     """
-    The fixture is what it says: segments, both maps, all kinds.
+    The fixture is what it says: three segments or what they became, both maps, all kinds.
     """
     reader = sl.read(log).reader
 
-    assert 3 == len(reader.segments)
+    merged = request.node.callspec.params["log"] == "merged"
+    expected = [(0, 2)] if merged else [(0, 0), (1, 1), (2, 2)]
+    assert expected == [(s.header.number, s.header.last_number) for s in reader.segments]
+    assert 3 == sum(topic == "/semmap/keyframe" for topic, *_ in ours(log))
     assert all(segment.closed for segment in reader.segments)
     assert {"/map", "/map/1", "/semmap/keyframe"} < {topic for topic, *_ in ours(log)}
 

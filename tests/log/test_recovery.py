@@ -26,7 +26,7 @@ def crashed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[int]]:
     door = log.add_door(name="front", actor="me")
     for state in ("open", "closed", "open"):
         log.observe(door, state)
-        segment = log._writer._segment
+        segment = log._writer._chain.live
         assert segment is not None
         ends.append(segment.size)
     copy = tmp_path_factory.mktemp("copy") / "log"
@@ -133,11 +133,11 @@ def test_a_missing_segment_is_noticed(tmp_path: Path, monkeypatch: pytest.Monkey
     """
     Segments are numbered: the first, one between, or a live one that was cut, is named.
     """
-    from semmap_log.log import writer
+    from semmap_log.log import segment_chain
 
-    monkeypatch.setattr(writer, "ROLL_COMMITS", 2)
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 2)
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as log:
+    with sl.create(path, tz="UTC", compact=False) as log:
         for _ in range(6):
             log.add_door()
     for name, problem in (("000000", "one is missing"), ("000001", "one is missing")):

@@ -24,7 +24,7 @@ from semmap_log.errors import (
     NotALogError,
 )
 from semmap_log.events import DoorAdded, DoorObserved, RobotPose
-from semmap_log.log import writer as writer_module
+from semmap_log.log import segment_chain
 from semmap_log.log.commits import commit_hash
 from tests.conftest import SteadyClock
 
@@ -105,9 +105,9 @@ def test_segments_roll(
     By commits, by size and by age; each segment begins with the state so far.
     """
     limit = {"ROLL_COMMITS": 5, "ROLL_BYTES": 20_000, "ROLL_AGE_NS": 10 * 10**6}[rule]
-    monkeypatch.setattr(writer_module, rule, limit)
+    monkeypatch.setattr(segment_chain, rule, limit)
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC", clock=clock) as log:
+    with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
         for _ in range(40):
             log.add_door()
 
@@ -127,9 +127,9 @@ def test_the_chain_of_hashes_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 
-    monkeypatch.setattr(writer_module, "ROLL_COMMITS", 3)
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as log:
+    with sl.create(path, tz="UTC", compact=False) as log:
         for i in range(10):
             log.add_door(name=f"door {i}", actor="me")
     previous, checked = bytes(32), 0

@@ -1,0 +1,93 @@
+"""`compact`: the same log in fewer bytes and files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from semmap_log.cli.common import AsJson, LogPath, print_json, progress
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from semmap_log.log.compaction import Compacted
+
+
+def run(
+    log: LogPath,
+    *,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what would be done; needs no write access.")
+    ] = False,
+    no_merge: Annotated[
+        bool, typer.Option("--no-merge", help="Keep every segment a file of its own.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Make a log smaller: compress its closed segments, and merge small ones that are neighbours.
+
+    Every record stays as it is, in its place, and each copy is compared with the old file before
+    it takes its name. Ctrl-C, or a crash, at any moment leaves the whole log. Nobody may be
+    writing; readers are not disturbed.
+
+    \b
+    Examples:
+      semmap-log compact office
+      semmap-log compact office --dry-run
+      semmap-log compact office --no-merge --json
+    """
+    from semmap_log.log.compaction import compact, plan_compaction
+
+    if dry_run:
+        done = plan_compaction(log, merge=not no_merge)
+    else:
+        with progress("Compacting") as told:
+            done = compact(log, merge=not no_merge, progress=told)
+    if as_json:
+        print_json(_to_json(done, dry_run=dry_run))
+    else:
+        _tell(log, done, dry_run=dry_run)
+
+
+def _tell(log: Path, done: Compacted, *, dry_run: bool) -> None:
+    if not done.steps:
+        typer.echo(f"{log}: nothing to do; closed segments: {done.segments_before}, all compact.")
+        return
+    for files in done.steps if dry_run else ():
+        typer.echo(_intention(files))
+    typer.echo(f"closed segments   {done.segments_before:,} -> {done.segments_after:,}")
+    if done.bytes_after is None:
+        typer.echo(f"bytes             {done.bytes_before:,}")
+        return
+    less = 1 - done.bytes_after / done.bytes_before
+    typer.echo(f"bytes             {done.bytes_before:,} -> {done.bytes_after:,} ({less:.0%} less)")
+    if done.events:
+        before, after = done.bytes_before / done.events, done.bytes_after / done.events
+        typer.echo(f"bytes an event    {before:,.1f} -> {after:,.1f} ({done.events:,} events)")
+
+
+def _intention(files: Sequence[Path]) -> str:
+    if len(files) == 1:
+        return f"would compress {files[0].name}"
+    return f"would merge {len(files)} segments, {files[0].name} to {files[-1].name}"
+
+
+def _to_json(done: Compacted, *, dry_run: bool) -> dict[str, Any]:
+    def each(size: int | None) -> float | None:
+        return None if size is None or not done.events else round(size / done.events, 2)
+
+    return {
+        "dry_run": dry_run,
+        "segments_before": done.segments_before,
+        "segments_after": done.segments_after,
+        "bytes_before": done.bytes_before,
+        "bytes_after": done.bytes_after,
+        "events": done.events,
+        "bytes_per_event_before": each(done.bytes_before),
+        "bytes_per_event_after": each(done.bytes_after),
+        "steps": [
+            {"files": [path.name for path in files], "into": files[0].name} for files in done.steps
+        ],
+    }

@@ -1,0 +1,180 @@
+"""`semmap-log compact`, as a user types it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+from semmap_log.log import segment_chain
+from tests.log.logs import digest_of_records, segment_files, write_log
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Three closed segments of many small chunks."""
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 100)
+    return write_log(tmp_path / "office", 250)
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the verb; return its exit code, stdout and stderr."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = 0
+        try:
+            main(["compact", *(str(argument) for argument in arguments)])
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return run
+
+
+def test_before_and_after_are_printed(log: Path, run: Run) -> None:
+    """
+    Segments, bytes and bytes an event; what it says is what there is.
+    """
+    before = sum(path.stat().st_size for path in segment_files(log))
+
+    code, out, err = run(log)
+
+    after = sum(path.stat().st_size for path in segment_files(log))
+    assert (0, "") == (code, err)
+    assert "closed segments   3 -> 1" in out
+    assert f"{before:,} -> {after:,}" in out
+    assert f"{before / 250:.1f} -> {after / 250:.1f} (250 events)" in out
+
+
+def test_json(log: Path, run: Run) -> None:
+    """
+    One document, with every figure and what became what.
+    """
+    code, out, _ = run(log, "--json")
+
+    said = json.loads(out)
+    assert 0 == code
+    assert (3, 1, 250) == (said["segments_before"], said["segments_after"], said["events"])
+    assert sum(path.stat().st_size for path in segment_files(log)) == said["bytes_after"]
+    assert round(said["bytes_after"] / 250, 2) == said["bytes_per_event_after"]
+    assert [
+        {
+            "files": ["office_000000.mcap", "office_000001.mcap", "office_000002.mcap"],
+            "into": "office_000000.mcap",
+        }
+    ] == said["steps"]
+
+
+def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:
+    """
+    And nothing is written.
+    """
+    run(log)
+    files = {path: path.stat().st_ino for path in log.iterdir()}
+
+    code, out, _ = run(log)
+
+    assert (0, True) == (code, "nothing to do" in out)
+    assert files == {path: path.stat().st_ino for path in log.iterdir()}
+
+
+def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
+    """
+    It names what would be done, even while somebody is writing and nothing may be written.
+    """
+    before = {path.name: path.read_bytes() for path in log.iterdir()}
+
+    code, out, _ = run(log, "--dry-run")
+    _, as_json, _ = run(log, "--dry-run", "--json", "--no-merge")
+
+    assert 0 == code
+    assert "would merge 3 segments, office_000000.mcap to office_000002.mcap" in out
+    assert "3 -> 1" in out
+    assert (True, None) == (json.loads(as_json)["dry_run"], json.loads(as_json)["bytes_after"])
+    assert 3 == len(json.loads(as_json)["steps"])
+    assert before == {path.name: path.read_bytes() for path in log.iterdir()}
+
+
+def test_without_merging(log: Path, run: Run) -> None:
+    """
+    Each file stays one, and becomes smaller.
+    """
+    sizes = [path.stat().st_size for path in segment_files(log)]
+
+    run(log, "--no-merge")
+
+    smaller = [path.stat().st_size for path in segment_files(log)]
+    assert 3 == len(smaller)
+    assert all(new < old for new, old in zip(smaller, sizes, strict=True))
+
+
+def test_not_while_somebody_writes(log: Path, run: Run) -> None:
+    """
+    Exit code 1, one line that says who; the files stay.
+    """
+    with sl.append(log):
+        before = {path.name: path.read_bytes() for path in segment_files(log)}
+        code, out, err = run(log)
+        after = {path.name: path.read_bytes() for path in segment_files(log)}
+
+    assert (1, "") == (code, out)
+    assert f"process {os.getpid()} is writing" in err
+    assert before == after
+
+
+def test_damage_is_named_and_left(log: Path, run: Run) -> None:
+    """
+    Exit code 1, the file and the byte; no file is changed.
+    """
+    path = segment_files(log)[1]
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    before = {path.name: path.read_bytes() for path in log.glob("*.mcap")}
+
+    code, _, err = run(log)
+
+    assert (1, True) == (code, f"{path}: damaged at byte" in err)
+    assert before == {path.name: path.read_bytes() for path in log.glob("*.mcap")}
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.02, 0.05, 0.1])
+def test_ctrl_c_leaves_the_whole_log(tmp_path: Path, delay_s: float) -> None:
+    """
+    A real process, a real SIGINT: afterwards the same records, no temporary file, and again.
+    """
+    log = write_log(tmp_path / "log", 3000, per_commit=20)
+    before = digest_of_records(log)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "semmap_log", "compact", str(log)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    deadline = time.monotonic() + 30
+    while process.poll() is None and not list(log.glob(".*.tmp")):
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+    time.sleep(delay_s)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+
+    assert process.returncode in {0, 130}, err
+    assert b"Traceback" not in err
+    assert before == digest_of_records(log)
+    assert [] == list(log.glob(".*.tmp"))
+    subprocess.run([sys.executable, "-m", "semmap_log", "compact", log], check=True)
+    assert before == digest_of_records(log)

@@ -1,0 +1,73 @@
+"""Logs for the tests of compaction, and what to compare of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import semmap_log as sl
+from semmap_log.doors import DoorId, DoorState
+from semmap_log.events import DoorObserved, Event
+from semmap_log.log.scan import open_segment
+from semmap_log.log.segment_reading import pages_of
+
+
+def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
+    """Write a log of a door that opens and closes; `clock` repeats if it must."""
+    made = {"clock": clock} if clock else {}
+    with sl.create(path, tz="UTC", compact=False, **made) as log:
+        door = log.add_door(actor="survey", reason="first visit")
+        for number in range(commits - 1):
+            log.append(sightings(door, per_commit, number), sync=False)
+        log.sync()
+    return path
+
+
+def sightings(door: DoorId, count: int, start: int = 0) -> Iterator[Event]:
+    """Yield sightings of a door, no two the same."""
+    for i in range(count):
+        state = DoorState.OPEN if (start + i) % 2 else DoorState.CLOSED
+        accuracy = 0.5 + ((start + i) % 1000) / 2000
+        yield DoorObserved(door_id=door, state=state, accuracy_open=accuracy, accuracy_closed=0.9)
+
+
+def segment_files(log: Path) -> list[Path]:
+    """Return a log's segments, by name."""
+    return sorted(log.glob("*.mcap"))
+
+
+def digest_of_records(log: Path) -> str:
+    """Return one digest of all records of a log, in order, however they are chunked."""
+    whole = hashlib.sha256()
+    for path in segment_files(log):
+        for page in pages_of(open_segment(path)):
+            whole.update(page.records)
+    return whole.hexdigest()
+
+
+def answers(log: Path) -> dict[str, Any]:
+    """Return what a log says to every question, at many moments, as texts that can be compared."""
+    opened = sl.read(log)
+    commits = list(opened.commits())
+    recorded = [commit.closed_ns for commit in commits]
+    moments = recorded[:: max(1, len(recorded) // 8)]
+    last = commits[-1].last_event if commits else -1
+    numbers = range(0, last + 1, max(1, last // 8))
+    return {
+        "commits": [repr(commit) for commit in commits],
+        "history": [repr(entry) for entry in opened.history()],
+        "now": repr(opened.replay()),
+        "at": [repr(opened.replay(at=ns)) for ns in moments],
+        "known at": [repr(opened.replay(known_at=ns)) for ns in moments],
+        "before": [repr(opened.replay(known_at=ns - 1)) for ns in moments],
+        "event": [repr(opened.replay(event=number)) for number in numbers],
+        "entries": [repr(opened.entry(number)) for number in numbers],
+        "records": digest_of_records(log),
+    }
+
+
+def chunk_sizes(path: Path) -> list[tuple[str, int]]:
+    """Return compression and uncompressed size of a segment's chunks."""
+    return [(chunk.compression, chunk.size) for chunk in open_segment(path).chunks]

@@ -1,0 +1,15 @@
+"""Which kinds of faults there are: to add one, write its file and name it here."""
+
+from __future__ import annotations
+
+from fault_injection.fault import Kind
+from fault_injection.simulated_disk import simulated_disk
+from fault_injection.syscall_errors import syscall_errors
+from fault_injection.syscall_kills import syscall_kills
+
+KINDS: dict[str, Kind] = {
+    "disk": simulated_disk,
+    "syscalls": syscall_kills,
+    "errors": syscall_errors,
+}
+"""Name on the command line -> the function that tries its faults, in the order of the table."""
