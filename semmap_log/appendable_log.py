@@ -16,6 +16,7 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandReusedError, LogPoisonedError, UnexpectedEventError
 from semmap_log.events import Event, RobotPose
+from semmap_log.log.clock import believable_ns
 from semmap_log.log.durability import Promise
 from semmap_log.log.reader import LogReader
 from semmap_log.log.writer import LogWriter
@@ -120,7 +121,7 @@ class AppendableLog(DoorLog):
 
     def now_ns(self) -> int:
         """Return what the log's clock says: nanoseconds since 1970, UTC."""
-        return self._writer.clock.wall_ns()
+        return believable_ns(self._writer.clock)
 
     def append(
         self,
@@ -279,9 +280,14 @@ class AppendableLog(DoorLog):
         poses = self._poses
         gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses))
         try:
-            events = _checked(make(), gatekeeper)
+            events = make()
+            if isinstance(events, (list, tuple)):
+                gatekeeper.check_all(events)
+                events = [*poses, *events]
+            else:
+                events = chain(poses, _checked(events, gatekeeper))
             commit = self._writer.append(
-                chain(poses, events) if poses else events,
+                events,
                 note=note,
                 command_id=command_id,
                 content=content,

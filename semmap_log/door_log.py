@@ -10,7 +10,7 @@ sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -25,6 +25,7 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Event, FloorMap, Retracted
+from semmap_log.log.following import FollowedCommit, follow
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.moments import Moment, parse_moment, parse_range
@@ -135,6 +136,33 @@ class DoorLog:
     def commits(self) -> Iterator[Commit]:
         """Yield all commits, in order, with their notes."""
         return self.reader.commits()
+
+    def follow(
+        self,
+        after: int | None = None,
+        *,
+        poll_s: float = 0.1,
+        stop: Callable[[], bool] | None = None,
+    ) -> Iterator[FollowedCommit]:
+        """Yield commits as they are written, each with its events: no gap, no repeat.
+
+        It goes on over new segments, recoveries, compactions and other writers, and while nobody
+        writes; commits come when they are whole. What this object answers stays as it was opened.
+
+        Args:
+            after: Number of the last event that is known already; -1: from the log's beginning;
+                None: from its end, as it was opened.
+            poll_s: How long to wait before looking again.
+            stop: Asked before each look; once it says yes, what is there then is the end.
+
+        Raises:
+            CorruptLogError: The log is damaged, or was exchanged for another state of itself.
+            LogError: Another log lies there now.
+        """
+        if after is None:
+            last = self.reader.last_commit()
+            after = -1 if last is None else last.last_event
+        return follow(LogReader(self.path), after, poll_s=poll_s, stop=stop)
 
     def event(self, number: int) -> RecordedEvent:
         """Return the event of that number.

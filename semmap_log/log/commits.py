@@ -189,26 +189,10 @@ class CommitBuilder:
     ) -> BuiltChunk:
         """Return the chunk that closes the commit: the events that are left, note and Commit."""
         self._hash_in(records, channels)
-        stamp, time = self._stamp, self._end_ns
-        pack, length = _commit_packing()
-        record = pack(
-            _MESSAGE, length, COMMIT_CHANNEL, (self._end_event - 1) & _LOW_32_BITS, time, time,
-            CDR_HEADER,
-            stamp.first_event,
-            stamp.durable_before,
-            self._end_event - stamp.first_event,
-            stamp.durability,
-            stamp.command_id,
-            stamp.content,
-            stamp.wall_clock_ns,
-            stamp.monotonic_clock_ns,
-            stamp.boot_id,
-            stamp.previous_hash,
-            NO_HASH,
-        )  # fmt: skip
+        time = self._end_ns
         digests = {channel: digest.digest() for channel, digest in self._digests.items()}
-        self._hash = commit_hash(record, digests)
-        records.append(record[:-HASH_BYTES] + self._hash)
+        record, self._hash = closing_record(self._stamp, self._end_event, time, digests)
+        records.append(record)
         channels.append(COMMIT_CHANNEL)
         return _chunk_of(records, channels, time + 1, span)
 
@@ -256,6 +240,37 @@ def _chunk_of(
         times=(start_ns, end_ns - 1),
         happened=span,
     )
+
+
+def closing_record(
+    stamp: Stamp, end_event: int, time: int, digests: dict[int, bytes]
+) -> tuple[bytes, bytes]:
+    """Return the Commit record, and the hash in it.
+
+    Args:
+        stamp: What the commit takes from outside.
+        end_event: The number behind its last event.
+        time: Its log time.
+        digests: Channel id -> sha256 of that channel's records in this commit, in order.
+    """
+    pack, length = _commit_packing()
+    record = pack(
+        _MESSAGE, length, COMMIT_CHANNEL, (end_event - 1) & _LOW_32_BITS, time, time,
+        CDR_HEADER,
+        stamp.first_event,
+        stamp.durable_before,
+        end_event - stamp.first_event,
+        stamp.durability,
+        stamp.command_id,
+        stamp.content,
+        stamp.wall_clock_ns,
+        stamp.monotonic_clock_ns,
+        stamp.boot_id,
+        stamp.previous_hash,
+        NO_HASH,
+    )  # fmt: skip
+    hashed = commit_hash(record, digests)
+    return record[:-HASH_BYTES] + hashed, hashed
 
 
 def commit_hash(commit_record: bytes | memoryview, digests: dict[int, bytes]) -> bytes:

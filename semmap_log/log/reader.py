@@ -99,7 +99,7 @@ class LogReader:
         return self.segments[0].header.info
 
     def pages(
-        self, first_segment: int = 0, progress: Progress | None = None
+        self, first_segment: int = 0, progress: Progress | None = None, *, first_chunk: int = 0
     ) -> Iterator[tuple[Segment, Page]]:
         """Yield all records, in order, small chunks joined to pages of about a MiB.
 
@@ -116,7 +116,7 @@ class LogReader:
                 commit = last.last_commit() if last is not None else None
                 check_follows(segment, commit or last_commit(before), before)
             last = None
-            for page in pages_of(segment):
+            for page in pages_of(segment, first_chunk if i == 0 else 0):
                 yield segment, page
                 last = page
                 if progress:

@@ -34,9 +34,9 @@ MESSAGE_DTYPE: np.dtype[np.void] = np.dtype(
 _CHUNK = struct.Struct("<BQQQQII")
 """Opcode, length, start and end time, uncompressed size, CRC, length of the compression's name."""
 _SIZE = struct.Struct("<Q")
-_INDEX = struct.Struct("<BQHI")
+MESSAGE_INDEX = struct.Struct("<BQHI")
 """Opcode, length, channel id, bytes of entries; entries of (log time u64, offset u64) follow."""
-MESSAGE_INDEX_HEAD_BYTES = _INDEX.size
+MESSAGE_INDEX_HEAD_BYTES = MESSAGE_INDEX.size
 MESSAGE_INDEX_ENTRY_BYTES = 16
 
 
@@ -74,7 +74,7 @@ def chunk_head(
 
 def message_index_head(channel_id: int, entry_bytes: int) -> bytes:
     """Return a MessageIndex record up to its entries of (log time u64, offset in the chunk u64)."""
-    return _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + entry_bytes, channel_id, entry_bytes)
+    return MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + entry_bytes, channel_id, entry_bytes)
 
 
 def record(*records: McapRecord) -> bytes:

@@ -165,13 +165,19 @@ class SegmentWriter:
         sync_folder(self.path.parent)
 
     def close(self) -> None:
-        """Write index, summary and footer, and sync."""
+        """Write index, summary and footer, and sync.
+
+        The magic at the end says that all the rest is there, so all the rest is synced before: a
+        power cut may keep the last sector of a file and lose those before it.
+        """
         self.flush()
         spans = [facts.happened for _, facts in self._chunks]
         least, greatest = zip(*spans, strict=True) if spans else ((), ())
         self._write_metadata(INDEX_METADATA, mcap.record(index_metadata(least, greatest)))
         self._write(mcap.record(DataEnd(data_section_crc=self._crc)))
         self._write(self._summary())
+        os.fsync(self._fd)
+        self._write(mcap.MAGIC)
         os.fsync(self._fd)
         os.close(self._fd)
         self._fd = -1
@@ -230,7 +236,7 @@ class SegmentWriter:
         )
 
     def _summary(self) -> bytes:
-        """Return everything behind DataEnd: summary, summary offsets, footer, magic."""
+        """Return what stands between DataEnd and the magic: summary, summary offsets, footer."""
         channels = [channel_record(topic) for topic in topics()]
         channels += [channel_record(floor_map_topic(n)) for n in sorted(self.levels - {0})]
         groups: list[tuple[Opcode, list[McapRecord]]] = [
@@ -256,4 +262,4 @@ class SegmentWriter:
         )
         everything = summary + offsets + mcap.record(footer)
         crc = zlib.crc32(everything[:-4])
-        return everything[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC
+        return everything[:-4] + crc.to_bytes(4, "little")

@@ -11,7 +11,7 @@ from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
 from semmap_log.events import Event
 from semmap_log.log import keyframes
-from semmap_log.log.clock import Clock, SystemClock
+from semmap_log.log.clock import Clock, SystemClock, believable_ns
 from semmap_log.log.command_memory import CommandMemory
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
 from semmap_log.log.durability import SYNC_FAILED, BatchTimer, Promise, SharedSync
@@ -19,6 +19,7 @@ from semmap_log.log.header import SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reader import LogReader
 from semmap_log.log.segment_chain import SegmentChain
+from semmap_log.log.uniform_commit import uniform_commit
 from semmap_log.log.written_state import WrittenState
 from semmap_log.projections.door_map import DoorMapState
 
@@ -70,7 +71,7 @@ class LogWriter:
 
     def begin(self, header: SegmentHeader) -> None:
         """Start a log: its first segment."""
-        self.last_ns = max(self.clock.wall_ns(), 1)
+        self.last_ns = max(believable_ns(self.clock), 1)
         self._chain.begin(header, keyframes.keyframe_chunk(self.state, self.last_ns))
 
     def go_on(self, reader: LogReader) -> None:
@@ -130,7 +131,7 @@ class LogWriter:
     def _append(
         self, events: Iterable[Event], note: Note, command_id: bytes, content: bytes
     ) -> Commit:
-        wall_ns = self.clock.wall_ns()
+        wall_ns = believable_ns(self.clock)
         self._make_ready(wall_ns)
         segment = self._chain.live
         assert segment is not None
@@ -146,12 +147,19 @@ class LogWriter:
             self._syncs.durable_before,
             content,
         )
-        builder = CommitBuilder(stamp, note, self.entropy)
-        for chunk in builder.chunks(events):
+        uniform = uniform_commit(stamp, note, events) if isinstance(events, list) else None
+        if uniform is not None:
+            chunk, commit = uniform
             self._in_commit = True
-            segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
+            segment.add(chunk, hold_back=self._holds_back)
             self._state.add(chunk)
-        commit = builder.commit
+        else:
+            builder = CommitBuilder(stamp, note, self.entropy)
+            for chunk in builder.chunks(events):
+                self._in_commit = True
+                segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
+                self._state.add(chunk)
+            commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
         self._commands.add(commit)

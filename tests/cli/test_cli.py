@@ -33,6 +33,8 @@ VERBS = [
     "diff",
     "export",
     "info",
+    "verify",
+    "recover",
     "compact",
     "view",
 ]

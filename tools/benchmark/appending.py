@@ -1,4 +1,4 @@
-"""Cases: durable commits of one event and of many."""
+"""Cases: durable commits of one event, of many, and of many threads."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ PROMISES = {1: ("≥ 0.87x", "≥ 0.9x"), 100: ("≥ 0.77x", "≥ 1x")}
 """Events a commit -> what is promised against bare write + fdatasync and against SQLite."""
 
 ROUNDS, BURST = 20, 10
+THREADS, EACH = 8, 25
+"""Threads that append together, and how many commits each of them makes in a turn."""
 
 Row = tuple[int, int, int, float, float, float]
 """Happened, door, state, accuracy_open, accuracy_closed, opening."""
@@ -45,6 +47,23 @@ def append_cases(shop: Workshop, rounds: int | None) -> Iterator[Case]:
         )  # fmt: skip
         title = f"Durable append, {per_commit} a commit"
         yield Case("append", title, "µs", peers, rounds or ROUNDS, BURST)
+    yield _group_commit(shop, rounds or ROUNDS)
+
+
+def _group_commit(shop: Workshop, rounds: int) -> Case:
+    """Return: threads that append at the same time, each waiting until its own is on the disk."""
+    shop.say(f"writing from {THREADS} threads")
+    folder = shop.folder_for("append_threads")
+    turns, a_turn = 1 + rounds, THREADS * EACH
+    plain = folder / "bytes"
+    commits = _bytes_of_commits(folder / "sample", turns * a_turn, 1)
+    peers = (
+        Peer("semmap-log", partial(_ours_in_threads, folder / "log", turns),
+             _digest(sorted(map(_row, sightings(turns * a_turn)))), units=a_turn),
+        Peer("a loop of write + fdatasync", partial(_bare_bursts, plain, commits, a_turn),
+             hashlib.sha256(b"".join(commits)).hexdigest(), units=a_turn, promise="≥ 5x"),
+    )  # fmt: skip
+    return Case("append", f"Durable append, {THREADS} threads", "events/s", peers, rounds)
 
 
 def _bytes_of_commits(path: Path, commits: int, per_commit: int) -> list[bytes]:
@@ -95,6 +114,41 @@ def _bare(path: Path, commits: list[bytes]) -> Work:
         os.fdatasync(fd)
 
     return Work(once, iter(commits), lambda _: hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def _ours_in_threads(path: Path, turns: int) -> Work:
+    from concurrent.futures import ThreadPoolExecutor
+
+    import semmap_log as sl
+    from semmap_log.events import DoorObserved
+
+    log = _new_log(path)
+    pool = ThreadPoolExecutor(THREADS)
+
+    def append_all(mine: list[list[DoorObserved]]) -> None:
+        for events in mine:
+            log.append(events)
+
+    def once(shares: list[list[list[DoorObserved]]]) -> None:
+        list(pool.map(append_all, shares))
+
+    def answer(_: object) -> str:
+        log.close()
+        batches = sl.read(path).batches(kinds=[DoorObserved])
+        return _digest(sorted(_row(row.event) for batch in batches for row in batch))  # type: ignore[arg-type]
+
+    commits = grouped(sightings(turns * THREADS * EACH), 1)
+    return Work(once, grouped(grouped(commits, EACH), THREADS), answer)
+
+
+def _bare_bursts(path: Path, commits: list[bytes], a_turn: int) -> Work:
+    one = _bare(path, commits)
+
+    def once(burst: list[bytes]) -> None:
+        for data in burst:
+            one.once(data)
+
+    return Work(once, grouped(iter(commits), a_turn), one.answer)
 
 
 def _sqlite(path: Path, commits: int, per_commit: int) -> Work:

@@ -1,0 +1,1 @@
+"""Short forms of what `tools/faults.py` does at length."""

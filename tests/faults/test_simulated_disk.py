@@ -1,0 +1,123 @@
+"""Crash states of a simulated disk: the short form of `tools/faults.py disk`, and its model."""
+
+from __future__ import annotations
+
+import os
+import random
+import stat
+import sys
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from tests.faults.running import TOOLS, faults, is_tried
+
+sys.path.insert(0, str(TOOLS))
+
+from fault_injection.disk_model import SECTOR, Disk
+from fault_injection.shim import Call, Entry
+
+MAGIC = b"\x89MCAP0\r\n"
+O_CREAT = os.O_CREAT
+
+
+def test_nothing_acknowledged_is_lost_whatever_a_disk_keeps(tmp_path: Path) -> None:
+    """
+    Unsynced writes lost, torn, reordered, names and renames undone, at any call, at all levels.
+    """
+    said = faults("disk", 400, tmp_path)
+
+    is_tried(said, at_least=400)
+
+
+def test_what_a_footer_stands_for_is_on_the_disk_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    A power cut may keep a file's last sector alone: only what was synced may be vouched for there.
+    """
+    synced: list[bytes] = []
+    fsync = os.fsync
+
+    def watched(fd: int) -> None:
+        if stat.S_ISREG(os.fstat(fd).st_mode):
+            synced.append(Path(f"/proc/self/fd/{fd}").read_bytes())
+        fsync(fd)
+
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door()
+        monkeypatch.setattr(os, "fsync", watched)
+
+    closed = (tmp_path / "log" / "log_000000.mcap").read_bytes()
+    assert MAGIC == closed[-len(MAGIC) :]
+    assert [closed[: -len(MAGIC)], closed] == synced[:2]
+
+
+def _open(path: str, fd: int) -> Entry:
+    return Entry(Call.OPEN, fd, O_CREAT, path, "", b"")
+
+
+def _write(fd: int, offset: int, data: bytes) -> Entry:
+    return Entry(Call.WRITE, fd, offset, "", "", data)
+
+
+def _on(call: Call, fd: int) -> Entry:
+    return Entry(call, fd, 0, "", "", b"")
+
+
+def _rename(source: str, target: str) -> Entry:
+    return Entry(Call.RENAME, -1, 0, source, target, b"")
+
+
+def _left(*entries: Entry) -> list[object]:
+    """Return every content that the model draws after these calls."""
+    disk = Disk("/r")
+    for entry in entries:
+        disk.take(entry)
+    drawn = [disk.crashed(random.Random(seed)) for seed in range(400)]
+    return [tree for i, tree in enumerate(drawn) if tree not in drawn[:i]]
+
+
+def test_the_model_keeps_what_was_synced() -> None:
+    """
+    A file and its name, each once it is synced itself, and then for certain.
+    """
+    written = (_open("/r/a", 3), _write(3, 0, b"x"), _on(Call.FDATASYNC, 3))
+    folder = (Entry(Call.LOOK, 4, 0, "/r", "", b""), _on(Call.FSYNC, 4))
+
+    without_name, with_name = _left(*written), _left(*written, *folder)
+
+    assert sorted([{}, {"a": b"x"}], key=str) == sorted(without_name, key=str)
+    assert [{"a": b"x"}] == with_name
+
+
+def test_the_model_tears_what_was_not() -> None:
+    """
+    Each sector is there or not, in any order, and the size may be ahead of the data.
+    """
+    old, new = b"o" * SECTOR, b"n" * SECTOR
+    folder = (Entry(Call.LOOK, 4, 0, "/r", "", b""), _on(Call.FSYNC, 4))
+    first = (_open("/r/a", 3), _write(3, 0, old), _on(Call.FSYNC, 3), *folder)
+
+    left = _left(*first, _write(3, SECTOR, new), _write(3, 2 * SECTOR, new))
+
+    hole = bytes(SECTOR)
+    for data in (old, old + new, old + hole, old + hole + new, old + new + hole, old + hole + hole):
+        assert {"a": data} in left
+    assert all(tree["a"].startswith(old) for tree in left)
+
+
+def test_the_model_undoes_renames() -> None:
+    """
+    A rename that was not followed by a sync of the folder happened, or not, or without the data.
+    """
+    folder = (Entry(Call.LOOK, 4, 0, "/r", "", b""), _on(Call.FSYNC, 4))
+    first = (_open("/r/a", 3), _write(3, 0, b"old"), _on(Call.FSYNC, 3), *folder)
+
+    left = _left(*first, _open("/r/b", 5), _write(5, 0, b"new"), _rename("/r/b", "/r/a"))
+
+    assert {"a": b"old"} in left
+    assert {"a": b"new"} in left
+    assert {"a": b""} in left
+    assert {"a": b"old", "b": b""} in left

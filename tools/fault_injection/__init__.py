@@ -1,0 +1,1 @@
+"""What `tools/faults.py` does to a log: one file for each kind of fault."""

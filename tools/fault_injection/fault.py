@@ -1,0 +1,62 @@
+"""The words that all kinds of faults share: what is asked of a kind, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a kind is asked to do. It yields an `Outcome` for each fault, until nobody asks."""
+
+    seed: int
+    """Everything that is drawn comes from it, so that a run can be repeated."""
+    folder: Path
+    """An empty folder for its logs, in memory if there is such a place; removed afterwards."""
+    disk_folder: Path
+    """The same on a real disk: for what memory cannot show."""
+    faults: int | None = None
+    """How many faults are wanted, spread over all that the kind has; None: all of them."""
+    keep: Path = Path("faults_found")
+    """Where a log on which something went wrong is kept."""
+
+    def most(self, usual: int) -> int:
+        """Return how many faults to try, for a kind that could go on for ever."""
+        return usual if self.faults is None else self.faults
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of the log under one fault."""
+
+    fault: str
+    """What was done, in words with which it can be done again."""
+    checked: int = 0
+    """Acknowledged commits that were looked for."""
+    lost: int = 0
+    """Of them, those that are not there, or not as they were."""
+    invented: int = 0
+    """Commits that are there and that nobody asked for, or twice, or altered."""
+    problem: str = ""
+    """What else is wrong: it does not open, a promise was broken; or more on what was lost."""
+    kept: Path | None = None
+    """Where the log is kept as the fault left it."""
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing was lost or invented, and every promise was kept."""
+        return not (self.lost or self.invented or self.problem)
+
+
+class CannotTryError(Exception):
+    """This machine lacks what a kind of fault needs; the message says what. It is said aloud."""
+
+
+Kind = Callable[[Plan], Generator[Outcome, None, None]]
+"""A kind of fault. When it is given up early (`close()`), it must end all that it started.
+
+A kind that has an end yields its faults in an order drawn from the seed, so that the first
+hundred are a sample of all.
+"""

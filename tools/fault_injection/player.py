@@ -1,0 +1,170 @@
+"""Plays a story on a log, by the public functions, and tells what was promised when."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from itertools import accumulate
+from pathlib import Path
+from random import Random
+
+import semmap_log as sl
+from fault_injection.story import Act, SteadyClock, Story
+from semmap_log.appendable_log import Appended
+from semmap_log.door_log_writer import DoorLogWriter
+from semmap_log.exporting import export
+from semmap_log.log.compaction import compact
+
+LEVELS = ("event", "batch", "flush", "none")
+BATCH_EVENTS = 8
+BATCH_S = 3600.0
+"""Never: what is synced when must not hang on how quick the machine is."""
+
+Tell = Callable[[str], None]
+"""Takes a line; must have put it into safety outside the log's folder when it returns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a player had told when it was ended: wishes are counted from the first."""
+
+    asked: int = 0
+    """So many were given to `append`: more cannot be in the log."""
+    accepted: int = 0
+    """So many were answered: they survive the end of the process, if they are not held back."""
+    durable: int = 0
+    """So many were promised to survive a power cut."""
+    exporting: int = 0
+    """So many exports were begun,"""
+    exported: tuple[str, ...] = ()
+    """of which these ended; the digest of each file."""
+
+    @classmethod
+    def of(cls, lines: Iterable[str]) -> Told:
+        """Return what these lines tell."""
+        counts: dict[str, int] = {}
+        exported: list[str] = []
+        for line in lines:
+            word, _, value = line.partition(" ")
+            if word == "exported":
+                exported.append(value)
+            elif word in ("asked", "accepted", "durable", "exporting"):
+                counts[word] = int(value)
+        return cls(**counts, exported=tuple(exported))
+
+    def lines(self) -> list[str]:
+        """Return lines that tell this."""
+        counts = ("asked", "accepted", "durable", "exporting")
+        told = [f"{word} {getattr(self, word)}" for word in counts]
+        return told + [f"exported {digest}" for digest in self.exported]
+
+
+class Player:
+    """Does a story's acts, one after the other; exports go into a folder `out` beside the log."""
+
+    def __init__(self, folder: Path, story: Story, tell: Tell, durability: str = "event") -> None:
+        self.folder = folder
+        self.out = folder.parent / "out" / "doors.yaml"
+        self.durability = durability
+        self.log: DoorLogWriter | None = None
+        self._story = story
+        self._tell = tell
+        self._clock = SteadyClock()
+        self._random = Random(0)
+        self._accepted = 0
+        self._waits_for: Appended | None = None
+        self._exports = 0
+
+    def play(self) -> None:
+        """Do all of it, and close the log."""
+        for act in self._story.acts:
+            self.do(act)
+        self.close()
+
+    def do(self, act: Act) -> None:
+        """Do one act; raises what the log raises."""
+        {
+            "append": self._append,
+            "repeat": self._repeat,
+            "sync": self._sync,
+            "wait": self._wait,
+            "reopen": self.close,
+            "export": self._export,
+            "compact": self._compact,
+        }[act]()
+
+    def open(self) -> DoorLogWriter:
+        """Return the log, open for writing."""
+        if self.log is None:
+            make = sl.append if list(self.folder.glob("*.mcap")) else _create
+            self.log = make(
+                self.folder,
+                durability=self.durability,
+                batch_events=BATCH_EVENTS,
+                batch_s=BATCH_S,
+                clock=self._clock,
+                entropy=self._random.randbytes,
+            )
+        return self.log
+
+    def close(self) -> None:
+        """Close the log if it is open."""
+        if self.log is not None:
+            self.log.close()
+            self.log = self._waits_for = None
+            self._tell(f"durable {self._accepted}")
+
+    def _append(self) -> None:
+        wish = self._story.wishes[self._accepted]
+        log = self.open()
+        self._tell(f"asked {self._accepted + 1}")
+        appended = log.append(wish.events, note=wish.note, command_id=wish.command_id)
+        self._accepted += 1
+        self._tell(f"accepted {self._accepted}")
+        self._waits_for = appended
+        self._tell_durable(log.durable_before, appended.commit.last_event + 1)
+
+    def _repeat(self) -> None:
+        if self._accepted == 0:
+            return
+        wish = self._story.wishes[self._accepted - 1]
+        log = self.open()
+        again = log.append(wish.events, note=wish.note, command_id=wish.command_id)
+        assert again.repeated, "a command that was stored is stored once more"
+
+    def _sync(self) -> None:
+        self.open().sync()
+        self._tell(f"durable {self._accepted}")
+
+    def _wait(self) -> None:
+        if self._waits_for is not None:
+            self._waits_for.wait()
+            self._tell(f"durable {self._accepted}")
+
+    def _tell_durable(self, durable_before: int, appended_before: int) -> None:
+        """Tell what the log itself says to be on the disk; check that it is what it promises."""
+        ends = accumulate(len(wish.events) for wish in self._story.wishes)
+        self._tell(f"durable {sum(end <= durable_before for end in ends)}")
+        unsynced = appended_before - durable_before
+        if self.durability == "event":
+            assert unsynced == 0, "an append returned before it was durable"
+        if self.durability == "batch":
+            assert unsynced < BATCH_EVENTS, f"{unsynced} events of a batch are not durable"
+
+    def _export(self) -> None:
+        log = self.open()
+        self._tell(f"exporting {self._exports + 1}")
+        export(log, self.out, default_prob=0.5)
+        self._exports += 1
+        digest = hashlib.sha256(self.out.read_bytes()).hexdigest()
+        self._tell(f"exported {digest}")
+
+    def _compact(self) -> None:
+        self.close()
+        if list(self.folder.glob("*.mcap")):
+            compact(self.folder)
+
+
+_create = partial(sl.create, tz="UTC")

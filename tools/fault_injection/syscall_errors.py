@@ -1,0 +1,160 @@
+"""The n-th write, sync, rename, opening … fails, once or for ever, as bad and full disks do.
+
+The same process goes on: it is told, opens the log again, and sends its command once more. Short
+writes and interrupted calls must not even be noticed.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+
+from fault_injection import shim
+from fault_injection.examiner import Examiner
+from fault_injection.fault import Outcome, Plan
+from fault_injection.forking import Ended, forked
+from fault_injection.player import LEVELS, Tell
+from fault_injection.shim import FOR_EVER, Action, Call
+from fault_injection.story import small_limits, story
+from fault_injection.stubborn import StubbornPlayer
+from fault_injection.trees import Tree, keep, read_tree, write_tree
+from fault_injection.workers import shared
+
+EMPTY: Tree = {"out": {}}
+SYNCS = Call.FSYNC | Call.FDATASYNC
+USUAL_FAULTS = 2_500
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """How a sort of call fails."""
+
+    calls: Call
+    action: Action
+    error: int = 0
+    is_noticed: bool = True
+    """Whether the log may say that it failed."""
+
+    def __str__(self) -> str:
+        half = {Action.HALF_THEN_FAIL: "half of ", Action.SHORT: "short "}.get(self.action, "")
+        return f"{half}{self.calls.name} {errno.errorcode.get(self.error, '')}".strip()
+
+
+WAYS = (
+    _Way(Call.WRITE, Action.FAIL, errno.EIO),
+    _Way(Call.WRITE, Action.FAIL, errno.ENOSPC),
+    _Way(Call.WRITE, Action.HALF_THEN_FAIL, errno.ENOSPC),
+    _Way(SYNCS, Action.FAIL, errno.EIO),
+    _Way(SYNCS, Action.FAIL, errno.ENOSPC),
+    _Way(Call.RENAME, Action.FAIL, errno.EIO),
+    _Way(Call.OPEN, Action.FAIL, errno.EMFILE),
+    _Way(Call.OPEN, Action.FAIL, errno.EROFS),
+    _Way(Call.LOOK, Action.FAIL, errno.EMFILE),
+    _Way(Call.LOOK, Action.FAIL, errno.EIO),
+    _Way(Call.UNLINK, Action.FAIL, errno.EIO),
+    _Way(Call.TRUNCATE, Action.FAIL, errno.EIO),
+    _Way(Call.MKDIR, Action.FAIL, errno.ENOSPC),
+    _Way(Call.WRITE, Action.SHORT, is_noticed=False),
+    _Way(Call.WRITE | SYNCS | Call.OPEN | Call.LOOK, Action.FAIL, errno.EINTR, is_noticed=False),
+)
+
+
+def syscall_errors(plan: Plan) -> Generator[Outcome, None, None]:
+    """Yield what became of the log for each call that failed."""
+    yield from shared(_errors, plan)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fault:
+    """Which calls of a run fail, and how."""
+
+    level: str
+    way: _Way
+    first: int
+    """The call from which on they fail, counted from 0 among those of its sort."""
+    count: int
+
+    def __str__(self) -> str:
+        lasting = " and all that follow" if self.count == FOR_EVER else ""
+        return f"({self.level}) {self.way} at call {self.first}{lasting}"
+
+
+def _errors(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
+    bench = _Bench(plan, plan.folder / f"errors_{share}")
+    with small_limits():
+        for fault in bench.drawn()[share::shares]:
+            yield bench.tried(fault)
+
+
+class _Bench:
+    """A story that is disturbed again and again."""
+
+    def __init__(self, plan: Plan, root: Path) -> None:
+        self._plan = plan
+        self._root = root
+        self._story = story(plan.seed)
+        self._examiner = Examiner(self._story)
+        self._random = Random(plan.seed)
+
+    def drawn(self) -> list[_Fault]:
+        """Return the faults to try: all at the level `event`, a sample at the others."""
+        every = {level: list(self._faults(level)) for level in LEVELS}
+        left = max(0, USUAL_FAULTS - len(every["event"])) // (len(LEVELS) - 1)
+        chosen = [
+            fault
+            for level, faults in every.items()
+            for fault in (
+                faults if level == "event" else self._random.sample(faults, min(left, len(faults)))
+            )
+        ]
+        self._random.shuffle(chosen)
+        return chosen
+
+    def _faults(self, level: str) -> Iterator[_Fault]:
+        for way in WAYS:
+            calm = self._played(_Fault(level, replace(way, action=Action.PASS), 0, 1))
+            if calm.error or "finished" not in calm.lines:
+                raise RuntimeError(f"the story cannot be told: {calm}")
+            for first in range(calm.seen):
+                yield _Fault(level, way, first, 1)
+                if way.error != errno.EINTR and first % 3 == 0:
+                    yield _Fault(level, way, first, FOR_EVER)
+
+    def tried(self, fault: _Fault) -> Outcome:
+        """Return what became of the log."""
+        name = f"story {self._plan.seed} {fault}"
+        ended = self._played(fault)
+        left = read_tree(self._root)
+        outcome = self._outcome(name, fault, ended)
+        return outcome if outcome.is_good else replace(
+            outcome, kept=keep(self._plan.keep, name, left)
+        )  # fmt: skip
+
+    def _outcome(self, name: str, fault: _Fault, ended: Ended) -> Outcome:
+        broken = [line for line in ended.lines if line.startswith("broken")]
+        failures = [line for line in ended.lines if line.startswith("failure ")]
+        finished = "finished" in ended.lines
+        if ended.error or broken:
+            return Outcome(name, problem=ended.error or "; ".join(broken))
+        if failures and not fault.way.is_noticed:
+            return Outcome(name, problem=f"it should not even notice: {failures}")
+        if not finished and fault.count != FOR_EVER:
+            return Outcome(name, problem=f"one call failed, and the run ended: {failures}")
+        told = ended.told
+        must = told.durable if fault.level == "none" else told.accepted
+        return self._examiner.examine(name, self._root / "log", told, must=must)
+
+    def _played(self, fault: _Fault) -> Ended:
+        """Play the story in a child, while calls fail."""
+
+        def play(tell: Tell) -> None:
+            shim.watch(self._root)
+            shim.arm(fault.way.calls, fault.way.action, fault.first, fault.count, fault.way.error)
+            StubbornPlayer(self._root / "log", self._story, tell, fault.level).play()
+            tell(f"seen {shim.seen()}")
+
+        write_tree(self._root, EMPTY)
+        return forked(play)

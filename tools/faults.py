@@ -1,0 +1,116 @@
+"""Do to logs what time does to robots, and look for every event that was acknowledged.
+
+    python tools/faults.py                              every kind, a few minutes
+    python tools/faults.py disk power                   these kinds
+    python tools/faults.py disk --faults 300 --seed 7   a sample, the same one each time
+
+The exit code is 1 if an acknowledged event was lost, one was invented, or a promise was broken;
+then the table says what was done, and where the log is kept as the fault left it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+
+from fault_injection.fault import CannotTryError, Kind, Plan
+from fault_injection.kinds import KINDS
+from fault_injection.report import Tally, show, to_json
+
+ROOT = Path(__file__).resolve().parent.parent
+MEMORY = Path("/dev/shm")  # noqa: S108 - folders of our own, with names nobody can foresee
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Try what the command line asks for; 0 good, 1 something was lost, invented or broken."""
+    args = _parsed(sys.argv[1:] if arguments is None else arguments)
+    tallies: list[Tally] = []
+    code = 0
+    try:
+        for name in KINDS if "all" in args.kinds else dict.fromkeys(args.kinds):
+            tallies.append(Tally(name))
+            _try_kind(KINDS[name], args, tallies[-1])
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    _say("")
+    if args.json:
+        print(json.dumps(to_json(tallies, args.seed), indent=2))
+    else:
+        show(tallies, args.seed)
+    return 1 if any(tally.bad for tally in tallies) else code
+
+
+def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally) -> None:
+    """Count what a kind yields, until it ends, or its time or number is over."""
+    start = time.monotonic()
+    memory = MEMORY if os.access(MEMORY, os.W_OK) else args.dir
+    with (
+        tempfile.TemporaryDirectory(dir=memory, prefix="faults_") as fast,
+        tempfile.TemporaryDirectory(dir=args.dir, prefix=".faults_") as slow,
+    ):
+        plan = Plan(args.seed, Path(fast), Path(slow), faults=args.faults, keep=args.keep)
+        try:
+            with closing(kind(plan)) as outcomes:
+                for outcome in outcomes:
+                    tally.count(outcome)
+                    tally.seconds = time.monotonic() - start
+                    _say(tally.line())
+                    is_late = args.seconds is not None and tally.seconds >= args.seconds
+                    if is_late or tally.faults == args.faults:
+                        break
+        except CannotTryError as error:
+            tally.skipped = str(error)
+        tally.seconds = time.monotonic() - start
+
+
+def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description="Try faults on logs; print what was lost: nothing, or how to see it again."
+    )
+    parser.add_argument("kinds", nargs="*", type=_kind, metavar="KIND", default=["all"],
+                        help=f"of {', '.join(KINDS)}; default: all")  # fmt: skip
+    parser.add_argument(
+        "--seed", type=int, default=1, help="what is drawn comes from it; default: 1"
+    )
+    parser.add_argument("--faults", type=_count, metavar="N",
+                        help="a sample of so many of each kind; default: all of them")  # fmt: skip
+    parser.add_argument("--seconds", type=float, metavar="S",
+                        help="end each kind after so long")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="one document instead of the table")
+    parser.add_argument("--keep", type=Path, default=Path("faults_found"), metavar="DIR",
+                        help="where to keep logs on which something went wrong; default: "
+                        "faults_found")  # fmt: skip
+    parser.add_argument("--dir", type=Path, default=ROOT, metavar="DIR",
+                        help="a folder on a real disk; default: the checkout")  # fmt: skip
+    return parser.parse_args(arguments)
+
+
+def _kind(text: str) -> str:
+    if text != "all" and text not in KINDS:
+        raise argparse.ArgumentTypeError(f"no kind {text}; there are: all, {', '.join(KINDS)}")
+    return text
+
+
+def _count(text: str) -> int:
+    value = int(text.replace("_", ""))
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"expected a number from 1 on, got {text}")
+    return value
+
+
+def _say(text: str) -> None:
+    """Show what is going on, in place of what was, if somebody is looking."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
