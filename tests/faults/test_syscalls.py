@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import threading
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.errors import LogAccessError
-from semmap_log.log import reader
+from semmap_log.errors import LogAccessError, LogPoisonedError
+from semmap_log.log import background, reader, segment_chain
+from semmap_log.log.segment import SegmentWriter
 from tests.faults.running import faults, is_tried
 
 
@@ -58,3 +62,26 @@ def test_a_log_that_could_not_be_opened_can_be_opened_later(
         sl.append(path).close()
 
     assert failed >= 2
+
+
+def test_a_close_that_fails_ends_the_background_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The next writer must not meet it at work: both would write the same temporary file.
+    """
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 30)
+    monkeypatch.setattr(background, "PAUSE_S", 0.02)
+    log = sl.create(tmp_path / "log", tz="UTC")
+    for _ in range(31):
+        log.add_door()
+
+    def full(self: SegmentWriter) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SegmentWriter, "close", full)
+        with pytest.raises(LogPoisonedError, match="No space left"):
+            log.close()
+
+    assert [] == [t.name for t in threading.enumerate() if "compaction" in t.name]
