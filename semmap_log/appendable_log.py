@@ -15,7 +15,7 @@ from semmap_log.commands import Gatekeeper, Roster, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import CommandReusedError, LogPoisonedError, UnexpectedEventError
+from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
 from semmap_log.events import Event, RobotPose
 from semmap_log.log.clock import believable_ns
 from semmap_log.log.durability import Promise
@@ -72,7 +72,12 @@ class AppendableLog(DoorLog):
     """A log that is written; answers questions, too. May be used by several threads."""
 
     def __init__(self, writer: LogWriter) -> None:
-        super().__init__(writer.folder)
+        try:
+            super().__init__(writer.folder)
+        except BaseException:
+            with suppress(LogError):
+                writer.close()  # nobody else could: its lock would last as long as the process
+            raise
         self._writer = writer
         self._mutex = threading.RLock()
         self._poses: list[RobotPose] = []
