@@ -166,7 +166,7 @@ class Judge:
         """
         before = contents(log)
         try:
-            sl.append(log).close()
+            sl.append(log, compact=False).close()
         except REFUSALS as error:
             if before != contents(log):
                 raise WrongAnswerError(
