@@ -82,9 +82,8 @@ def _own_door(ledger: Ledger, log: sl.DoorLogWriter) -> None:
     following = max([*ledger.acknowledged.values(), *ledger.tried], default=0) + 1
     ledger.note("tried", -1, following)
     door = log.add_door(name=f"door {following}")
-    last = log.reader.last_commit()
-    assert last is not None
-    ledger.note("stored", last.first_event, door)
+    *_, added = log.history(door, kinds=[DoorAdded])
+    ledger.note("stored", added.number, door)
 
 
 STORIES: dict[str, Story] = {
