@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.commits import Commit, Durability
+from semmap_log.commits import Commit, Durability, Note
 from semmap_log.doors import DoorId
 from semmap_log.errors import CorruptLogError
 from semmap_log.events import DoorAnnotated, DoorObserved, Event
@@ -50,7 +50,8 @@ def _live(
     made: list[Commit] = []
     stamp = STAMP
     for i, events in enumerate(commits):
-        builder = CommitBuilder(last(stamp) if i == len(commits) - 1 else stamp)
+        stamp = last(stamp) if i == len(commits) - 1 else stamp
+        builder = CommitBuilder(stamp, Note(), random.Random(i).randbytes)
         for chunk in builder.chunks(events):
             writer.add(chunk)
         made.append(builder.commit)
