@@ -20,11 +20,13 @@ from semmap_log.cli import (
     observe,
     patrol,
     record,
+    recover,
     remove,
     replay,
     show,
     tail,
     update,
+    verify,
     view,
 )
 
@@ -86,5 +88,7 @@ app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
+app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
+app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)
 app.command("compact", short_help="Make a log smaller.")(compact.run)
 app.command("view", short_help="Look at the history in rerun.")(view.run)

@@ -34,6 +34,8 @@ VERBS = [
     "diff",
     "export",
     "info",
+    "verify",
+    "recover",
     "compact",
     "view",
 ]
