@@ -21,7 +21,7 @@ from semmap_log.log.pages import Page
 from semmap_log.log.scan import Segment, open_segment, read_head
 from semmap_log.log.segment_folder import SegmentFolder, list_segments
 from semmap_log.log.segment_reading import chunk_of, commit_of, last_commit, page_at, pages_of
-from semmap_log.log.segment_set import check_follows
+from semmap_log.log.segment_set import check_extent, check_follows
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
 
@@ -46,6 +46,8 @@ class LogReader:
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
+        self._checked: set[tuple[tuple[int, int], ...]] = set()
+        """Segments, each with the one behind it, that are known to fit."""
         self.refresh()
 
     def refresh(self) -> None:
@@ -152,7 +154,10 @@ class LogReader:
         A commit is known from the log time of its first record on.
         """
         early = bisect_right(self.segments, known_at_ns, key=_start_ns)
-        for segment in reversed(self.segments[:early]):
+        if early < len(self.segments):
+            self._sound(early)  # else its start bounds nothing
+        for place in reversed(range(early)):
+            segment = self._sound(place)
             for chunk in reversed(range(segment.chunks.starting_by(known_at_ns))):
                 page = page_at(segment, chunk)
                 numbers = page.event_numbers(recorded_by_ns=known_at_ns)
@@ -189,10 +194,24 @@ class LogReader:
     def _chunk_of(self, number: int) -> tuple[Segment, int]:
         """Return the segment and the place of the chunk that holds an event."""
         place = self.segment_of(number)
-        chunk = None if place is None else chunk_of(self.segments[place], number)
-        if place is None or chunk is None:
+        segment = None if place is None else self._sound(place)
+        chunk = None if segment is None else chunk_of(segment, number)
+        if segment is None or chunk is None:
             raise LogError(f"{self.folder}: there is no event {number}.")
-        return self.segments[place], chunk
+        return segment, chunk
+
+    def _sound(self, place: int) -> Segment:
+        """Return a segment, checked to hold the events that its place in the log gives it.
+
+        Raises:
+            CorruptLogError: It does not.
+        """
+        segment, *following = self.segments[place : place + 2]
+        pair = tuple(one.identity for one in (segment, *following))
+        if pair not in self._checked:
+            check_extent(segment, following[0] if following else None)
+            self._checked.add(pair)
+        return segment
 
     def retractions(self, *, limit: int | None = None) -> Retractions:
         """Return what was taken back by the events up to the number `limit`."""

@@ -10,8 +10,11 @@ from pathlib import Path
 
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
+from semmap_log.log.form import kind_of_channel
 from semmap_log.log.scan import Segment
-from semmap_log.log.segment_reading import commit_of, last_commit
+from semmap_log.log.segment_reading import commit_of, last_commit, page_at
+
+_SEQUENCE_MASK = 0xFFFF_FFFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +78,33 @@ def check_follows(segment: Segment, last: Commit | None, before: Segment) -> Non
             f"it follows the commit {segment.header.hash_so_far.hex()[:12]}…, but "
             f"{before.path.name} before it ends with {head.hex()[:12]}…; "
             "one of the two is of another copy of this log",
+        )
+
+
+def check_extent(segment: Segment, following: Segment | None) -> None:
+    """Check that a segment holds the events that its head, and the next one's, leave to it.
+
+    Reads its first chunk; for questions that do not read all of it.
+
+    Raises:
+        CorruptLogError: It has another's head, or is of an earlier day.
+    """
+    first = segment.header.first_event
+    if len(segment.chunks):
+        (before, *_) = page_at(segment, 0).heads["sequence"].tolist()
+        if before != (first - 1) & _SEQUENCE_MASK:
+            problem = f"its head says that it begins with event {first}, its keyframe does not"
+            raise CorruptLogError(segment.path, segment.head_end, problem)
+    if following is None or segment.counts is None:
+        return
+    events = sum(n for channel, n in segment.counts.items() if kind_of_channel(channel))
+    if first + events != following.header.first_event:
+        raise CorruptLogError(
+            segment.path,
+            segment.whole_end,
+            f"it holds events {first} to {first + events - 1}, but {following.path.name} behind "
+            f"it begins with event {following.header.first_event}; one of the two is not what "
+            "it was",
         )
 
 
