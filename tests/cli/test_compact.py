@@ -125,7 +125,7 @@ def test_not_while_somebody_writes(log: Path, run: Run) -> None:
     """
     Exit code 1, one line that says who; the files stay.
     """
-    with sl.append(log):
+    with sl.append(log, compact=False):
         before = {path.name: path.read_bytes() for path in segment_files(log)}
         code, out, err = run(log)
         after = {path.name: path.read_bytes() for path in segment_files(log)}
