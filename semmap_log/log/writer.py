@@ -241,8 +241,10 @@ class LogWriter:
         try:
             self._timer.close()
             if os.getpid() == self._pid:
-                self._close_or_abandon()
-                self._chain.rest(wait=not self._poison)
+                try:
+                    self._close_or_abandon()
+                finally:  # who takes the lock next must not meet a thread at work
+                    self._chain.rest(wait=not self._poison)
         except OSError as error:
             self._poisoned(error.strerror)
             raise LogPoisonedError(

@@ -57,9 +57,9 @@ def write_by(path: Path, name: str, wall: Wall) -> Outcome:
     clock = LyingClock(wall)
     commits = []
     with small_segments(COMMITS_A_SEGMENT):
-        sl.create(path, tz="UTC", clock=clock).close()
+        sl.create(path, tz="UTC", compact=False, clock=clock).close()
         for _ in range(3):
-            with sl.append(path, clock=clock) as log:
+            with sl.append(path, clock=clock, compact=False) as log:
                 commits += [_append(log, len(commits) + i) for i in range(APPENDS // 3)]
     lost = sum(commit not in commits for commit in sl.read(path).commits())
     return Outcome(f"clock {name}", len(commits), lost, problem="; ".join(_wrong(path, commits)))

@@ -75,7 +75,7 @@ def _recover(log: Path, judge: Judge, missing: int, *, in_head: bool) -> Verdict
             raise WrongAnswerError("a torn tail that is not repaired")
         return verdict
     before = contents(log)
-    sl.append(log).close()
+    sl.append(log, compact=False).close()
     if before != contents(log):
         raise WrongAnswerError("a second opening changed files that the first had left in order")
     return verdict

@@ -108,7 +108,7 @@ def interrupt_everywhere(folder: Path, story: str, *, every: int = 1) -> Iterato
             while not is_over:
                 path = folder / f"log-{commits_before}-{step}"
                 ledger, interrupter = Ledger(), Interrupter(step)
-                log = sl.create(path, tz="UTC")
+                log = sl.create(path, tz="UTC", compact=False)
                 for _ in range(commits_before):
                     ledger.add_doors(log)
                 is_over = not _interrupted(interrupter, STORIES[story], ledger, log)
@@ -140,7 +140,7 @@ def exhaust_the_stack(folder: Path, *, every: int = 1) -> Iterator[Outcome]:
     for room in range(1, MOST_ROOM, every):
         path = folder / f"log-{room}"
         ledger = Ledger()
-        log = sl.create(path, tz="UTC")
+        log = sl.create(path, tz="UTC", compact=False)
         ledger.add_doors(log)
         with suppress(RecursionError, SemmapError):
             _deep(sys.getrecursionlimit() - room - _depth(), partial(ledger.add_doors, log))
@@ -172,7 +172,7 @@ def spoil_the_events(folder: Path) -> Iterator[Outcome]:
             for good in range(12):
                 path = folder / f"{error.__name__}-{good}"
                 ledger = Ledger()
-                log = sl.create(path, tz="UTC")
+                log = sl.create(path, tz="UTC", compact=False)
                 ledger.add_doors(log)
                 with suppress(LogPoisonedError, error):
                     log.append(_spoilt(good, error))

@@ -52,7 +52,7 @@ class Ledger:
         known = {*self.acknowledged.values(), *self.tried}
         invented = sum(door not in known for door in stored.values())
         if not problem:
-            with sl.append(path) as log:
+            with sl.append(path, compact=False) as log:
                 log.add_door()
             again, problem = _stored(path)
             if len(again) != len(stored) + 1 or not stored.items() <= again.items():

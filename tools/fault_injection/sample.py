@@ -61,6 +61,7 @@ class About(TypedDict):
 
     clock: SteadyClock
     entropy: Callable[[int], bytes]
+    compact: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,11 @@ def make_sample(folder: Path) -> Sample:
     """Write the log into that folder, by way of the public calls alone."""
     path, older, live = folder / NAME, folder / "older" / NAME, folder / "live" / NAME
     with small_segments():
-        make: About = {"clock": SteadyClock(), "entropy": random.Random(1).randbytes}
+        make: About = {
+            "clock": SteadyClock(),
+            "entropy": random.Random(1).randbytes,
+            "compact": False,
+        }
         with sl.create(path, tz="Europe/Vienna", building="office", robot="tug1", **make) as log:
             commits = [do(log) for do in FIRST]
         shutil.copytree(path, older)

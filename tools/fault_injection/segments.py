@@ -60,7 +60,7 @@ def segments(plan: Plan) -> Generator[Outcome, None, None]:
 def another_log(folder: Path) -> Path:
     """Write a log with the same names, numbers and sizes, that is another one."""
     path = folder / NAME
-    with small_segments(), sl.create(path, tz="UTC", clock=SteadyClock()) as log:
+    with small_segments(), sl.create(path, tz="UTC", compact=False, clock=SteadyClock()) as log:
         for _ in range(3 * COMMITS_A_SEGMENT):
             log.add_door()
     return path
@@ -72,7 +72,7 @@ def closed_early(sample: Sample, folder: Path) -> Path:
     path.mkdir(parents=True)
     shutil.copy2(sample.closed / FIRST, path)
     shutil.copy2(sample.older / MIDDLE, path)
-    sl.append(path).close()
+    sl.append(path, compact=False).close()
     return path
 
 

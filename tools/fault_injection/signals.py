@@ -63,7 +63,7 @@ def stopped(path: Path, seconds: float) -> Outcome:
         os.kill(child, signal.SIGSTOP)
         before = len(sl.read(path).replay())
         with suppress(LogLockedError):
-            sl.append(path).close()
+            sl.append(path, compact=False).close()
             problems.append("a second writer got in")
         time.sleep(seconds)
         after = len(sl.read(path).replay())
@@ -81,7 +81,7 @@ def _in_a_child(
     path: Path, work: Callable[[Ledger, Path], None], meanwhile: Callable[[int], None]
 ) -> Ledger:
     """Fork a child that works, do something to it, and return what it told before it ended."""
-    sl.create(path, tz="UTC").close()
+    sl.create(path, tz="UTC", compact=False).close()
     told, tell = os.pipe()
     child = os.fork()
     if child == 0:
@@ -111,7 +111,7 @@ def _say(pipe: int, word: str, event: int, door: int) -> None:
 
 def _append_for_ever(ledger: Ledger, path: Path) -> None:
     """Append until something happens; then do what a program does that caught it."""
-    log = sl.append(path)
+    log = sl.append(path, compact=False)
     with suppress(BaseException):
         while True:
             ledger.add_doors(log)
@@ -120,7 +120,7 @@ def _append_for_ever(ledger: Ledger, path: Path) -> None:
 
 def _append_with_memory(more: int, ledger: Ledger, path: Path) -> None:
     """Append ever greater commits with so much memory, then small ones with all of it."""
-    log = sl.append(path)
+    log = sl.append(path, compact=False)
     ledger.add_doors(log, 10)
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     with suppress(MemoryError, LogError):
