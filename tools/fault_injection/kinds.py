@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fault_injection.fault import Kind
 from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
+from fault_injection.real_limits import real_limits
 from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
@@ -12,6 +13,7 @@ KINDS: dict[str, Kind] = {
     "disk": simulated_disk,
     "syscalls": syscall_kills,
     "errors": syscall_errors,
+    "limits": real_limits,
     "power-ext4": cuts_on_ext4,
     "power-xfs": cuts_on_xfs,
 }

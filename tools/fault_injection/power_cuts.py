@@ -47,7 +47,7 @@ def cuts_on_xfs(plan: Plan) -> Generator[Outcome, None, None]:
 
 
 def _cuts(plan: Plan, kind: str) -> Generator[Outcome, None, None]:
-    told = story(plan.seed, tail=30)
+    told = story(plan.seed)
     bench = _Bench(plan, kind, told)
     with small_limits(), _file_system(plan.folder, kind) as disk:
         bench.look_how_long(disk)
@@ -106,7 +106,7 @@ class _Bench:
     def cut(self, disk: _Disk, number: int) -> Outcome:
         """Return what became of both logs when the power was cut once."""
         writers = self._writers(disk)
-        time.sleep(self._random.uniform(0, self._whole_s))
+        time.sleep(self._random.uniform(0.05, 1) * self._whole_s)
         disk.cut_power()
         for child in writers:
             child.kill()
