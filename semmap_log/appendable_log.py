@@ -17,6 +17,7 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
 from semmap_log.events import Event, RobotPose
+from semmap_log.log.clock import believable_ns
 from semmap_log.log.durability import Promise
 from semmap_log.log.reader import LogReader
 from semmap_log.log.writer import LogWriter
@@ -126,7 +127,7 @@ class AppendableLog(DoorLog):
 
     def now_ns(self) -> int:
         """Return what the log's clock says: nanoseconds since 1970, UTC."""
-        return self._writer.clock.wall_ns()
+        return believable_ns(self._writer.clock)
 
     def append(
         self,
@@ -194,7 +195,7 @@ class AppendableLog(DoorLog):
                 pose = replace(pose, happened_ns=self.now_ns())
             self._poses.append(pose)
             if self._pose_timer is None:
-                self._pose_timer = threading.Timer(POSES_WAIT_S, self._write_poses)
+                self._pose_timer = threading.Timer(POSES_WAIT_S, self._write_poses_late)
                 self._pose_timer.daemon = True
                 self._pose_timer.start()
 
@@ -331,6 +332,11 @@ class AppendableLog(DoorLog):
         """
         if expected is not None and expected != actual:
             raise UnexpectedEventError(of, expected, actual)
+
+    def _write_poses_late(self) -> None:
+        """Write poses for which no commit came; called by the timer's thread."""
+        with suppress(LogPoisonedError):  # whoever appends next is told
+            self._write_poses()
 
     def _write_poses(self) -> None:
         with self._mutex:

@@ -9,17 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import Commit
+from semmap_log.commits import Durability
 from semmap_log.doors import DoorMap
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import KINDS
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reader import LogReader, Progress
 from semmap_log.log.scan import Segment
+from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.projections.door_map import DoorMapState
-
-JUMP_NS = 60 * 10**9
-"""A wall clock that moves by more than this against the monotonic clock of its boot is suspect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +35,13 @@ class LogSummary:
     recorded_ns: tuple[int, int] | None
     head: bytes
     """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
+    durability: dict[str, int]
+    """What was promised when they were written (`event`, `batch` …) -> commits."""
+    suspects: list[Suspect]
+    """Commits whose wall clock cannot be right."""
     door_map: DoorMap
     warnings: list[str]
+    """What else looks wrong."""
 
     @property
     def bytes(self) -> int:
@@ -68,26 +71,27 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
     for batch in reader.batches(progress=progress):
         tally.apply(batch)
         state.apply(retractions.visible(batch))
-    commits, head, suspects = 0, bytes(32), []
-    previous: Commit | None = None
+    promised: Counter[Durability] = Counter()
+    clock, head, suspects = ClockCheck(), bytes(32), []
     for commit in reader.commits():
-        commits += 1
+        promised[commit.durability] += 1
         head = commit.hash
-        if previous is not None and (why := _suspicion(previous, commit)):
-            suspects.append(f"event {commit.first_event}: {why}")
-        previous = commit
+        if (suspect := clock.add(commit)) is not None:
+            suspects.append(suspect)
     door_map = state.door_map()
     return LogSummary(
         info=reader.info,
         segments=tuple(reader.segments),
         events=tally.counts.total(),
-        commits=commits,
+        commits=promised.total(),
         counts={cls.__name__: tally.counts[cls.kind] for cls in KINDS if tally.counts[cls.kind]},
         happened_ns=tally.happened,
         recorded_ns=tally.recorded,
         head=head,
+        durability={d.name.lower(): promised[d] for d in Durability if promised[d]},
+        suspects=suspects,
         door_map=door_map,
-        warnings=[*_warnings(reader, tally, door_map), *suspects],
+        warnings=_warnings(reader, tally, door_map),
     )
 
 
@@ -116,19 +120,6 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
         if door.prob_open + door.prob_closed > 1 + 1e-9
     ]
     return warnings
-
-
-def _suspicion(previous: Commit, commit: Commit) -> str:
-    """Return why a commit's wall clock cannot be right; empty if it can."""
-    walked = commit.wall_clock_ns - previous.wall_clock_ns
-    if walked < 0:
-        return f"the wall clock went back by {-walked / 1e9:.3g} s"
-    ticked = commit.monotonic_clock_ns - previous.monotonic_clock_ns
-    if commit.boot_id == previous.boot_id and any(commit.boot_id):
-        drift = walked - ticked
-        if abs(drift) > JUMP_NS:
-            return f"the wall clock jumped by {drift / 1e9:.3g} s"
-    return ""
 
 
 def _wider(span: tuple[int, int] | None, times: NDArray[np.int64]) -> tuple[int, int]:

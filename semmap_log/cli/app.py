@@ -20,10 +20,13 @@ from semmap_log.cli import (
     observe,
     patrol,
     record,
+    recover,
     remove,
     replay,
     show,
+    tail,
     update,
+    verify,
     view,
 )
 
@@ -80,9 +83,12 @@ app.command("replay", short_help="Show the doors at a moment.")(replay.run)
 app.command("state", hidden=True)(replay.run)
 app.command("history", short_help="Show who changed what, when, why.")(history.run)
 app.command("log", hidden=True)(history.run)
+app.command("tail", short_help="Show the last events, and those to come.")(tail.run)
 app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
+app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
+app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)
 app.command("compact", short_help="Make a log smaller.")(compact.run)
 app.command("view", short_help="Look at the history in rerun.")(view.run)

@@ -129,13 +129,16 @@ def _bar(unit: str) -> Any:
         Progress,
         TextColumn,
         TimeRemainingColumn,
+        TransferSpeedColumn,
     )
 
-    amount = DownloadColumn() if unit == "bytes" else MofNCompleteColumn()
+    amount = (
+        [DownloadColumn(), TransferSpeedColumn()] if unit == "bytes" else [MofNCompleteColumn()]
+    )
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        amount,
+        *amount,
         TimeRemainingColumn(),
         console=Console(stderr=True),
         transient=True,

@@ -25,6 +25,7 @@ def run(
       semmap-log info office/office_000000.mcap --json
     """
     from semmap_log.summary import open_any, summarize
+    from semmap_log.views.health import head_hint
     from semmap_log.views.tables import summary_table
 
     with progress("Reading") as told:
@@ -33,6 +34,7 @@ def run(
         print_json(_to_json(summary))
     else:
         console().print(summary_table(summary))
+        console().print(head_hint(str(log)))
 
 
 def _to_json(summary: Any) -> dict[str, Any]:
@@ -53,6 +55,7 @@ def _to_json(summary: Any) -> dict[str, Any]:
         "happened": span(summary.happened_ns),
         "recorded": span(summary.recorded_ns),
         "head": summary.head.hex(),
+        "durability": summary.durability,
         "bytes": summary.bytes,
         "segments": [
             {
@@ -63,6 +66,14 @@ def _to_json(summary: Any) -> dict[str, Any]:
                 "torn_bytes": segment.torn_bytes,
             }
             for segment in summary.segments
+        ],
+        "suspects": [
+            {
+                "event": suspect.event,
+                "wall_clock": format_utc(suspect.wall_clock_ns),
+                "why": suspect.why,
+            }
+            for suspect in summary.suspects
         ],
         "warnings": summary.warnings,
     }

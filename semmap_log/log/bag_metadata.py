@@ -75,7 +75,7 @@ def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:
     listed = list(segments)
     path = folder / BAG_METADATA_NAME
     if listed:
-        text = _text(listed).encode()
+        text = bag_metadata_text(listed).encode()
         if not path.exists() or path.read_bytes() != text:
             replace_file(path, text)
     elif path.exists():
@@ -83,7 +83,8 @@ def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:
         sync_folder(folder)
 
 
-def _text(segments: list[ClosedSegment]) -> str:
+def bag_metadata_text(segments: list[ClosedSegment]) -> str:
+    """Return the text of metadata.yaml for these segments, at least one."""
     counts: Counter[int] = Counter()
     for segment in segments:
         counts.update(segment.counts)

@@ -35,6 +35,8 @@ LOCK_NAME = ".lock"
 BAG_METADATA_NAME = "metadata.yaml"
 TEMPORARY_SUFFIX = ".tmp"
 TORN_SUFFIX = ".torn"
+RECOVERING_NAME = ".recovering"
+"""In a log that `recover` has made anew, until the damaged one is put away."""
 
 CHUNK_BYTES = 2**20
 """A longer commit is split into chunks of about this size (uncompressed)."""

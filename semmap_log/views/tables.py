@@ -19,9 +19,10 @@ from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.formats.event_json import CHANGED_FIELDS
 from semmap_log.moments import format_local
-from semmap_log.views.event_words import words_of
+from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
+    from semmap_log.log.suspicion import Suspect
     from semmap_log.projections.diff import Diff, FieldChange
     from semmap_log.projections.history import HistoryEntry
     from semmap_log.summary import LogSummary
@@ -40,6 +41,7 @@ LATE_NS = 60 * SECOND_NS
 """An event that was recorded so much later than it happened says so."""
 
 MOST_EVENTS_OF_A_DIFF = 40
+MOST_SUSPECTS = 20
 PAGE_ROWS = 500
 DATE_WIDTH = len("2026-03-02")
 
@@ -202,13 +204,24 @@ def summary_table(summary: LogSummary) -> RenderableType:
     for name, span in (("happened", summary.happened_ns), ("recorded", summary.recorded_ns)):
         if span is not None:
             table.add_row(name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
+    if summary.durability:
+        levels = (f"{level} {count:,}" for level, count in summary.durability.items())
+        table.add_row("durability", ", ".join(levels))
     files = _count(len(summary.segments), "file")
     table.add_row("size", f"{_size(summary.bytes)} in {files}")
     table.add_row("head", summary.head.hex())
-    if not summary.warnings:
+    suspects = [f"suspect clock: {_suspect(suspect, tz)}" for suspect in summary.suspects]
+    if len(suspects) > MOST_SUSPECTS:
+        more = _count(len(suspects) - MOST_SUSPECTS, "commit")
+        suspects[MOST_SUSPECTS:] = [f"suspect clock: {more} more (all: --json)"]
+    wrong = [*(f"warning: {warning}" for warning in summary.warnings), *suspects]
+    if not wrong:
         return Group(table, Text("nothing looks wrong", style="dim"))
-    warnings = [_text(f"warning: {warning}", style="yellow") for warning in summary.warnings]
-    return Group(table, *warnings)
+    return Group(table, *(_text(text, style="yellow") for text in wrong))
+
+
+def _suspect(suspect: Suspect, tz: str) -> str:
+    return f"event {suspect.event}, {format_local(suspect.wall_clock_ns, tz)}: {suspect.why}"
 
 
 def _size(size: int) -> str:
@@ -259,7 +272,7 @@ def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
 
 def _text(text: str, *, style: str = "") -> Text:
     """Return a text that comes from outside: characters that steer a terminal are spelt out."""
-    return Text("".join(c if c.isprintable() else repr(c)[1:-1] for c in text), style=style)
+    return Text(printable(text), style=style)
 
 
 def _what(entry: HistoryEntry) -> Text:

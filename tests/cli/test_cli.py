@@ -29,10 +29,13 @@ VERBS = [
     "record",
     "replay",
     "history",
+    "tail",
     "show",
     "diff",
     "export",
     "info",
+    "verify",
+    "recover",
     "compact",
     "view",
 ]

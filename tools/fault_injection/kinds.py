@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from fault_injection.clocks import clocks
+from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
+from fault_injection.flips import flips
+from fault_injection.interrupts import interrupts
 from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
 from fault_injection.real_limits import real_limits
+from fault_injection.rivals import rivals
+from fault_injection.sectors import sectors
+from fault_injection.segments import segments
+from fault_injection.signals import signals
 from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
@@ -16,5 +24,13 @@ KINDS: dict[str, Kind] = {
     "limits": real_limits,
     "power-ext4": cuts_on_ext4,
     "power-xfs": cuts_on_xfs,
+    "cuts": cuts,
+    "flips": flips,
+    "sectors": sectors,
+    "segments": segments,
+    "rivals": rivals,
+    "clocks": clocks,
+    "interrupts": interrupts,
+    "signals": signals,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

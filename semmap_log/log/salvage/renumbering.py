@@ -1,0 +1,47 @@
+"""Event numbers of a damaged log -> those of the log that is made from what survives."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+
+class Renumbering:
+    """Runs of events that survive; numbers are given without gaps, in the same order."""
+
+    def __init__(self) -> None:
+        self._old: list[int] = []
+        """First old number of each run."""
+        self._new: list[int] = []
+        """Its new number."""
+        self._counts: list[int] = []
+        self.next_event = 0
+        """The new number that comes next."""
+
+    def keep(self, old: int) -> int:
+        """Return the new number of an event that survives; to be called in ascending order."""
+        new = self.next_event
+        if self._old and old == self._old[-1] + self._counts[-1]:
+            self._counts[-1] += 1
+        else:
+            self._old.append(old)
+            self._new.append(new)
+            self._counts.append(1)
+        self.next_event = new + 1
+        return new
+
+    def below(self, old: int) -> int:
+        """Return how many surviving events have a lower number: the new number, if it survives."""
+        run = bisect_right(self._old, old) - 1
+        if run < 0:
+            return 0
+        return self._new[run] + min(old - self._old[run], self._counts[run])
+
+    def range(self, first: int, last: int) -> tuple[int, int] | None:
+        """Return the new first and last number of those of a range that survive; None: none."""
+        new_first, behind = self.below(first), self.below(last + 1)
+        return (new_first, behind - 1) if behind > new_first else None
+
+    @property
+    def is_identity(self) -> bool:
+        """Tell whether every event keeps its number."""
+        return self._old in ([], [0])

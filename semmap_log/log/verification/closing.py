@@ -1,0 +1,219 @@
+"""What closes a segment: index, DataEnd, summary and footer, computed anew from its chunks."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from mcap.opcode import Opcode
+from mcap.records import (
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Statistics,
+    SummaryOffset,
+)
+
+from semmap_log.log import records as mcap
+from semmap_log.log.bag_metadata import ClosedSegment
+from semmap_log.log.form import INDEX_METADATA, LOG_METADATA, floor_map_topic, topics
+from semmap_log.log.header import read_index
+from semmap_log.log.segment import channel_record, schema_records
+from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
+from semmap_log.log.verification.pieces import Piece
+from semmap_log.log.verification.walk import Flaw, schemas_and_channels
+
+SECTOR = 512
+
+
+@dataclass(slots=True)
+class Contents:
+    """What the chunks of a segment hold, as far as its summary must say it."""
+
+    header_end: int
+    is_complete: bool = True
+    """Whether all of its chunks are known; else its summary can be checked by itself only."""
+    is_flawless: bool = True
+    """Whether all bytes of its data section were right so far."""
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    spans: list[tuple[int, int]] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
+    levels: set[int] = field(default_factory=set)
+
+    def add(self, piece: Piece) -> None:
+        """Take the next chunk in."""
+        self.chunks.append(piece.chunk_index())
+        self.spans.append(piece.happened)
+        self.counts.update(piece.counts)
+        self.levels.update(level for level in piece.levels if level)
+
+    def statistics(self, metadata_count: int) -> Statistics:
+        """Return the Statistics of it all."""
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(topics()) + len(self.levels),
+            channel_message_counts=dict(sorted(self.counts.items())),
+            chunk_count=len(self.chunks),
+            message_count=self.counts.total(),
+            message_end_time=max((c.message_end_time for c in self.chunks), default=0),
+            message_start_time=min((c.message_start_time for c in self.chunks), default=0),
+            metadata_count=metadata_count,
+            schema_count=len(schema_records()),
+        )
+
+    def closed_segment(self, name: str) -> ClosedSegment:
+        """Return what metadata.yaml says of it."""
+        said = self.statistics(2)
+        return ClosedSegment(
+            name, said.message_start_time, said.message_end_time, dict(self.counts)
+        )
+
+
+def closing_flaws(file: memoryview, at: int, contents: Contents) -> list[Flaw]:
+    """Compare what lies behind the last chunk, from `at` on, with what must.
+
+    Args:
+        file: All bytes.
+        at: Where the records that close the segment begin.
+        contents: What its chunks hold.
+    """
+    index, index_length, flaws = _index(file, at, contents)
+    if index is None:
+        return flaws
+    start = at + index_length
+    for name, data in _records_behind(file, at, index_length, contents):
+        is_data_crc = start == at + index_length
+        if file[start : start + len(data)] != data and not (
+            is_data_crc and (flaws or not contents.is_flawless)  # then it cannot fit
+        ):
+            flaws.append(Flaw("summary", start, f"{name} is not what the chunks say"))
+        start += len(data)
+    if start != len(file):
+        flaws.append(Flaw("summary", len(file), f"expected the file's end at byte {start}"))
+    return flaws
+
+
+def is_whole_closing(file: memoryview, at: int, contents: Contents) -> bool:
+    """Tell whether what lies from `at` on is as long as what must close the segment."""
+    index, length, _ = _index(file, at, contents)
+    behind = _records_behind(file, at, length, contents) if index else ()
+    return at + length + sum(len(data) for _, data in behind) == len(file)
+
+
+def is_torn_closing(file: memoryview, at: int, contents: Contents) -> bool:
+    """Tell whether a crash while a segment was being closed can have left these bytes.
+
+    They are a part of what closes it, whole sectors of zeros in place of some of it.
+    """
+    index, length, flaws = _index(file, at, contents)
+    if index is None:
+        return file[at : at + 1] in (b"", bytes([Opcode.METADATA])) and len(file) < at + length
+    if flaws:
+        return False
+    start = at + length
+    for _, data in _records_behind(file, at, length, contents):
+        got = bytes(file[start : start + len(data)])
+        if got != data[: len(got)] and not _differs_by_lost_sectors(start, got, data):
+            return False
+        start += len(data)
+    return start >= len(file)
+
+
+def summary_flaws(file: memoryview) -> list[Flaw]:
+    """Check a summary by itself, where the chunks that it speaks of are not all there."""
+    at = len(file) - FOOTER_BYTES + mcap.FRAME.size
+    footer = mcap.read_record(Footer, file[at : at + 20])
+    if not 0 < footer.summary_start < at:
+        return [Flaw("summary", at, "its footer points outside the file")]
+    if zlib.crc32(file[footer.summary_start : at + 16]) != footer.summary_crc:
+        return [Flaw("summary", footer.summary_start, "the summary does not fit its CRC")]
+    return []
+
+
+def _differs_by_lost_sectors(start: int, got: bytes, expected: bytes) -> bool:
+    """Tell whether all sectors of these bytes are as expected, or zeros."""
+    at = 0
+    while at < len(got):
+        end = min(at + SECTOR - (start + at) % SECTOR, len(got))
+        if got[at:end] != expected[at:end] and any(got[at:end]):
+            return False
+        at = end
+    return True
+
+
+def _index(
+    file: memoryview, at: int, contents: Contents
+) -> tuple[Metadata | None, int, list[Flaw]]:
+    """Return the Metadata `semmap_index` at `at`, its length, and what is wrong with it.
+
+    Its bytes depend on the zlib that packed them, so it is what it says that is compared.
+    """
+    if at + mcap.FRAME.size > len(file):
+        return None, mcap.FRAME.size, [Flaw("closing", at, "the file ends before its index")]
+    opcode, body = mcap.FRAME.unpack_from(file, at)
+    length = mcap.FRAME.size + body
+    if opcode != Opcode.METADATA:
+        text = f"expected the Metadata {INDEX_METADATA}, got a record of opcode {opcode:#04x}"
+        return None, 0, [Flaw("closing", at, text)]
+    if at + length > len(file):
+        return None, length, [Flaw("closing", at, "its index ends behind the file's end")]
+    try:
+        record = mcap.read_record(Metadata, file[at + mcap.FRAME.size : at + length])
+        least, greatest = read_index(record)
+        is_as_written = mcap.record(record) == file[at : at + length]
+    except (ValueError, KeyError) as error:
+        return None, length, [Flaw("index", at, f"the Metadata {INDEX_METADATA}: {error}")]
+    flaws = []
+    if not is_as_written or record.name != INDEX_METADATA:
+        flaws.append(Flaw("index", at, f"not the Metadata {INDEX_METADATA} as we write it"))
+    if list(zip(least, greatest, strict=False)) != contents.spans or len(least) != len(greatest):
+        text = "the index of happened times is not that of the chunks' events"
+        flaws.append(Flaw("index", at, text))
+    return record, length, flaws
+
+
+def _records_behind(
+    file: memoryview, at: int, index_length: int, contents: Contents
+) -> Iterator[tuple[str, bytes]]:
+    """Yield the name and the bytes of each record that must follow the index."""
+    data_end = at + index_length
+    yield "the data's CRC", mcap.record(DataEnd(data_section_crc=zlib.crc32(file[:data_end])))
+    start = data_end + len(mcap.record(DataEnd(data_section_crc=0)))
+    head = len(first_bytes())
+    metadata = [
+        MetadataIndex(length=contents.header_end - head, name=LOG_METADATA, offset=head),
+        MetadataIndex(length=index_length, name=INDEX_METADATA, offset=at),
+    ]
+    levels = [channel_record(floor_map_topic(level)) for level in sorted(contents.levels)]
+    known = list(schemas_and_channels())
+    groups: list[tuple[Opcode, list[tuple[str, bytes]]]] = [
+        (Opcode.SCHEMA, known[: len(schema_records())]),
+        (Opcode.CHANNEL, known[len(schema_records()) :] + _named("a Channel", levels)),
+        (Opcode.STATISTICS, _named("the Statistics", [contents.statistics(len(metadata))])),
+        (Opcode.CHUNK_INDEX, _named("a ChunkIndex", contents.chunks)),
+        (Opcode.METADATA_INDEX, _named("a MetadataIndex", metadata)),
+    ]
+    parts: list[bytes] = []
+    offsets, end = b"", start
+    for opcode, group in groups:
+        group_start = end
+        for name, data in group:
+            yield f"{name} of the summary", data
+            parts.append(data)
+            end += len(data)
+        if group:
+            offsets += mcap.record(SummaryOffset(opcode, group_start, end - group_start))
+    yield "a SummaryOffset", offsets
+    footer = Footer(summary_start=start, summary_offset_start=end, summary_crc=0)
+    behind = mcap.record(footer)
+    crc = zlib.crc32(b"".join((*parts, offsets, behind[:-4])))
+    yield "the Footer", behind[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC
+
+
+def _named(name: str, records: Sequence[McapRecord]) -> list[tuple[str, bytes]]:
+    return [(name, mcap.record(one)) for one in records]

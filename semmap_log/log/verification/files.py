@@ -1,0 +1,220 @@
+"""The files that a verification reads: what their heads say, and their bytes, whatever the disk."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import re
+import stat
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import Header, Metadata
+
+from semmap_log.errors import LogAccessError, LogError
+from semmap_log.log import records as mcap
+from semmap_log.log.form import LIBRARY, LOG_METADATA, PROFILE
+from semmap_log.log.header import SegmentHeader
+
+BLOCK = 2**20
+HEAD_BYTES = 2**16
+"""The header lies well within; a longer one is none of ours."""
+FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
+
+_NUMBER = re.compile(r"_(\d{6,})\.mcap$")
+_MARKS = (LOG_METADATA.encode(), b"hash_so_far")
+"""Both stand in every head: one flipped bit leaves one of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentFile:
+    """A file that is, or was, a segment: what its head says."""
+
+    path: Path
+    size: int
+    identity: tuple[int, int]
+    """Device and inode."""
+    header: SegmentHeader | None
+    """None: it cannot be read."""
+    header_end: int
+    """Where the records behind the header begin; 0 without a header."""
+    problem: str
+    """Why the header cannot be read."""
+    is_closed: bool
+    """Whether it ends in a footer."""
+
+    @property
+    def named_number(self) -> int | None:
+        """The number that its name gives it; None: its name has none."""
+        return number_in(self.path.name)
+
+    @property
+    def number(self) -> int:
+        """Its place among the segments: what its header says, else its name."""
+        if self.header is not None:
+            return self.header.number
+        return -1 if self.named_number is None else self.named_number
+
+    @property
+    def last_number(self) -> int:
+        """The last of the segments that were merged into it."""
+        return self.number if self.header is None else self.header.last_number
+
+
+def number_in(name: str) -> int | None:
+    """Return the number in a segment's file name; None: it has none."""
+    found = _NUMBER.search(name)
+    return int(found[1]) if found else None
+
+
+def name_of(file: SegmentFile, number: int) -> Path:
+    """Return the name that the segment of another number must have beside this one."""
+    stem = _NUMBER.sub("", file.path.name).removesuffix(".mcap")
+    return file.path.with_name(f"{stem}_{number:06d}.mcap")
+
+
+class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins anew
+    """A file was replaced or removed since it was listed: a compaction is at work."""
+
+
+def look_at(path: Path) -> SegmentFile | None:
+    """Return what a file's head says; None if it is none of ours.
+
+    Raises:
+        LogAccessError: It cannot be opened.
+        Vanished: It is gone.
+        LogError: It is of another format version.
+    """
+    with _opened(path) as fd:
+        status = os.fstat(fd)
+        if not stat.S_ISREG(status.st_mode):
+            return None
+        head = _pread(fd, HEAD_BYTES, 0)
+        foot = _pread(fd, FOOTER_BYTES, max(0, status.st_size - FOOTER_BYTES))
+    if not _is_ours(head):
+        return None
+    header, end, problem = _header_of(path, head)
+    identity = (status.st_dev, status.st_ino)
+    return SegmentFile(
+        path, status.st_size, identity, header, end, problem, is_closed=_ends_in_footer(foot)
+    )
+
+
+@contextmanager
+def mapped(
+    file: SegmentFile, *, is_new: bool = True
+) -> Iterator[tuple[memoryview, list[tuple[int, int]]]]:
+    """Hand out a file's bytes, and the (start, end) of what the disk would not give: zeros there.
+
+    A live segment may have grown since it was listed; that is seen, too.
+
+    Args:
+        file: What to read.
+        is_new: Whether it was not read before: then all of it is tried first.
+
+    Raises:
+        Vanished: The file is gone, or another has its name.
+    """
+    with _opened(file.path) as fd:
+        status = os.fstat(fd)
+        if (status.st_dev, status.st_ino) != file.identity or status.st_size < file.size:
+            raise Vanished(file.path)
+        if is_new and _unreadable(fd, status.st_size):
+            data, bad = _what_can_be_read(fd, status.st_size)
+        elif status.st_size:
+            data, bad = memoryview(mmap.mmap(fd, status.st_size, prot=mmap.PROT_READ)), []
+        else:
+            data, bad = memoryview(b""), []
+    yield data, bad
+
+
+@cache
+def first_bytes() -> bytes:
+    """Return the bytes with which every segment begins: magic and Header."""
+    return mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
+
+
+def _is_ours(head: bytes) -> bool:
+    """Tell whether a file is, or was before some bytes of it went wrong, a segment of ours."""
+    return any(mark in head for mark in _MARKS) or (
+        bool(head) and first_bytes().startswith(head[: len(first_bytes())])
+    )
+
+
+def _header_of(path: Path, head: bytes) -> tuple[SegmentHeader | None, int, str]:
+    """Return the header, where it ends, and what is wrong with it."""
+    start = len(first_bytes())
+    problem = "" if head.startswith(first_bytes()) else "its magic or its Header record"
+    try:
+        opcode, length = mcap.FRAME.unpack_from(head, start)
+        end = start + mcap.FRAME.size + length
+        if opcode != Opcode.METADATA or end > len(head):
+            return None, 0, f"no Metadata {LOG_METADATA} where it must be"
+        metadata = mcap.read_record(Metadata, head[start + mcap.FRAME.size : end])
+        header = SegmentHeader.from_metadata(metadata)
+    except (ValueError, struct.error) as error:
+        if str(error).startswith("format version"):
+            raise LogError(f"{path}: {error}.") from None
+        return None, 0, f"its Metadata {LOG_METADATA}: {error}"
+    if mcap.record(header.to_metadata()) != head[start:end]:
+        problem = f"its Metadata {LOG_METADATA} is not as it is written"
+    return header, end, problem
+
+
+def _ends_in_footer(foot: bytes) -> bool:
+    if len(foot) < FOOTER_BYTES or not foot.endswith(mcap.MAGIC):
+        return False
+    return bool(mcap.FRAME.unpack_from(foot) == (Opcode.FOOTER, 20))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    try:
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except FileNotFoundError:
+        raise Vanished(path) from None
+    except OSError as error:
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    try:
+        yield fd
+    finally:
+        os.close(fd)
+
+
+def _pread(fd: int, size: int, offset: int) -> bytes:
+    """Return bytes, zeros where the disk fails."""
+    try:
+        return os.pread(fd, size, offset)
+    except OSError:
+        return bytes(size)
+
+
+def _unreadable(fd: int, size: int) -> bool:
+    """Read all of a file, and tell whether the disk refuses any of it.
+
+    A mapping would end the process at such a place; what was read once stays in memory for it.
+    """
+    try:
+        for start in range(0, size, BLOCK):
+            os.pread(fd, BLOCK, start)
+    except OSError:
+        return True
+    return False
+
+
+def _what_can_be_read(fd: int, size: int) -> tuple[memoryview, list[tuple[int, int]]]:
+    """Return a file's bytes, zeros where the disk refuses them, and where that is."""
+    data, bad = bytearray(size), list[tuple[int, int]]()
+    for start in range(0, size, mmap.PAGESIZE):
+        end = min(start + mmap.PAGESIZE, size)
+        try:
+            data[start:end] = os.pread(fd, end - start, start).ljust(end - start, b"\0")
+        except OSError:
+            joined = bool(bad) and bad[-1][1] == start
+            bad[-1:] = [(bad[-1][0], end)] if joined else [*bad[-1:], (start, end)]
+    return memoryview(data).toreadonly(), bad

@@ -1,0 +1,174 @@
+"""How a log is, in words: for `verify`, `recover` and `info`. Fits 80 columns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.text import Text
+
+from semmap_log.log.verification.findings import Finding, Severity, Verification
+from semmap_log.moments import format_local
+
+if TYPE_CHECKING:
+    from semmap_log.log.salvage import Loss, Recovered, Survey
+
+VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
+"""Exit code of `verify` -> what it says."""
+
+SEVERITY_STYLES = {
+    "NOTE": "dim",
+    "WARNING": "yellow",
+    "TORN": "yellow",
+    "DAMAGE": "red",
+    "NOT_A_LOG": "red",
+}
+MOST_NOTES = 20
+"""Of suspect clocks and their like; damage is always shown whole."""
+
+
+def verdict(found: Verification) -> str:
+    """Return in two words how a log is."""
+    return VERDICTS[found.exit_code]
+
+
+def verification_report(found: Verification) -> RenderableType:
+    """Return what was read, what was found in it, and what to do about it."""
+    if found.exit_code == 5:
+        return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))
+    checked = (
+        f"{count(found.events, 'event')} in {count(found.commits, 'commit')}, "
+        f"{found.size / 1e6:,.1f} MB in {count(found.segments, 'file')}"
+    )
+    said = Text.assemble(plain_text(str(found.path)), f": {verdict(found)}; {checked}")
+    parts: list[RenderableType] = [said]
+    since = found.events_after_head
+    if since is not None:
+        parts.append(Text(f"holds the head asked for, and {count(since, 'event')} since"))
+    notes = 0
+    for finding in found.findings:
+        notes += finding.severity.name == "NOTE"
+        if notes <= MOST_NOTES or finding.severity.name != "NOTE":
+            parts += _finding(finding)
+    if notes > MOST_NOTES:
+        parts.append(Text(f"… and {notes - MOST_NOTES} more notes (all: --json)", style="dim"))
+    parts.append(Text(f"head {found.head.hex()}"))
+    if found.exit_code == 0 and since is None:
+        parts.append(head_hint(str(found.path)))
+    if todo := _what_to_do(found):
+        parts.append(Text(todo))
+    return Group(*parts)
+
+
+def head_hint(log: str) -> Text:
+    """Return what a log's head is good for."""
+    return Text("Keep the head elsewhere; a cut tail then shows: ", style="dim").append_text(
+        plain_text(f"semmap-log verify {log} --head HASH")
+    )
+
+
+def count(number: int, what: str) -> str:
+    """Return how many of a thing."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def events_in_words(events: tuple[int, int | None]) -> str:
+    """Return which events, in words."""
+    first, last = events
+    if last is None:
+        return f"events from {first} on"
+    return f"event {first}" if first == last else f"events {first}..{last}"
+
+
+def plain_text(text: str, *, style: str = "") -> Text:
+    """Return a text that comes from outside: characters that steer a terminal are spelt out."""
+    return Text("".join(c if c.isprintable() else repr(c)[1:-1] for c in text), style=style)
+
+
+def _finding(finding: Finding) -> list[RenderableType]:
+    """Return where it is in one line, and below what it is."""
+    name = finding.severity.name
+    where = Text.assemble((name.lower().replace("_", " "), SEVERITY_STYLES[name]), "  ")
+    where.append_text(plain_text(finding.path.name))
+    if finding.offset is not None:
+        where.append(f", byte {finding.offset}")
+    if finding.events is not None:
+        lost = " lost" if name == "DAMAGE" else ""
+        where.append(f", {events_in_words(finding.events)}{lost}")
+    return [where, Padding(plain_text(finding.text), (0, 0, 0, 8), expand=False)]
+
+
+def _what_to_do(found: Verification) -> str:
+    if found.exit_code == 4:
+        return (
+            "To do: take a copy of the folder from a backup if there is one; else "
+            "`semmap-log recover LOG` shows what can be saved."
+        )
+    if found.exit_code == 3:
+        return (
+            "To do: nothing. The next writer keeps the torn tail beside the log and goes on; if "
+            "one is at work now, it is a commit that is just being written."
+        )
+    return ""
+
+
+def recovery_report(found: Survey, done: Recovered | None) -> RenderableType:
+    """Return what a recovery saves and loses, and where things are once it is done.
+
+    Args:
+        found: What was found.
+        done: What was done about it; None: nothing, it was only asked.
+    """
+    name = plain_text(str(found.path))
+    if not found.has_to_do:
+        said = Text.assemble(name, ": nothing to recover")
+        if found.verification.of(Severity.TORN):
+            said.append("; it has a torn tail, which the next writer puts in order")
+        if done and done.kept:
+            said.append(f"; a recovery that was interrupted is finished, see {done.kept}")
+        return said
+    tz = found.info.timezone if found.info else "UTC"
+    saved = f"{count(found.events, 'event')} in {count(found.commits, 'commit')}"
+    parts: list[RenderableType] = [
+        Text.assemble(name, f": {'saved' if done else 'would be saved'} {saved}")
+    ]
+    if found.span_ns:
+        first, last = (format_local(ns, tz) for ns in found.span_ns)
+        parts.append(Text(f"recorded {first} to {last}"))
+    for loss in found.losses:
+        parts += _loss(loss, tz)
+    if not found.losses:
+        parts.append(Text("no event is lost"))
+    if found.doors:
+        doors = ", ".join(map(str, found.doors))
+        parts.append(Text(f"doors that have events, but are not added any more: {doors}"))
+    if found.dropped:
+        numbers = ", ".join(map(str, found.dropped))
+        parts.append(Text(f"dropped, since they retract lost events only: {numbers}"))
+    if not found.keeps_numbers:
+        parts.append(Text("behind the first gap events get new numbers, and the log a new id"))
+    parts += _where(done) if done else [Text("Nothing was written. To do it: add --yes.")]
+    return Group(*parts)
+
+
+def _loss(loss: Loss, tz: str) -> list[RenderableType]:
+    span = [
+        f"{word} {format_local(ns, tz)}"
+        for word, ns in (("after", loss.after_ns), ("before", loss.before_ns))
+        if ns is not None
+    ]
+    events = events_in_words((loss.first_event, loss.last_event))
+    head = Text.assemble(("lost", "red"), f"  {events}, recorded {' and '.join(span)}".rstrip())
+    why = [
+        Padding(plain_text(f"{', '.join(loss.files)}: {text}"), (0, 0, 0, 6), expand=False)
+        for text in loss.why
+    ]
+    return [head, *why]
+
+
+def _where(done: Recovered) -> list[RenderableType]:
+    said: list[RenderableType] = [plain_text(f"whole again: {done.log}")]
+    if done.kept:
+        said.append(plain_text(f"the damaged files: {done.kept}"))
+    return said
