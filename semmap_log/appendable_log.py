@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from types import TracebackType
@@ -14,8 +15,9 @@ from semmap_log.commands import Gatekeeper, Roster, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import CommandReusedError, LogPoisonedError, UnexpectedEventError
+from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
 from semmap_log.events import Event, RobotPose
+from semmap_log.log.clock import believable_ns
 from semmap_log.log.durability import Promise
 from semmap_log.log.reader import LogReader
 from semmap_log.log.writer import LogWriter
@@ -70,7 +72,12 @@ class AppendableLog(DoorLog):
     """A log that is written; answers questions, too. May be used by several threads."""
 
     def __init__(self, writer: LogWriter) -> None:
-        super().__init__(writer.folder)
+        try:
+            super().__init__(writer.folder)
+        except BaseException:
+            with suppress(LogError):
+                writer.close()  # nobody else could: its lock would last as long as the process
+            raise
         self._writer = writer
         self._mutex = threading.RLock()
         self._poses: list[RobotPose] = []
@@ -120,7 +127,7 @@ class AppendableLog(DoorLog):
 
     def now_ns(self) -> int:
         """Return what the log's clock says: nanoseconds since 1970, UTC."""
-        return self._writer.clock.wall_ns()
+        return believable_ns(self._writer.clock)
 
     def append(
         self,
@@ -188,7 +195,7 @@ class AppendableLog(DoorLog):
                 pose = replace(pose, happened_ns=self.now_ns())
             self._poses.append(pose)
             if self._pose_timer is None:
-                self._pose_timer = threading.Timer(POSES_WAIT_S, self._write_poses)
+                self._pose_timer = threading.Timer(POSES_WAIT_S, self._write_poses_late)
                 self._pose_timer.daemon = True
                 self._pose_timer.start()
 
@@ -325,6 +332,11 @@ class AppendableLog(DoorLog):
         """
         if expected is not None and expected != actual:
             raise UnexpectedEventError(of, expected, actual)
+
+    def _write_poses_late(self) -> None:
+        """Write poses for which no commit came; called by the timer's thread."""
+        with suppress(LogPoisonedError):  # whoever appends next is told
+            self._write_poses()
 
     def _write_poses(self) -> None:
         with self._mutex:

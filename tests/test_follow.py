@@ -17,7 +17,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.events import DoorAnnotated, DoorObserved
-from semmap_log.log import writer as writer_module
+from semmap_log.log import segment_chain
 from semmap_log.log.compaction import compact
 from semmap_log.log.following import FollowedCommit
 
@@ -33,7 +33,7 @@ def _numbers(commits: list[FollowedCommit]) -> list[int]:
 @pytest.fixture
 def rolled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A log of several segments: 12 commits, two events in every third."""
-    monkeypatch.setattr(writer_module, "ROLL_COMMITS", 5)
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 5)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         for i in range(12):
@@ -183,8 +183,8 @@ def test_another_log_in_its_place_is_noticed(rolled: Path) -> None:
 WRITER = """
 import sys, itertools
 import semmap_log as sl
-from semmap_log.log import writer
-writer.ROLL_COMMITS = 7
+from semmap_log.log import segment_chain
+segment_chain.ROLL_COMMITS = 7
 log = sl.append(sys.argv[1])
 door = next(iter(log.replay().doors))
 for i in itertools.count():

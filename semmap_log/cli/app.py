@@ -24,6 +24,7 @@ from semmap_log.cli import (
     remove,
     replay,
     show,
+    tail,
     update,
     verify,
     view,
@@ -82,6 +83,7 @@ app.command("replay", short_help="Show the doors at a moment.")(replay.run)
 app.command("state", hidden=True)(replay.run)
 app.command("history", short_help="Show who changed what, when, why.")(history.run)
 app.command("log", hidden=True)(history.run)
+app.command("tail", short_help="Show the last events, and those to come.")(tail.run)
 app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)

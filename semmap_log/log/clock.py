@@ -6,7 +6,13 @@ import time
 from pathlib import Path
 from typing import Protocol
 
+from semmap_log.events import MAX_TIME_NS
+
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+_LATEST_NS = MAX_TIME_NS - 2**53
+"""In 2261. Recorded times only grow: a clock that once said the end of time must leave room."""
 
 
 class Clock(Protocol):
@@ -38,3 +44,8 @@ class SystemClock:
     def monotonic_ns(self) -> int:
         """Return nanoseconds since boot, sleep not counted."""
         return time.monotonic_ns()
+
+
+def believable_ns(clock: Clock) -> int:
+    """Return what a wall clock says, nanoseconds since 1970; one far off counts as 1970 or 2261."""
+    return min(max(clock.wall_ns(), 0), _LATEST_NS)

@@ -142,29 +142,26 @@ class _Behind:
     """Number of the event that should have come at the bad place."""
     chunks: int = 0
     first_event: int | None = None
-    """The first event that lies behind it."""
+    """The first later event that lies behind it."""
     durable_before: int = 0
     """Events below this number were on the disk, say the commits behind it."""
 
     @classmethod
     def of(cls, file: memoryview, start: int, expected: int) -> _Behind:
         """Search behind an offset."""
-        found = cls(expected)
+        chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(file, start, len(file)):
             page = Page(records, expected, Path(), 0, offsets)
-            events = page.event_numbers()
+            later = [n for n in page.event_numbers()[:1].tolist() if n > expected]
+            first_event = first_event or next(iter(later), None)
             commits = page.commit_rows(page.commit_places())
-            found = cls(
-                expected,
-                found.chunks + 1,
-                int(events[0]) if found.first_event is None and len(events) else found.first_event,
-                max([found.durable_before, *commits["durable_before"].tolist()]),
-            )
-        return found
+            durable_before = max([durable_before, *commits["durable_before"].tolist()])
+            chunks += 1
+        return cls(expected, chunks, first_event, durable_before)
 
     def affected(self) -> str:
         """Say which events the bad place holds."""
-        if self.first_event is None or self.first_event <= self.expected:
+        if self.first_event is None:
             return f"events from {self.expected} on are affected"
         last = self.first_event - 1
         span = (

@@ -1,4 +1,8 @@
-"""One writer a log: an advisory lock on a file of its own, taken before anything else is opened."""
+"""One writer a log: advisory locks, taken before anything is opened for writing.
+
+The folder itself is locked first, so that nobody can make room for a second writer by deleting
+the lock file; then the lock file, which says who it is, and which every file system can lock.
+"""
 
 from __future__ import annotations
 
@@ -21,39 +25,65 @@ class WriterLock:
             LogLockedError: Another process, or another writer of this one, has it.
             LogAccessError: The folder cannot be written to.
         """
-        path = folder / LOCK_NAME
+        self._pid = os.getpid()
+        self._fds: list[int] = []
         try:
-            self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._lock_folder(folder)
+            self._lock_file(folder / LOCK_NAME)
+        except BlockingIOError:
+            self._let_go()
+            raise LogLockedError(
+                f"{folder}: {_holder(folder)} is writing to this log; a log has one writer at a "
+                "time. Reading works; to write, stop that one first."
+            ) from None
         except OSError as error:
+            self._let_go()
             raise LogAccessError(
                 f"{folder}: cannot be opened for writing: {error.strerror}. "
                 "Reading works; to write, copy the log to a place of your own."
             ) from error
-        try:
-            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            holder = os.pread(self._fd, 32, 0).decode("ascii", "replace").strip()
-            os.close(self._fd)
-            who = f"process {holder}" if holder else "another process"
-            raise LogLockedError(
-                f"{folder}: {who} is writing to this log; a log has one writer at a time. "
-                "Reading works; to write, stop that one first."
-            ) from None
-        self._pid = os.getpid()
         self._tell(f"{self._pid}\n")
 
     def release(self) -> None:
-        """Let the next writer in; in a forked child only let go of the file."""
-        if self._fd < 0:
+        """Let the next writer in; in a forked child only let go of the files."""
+        if not self._fds:
             return
         if os.getpid() == self._pid:
             self._tell("")
-            fcntl.flock(self._fd, fcntl.LOCK_UN)  # a child may still have the file open
-        os.close(self._fd)
-        self._fd = -1
+            for fd in reversed(self._fds):
+                with suppress(OSError):
+                    fcntl.flock(fd, fcntl.LOCK_UN)  # a child may still have the file open
+        self._let_go()
+
+    def _lock_folder(self, folder: Path) -> None:
+        """Lock the folder, on file systems that can (some servers of files cannot)."""
+        self._fds.append(os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
+        try:
+            fcntl.flock(self._fds[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise
+        except OSError:
+            os.close(self._fds.pop())
+
+    def _lock_file(self, path: Path) -> None:
+        self._fds.append(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644))
+        fcntl.flock(self._fds[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def _let_go(self) -> None:
+        while self._fds:
+            os.close(self._fds.pop())
 
     def _tell(self, who: str) -> None:
         """Write who holds the lock: only for messages, so a full disk does not matter."""
         with suppress(OSError):
-            os.ftruncate(self._fd, 0)
-            os.pwrite(self._fd, who.encode(), 0)
+            os.ftruncate(self._fds[-1], 0)
+            os.pwrite(self._fds[-1], who.encode(), 0)
+
+
+def _holder(folder: Path) -> str:
+    """Return who has the lock, as far as the lock file tells."""
+    try:
+        holder = (folder / LOCK_NAME).read_text("ascii", "replace").strip()
+    except OSError:
+        holder = ""
+    return f"process {holder}" if holder else "another process"

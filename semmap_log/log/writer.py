@@ -11,7 +11,7 @@ from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
 from semmap_log.events import Event
 from semmap_log.log import keyframes
-from semmap_log.log.clock import Clock, SystemClock
+from semmap_log.log.clock import Clock, SystemClock, believable_ns
 from semmap_log.log.command_memory import CommandMemory
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
 from semmap_log.log.durability import SYNC_FAILED, BatchTimer, Promise, SharedSync
@@ -71,7 +71,7 @@ class LogWriter:
 
     def begin(self, header: SegmentHeader) -> None:
         """Start a log: its first segment."""
-        self.last_ns = max(self.clock.wall_ns(), 1)
+        self.last_ns = max(believable_ns(self.clock), 1)
         self._chain.begin(header, keyframes.keyframe_chunk(self.state, self.last_ns))
 
     def go_on(self, reader: LogReader) -> None:
@@ -131,7 +131,7 @@ class LogWriter:
     def _append(
         self, events: Iterable[Event], note: Note, command_id: bytes, content: bytes
     ) -> Commit:
-        wall_ns = self.clock.wall_ns()
+        wall_ns = believable_ns(self.clock)
         self._make_ready(wall_ns)
         segment = self._chain.live
         assert segment is not None
@@ -241,8 +241,10 @@ class LogWriter:
         try:
             self._timer.close()
             if os.getpid() == self._pid:
-                self._close_or_abandon()
-                self._chain.rest(wait=not self._poison)
+                try:
+                    self._close_or_abandon()
+                finally:  # who takes the lock next must not meet a thread at work
+                    self._chain.rest(wait=not self._poison)
         except OSError as error:
             self._poisoned(error.strerror)
             raise LogPoisonedError(

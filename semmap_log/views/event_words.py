@@ -65,6 +65,11 @@ def words_of(event: Event) -> str:
             raise TypeError(f"no words for {type(event).__name__}")
 
 
+def printable(text: str) -> str:
+    """Return a text that comes from outside with characters that steer a terminal spelt out."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 def state_told_by(event: Event) -> DoorState | None:
     """Return the state that an event gives to its door; None: it leaves the state alone."""
     match event:

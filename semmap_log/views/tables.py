@@ -19,7 +19,7 @@ from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.formats.event_json import CHANGED_FIELDS
 from semmap_log.moments import format_local
-from semmap_log.views.event_words import words_of
+from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
     from semmap_log.log.suspicion import Suspect
@@ -272,7 +272,7 @@ def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
 
 def _text(text: str, *, style: str = "") -> Text:
     """Return a text that comes from outside: characters that steer a terminal are spelt out."""
-    return Text("".join(c if c.isprintable() else repr(c)[1:-1] for c in text), style=style)
+    return Text(printable(text), style=style)
 
 
 def _what(entry: HistoryEntry) -> Text:

@@ -29,6 +29,7 @@ VERBS = [
     "record",
     "replay",
     "history",
+    "tail",
     "show",
     "diff",
     "export",

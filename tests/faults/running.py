@@ -32,7 +32,7 @@ def faults(kind: str, count: int, folder: Path, *more: str) -> dict[str, Any]:
 
 def is_tried(said: dict[str, Any], *, at_least: int) -> None:
     """Check that so many faults were tried, and that nothing was lost, invented or broken."""
-    assert [] == said["bad"]
+    assert [] == said["bad"], said["bad"]
     assert (0, 0) == (said["lost"], said["invented"])
     assert at_least <= said["faults"]
     assert said["faults"] < said["checked"]

@@ -10,8 +10,8 @@ from typing import Any
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import DoorObserved, Event
+from semmap_log.log.reader import LogReader
 from semmap_log.log.scan import open_segment
-from semmap_log.log.segment_reading import pages_of
 
 
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
@@ -41,27 +41,26 @@ def segment_files(log: Path) -> list[Path]:
 def digest_of_records(log: Path) -> str:
     """Return one digest of all records of a log, in order, however they are chunked."""
     whole = hashlib.sha256()
-    for path in segment_files(log):
-        for page in pages_of(open_segment(path)):
-            whole.update(page.records)
+    for _, page in LogReader(log).pages():
+        whole.update(page.records)
     return whole.hexdigest()
 
 
-def answers(log: Path) -> dict[str, Any]:
+def answers(log: Path, *, moments: int = 8) -> dict[str, Any]:
     """Return what a log says to every question, at many moments, as texts that can be compared."""
     opened = sl.read(log)
     commits = list(opened.commits())
     recorded = [commit.closed_ns for commit in commits]
-    moments = recorded[:: max(1, len(recorded) // 8)]
+    chosen = recorded[:: max(1, len(recorded) // moments)]
     last = commits[-1].last_event if commits else -1
-    numbers = range(0, last + 1, max(1, last // 8))
+    numbers = range(0, last + 1, max(1, last // moments))
     return {
         "commits": [repr(commit) for commit in commits],
         "history": [repr(entry) for entry in opened.history()],
         "now": repr(opened.replay()),
-        "at": [repr(opened.replay(at=ns)) for ns in moments],
-        "known at": [repr(opened.replay(known_at=ns)) for ns in moments],
-        "before": [repr(opened.replay(known_at=ns - 1)) for ns in moments],
+        "at": [repr(opened.replay(at=ns)) for ns in chosen],
+        "known at": [repr(opened.replay(known_at=ns)) for ns in chosen],
+        "before": [repr(opened.replay(known_at=ns - 1)) for ns in chosen],
         "event": [repr(opened.replay(event=number)) for number in numbers],
         "entries": [repr(opened.entry(number)) for number in numbers],
         "records": digest_of_records(log),

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from fault_injection.clocks import clocks
+from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
+from fault_injection.flips import flips
+from fault_injection.interrupts import interrupts
+from fault_injection.rivals import rivals
+from fault_injection.sectors import sectors
+from fault_injection.segments import segments
+from fault_injection.signals import signals
 from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
@@ -11,5 +19,13 @@ KINDS: dict[str, Kind] = {
     "disk": simulated_disk,
     "syscalls": syscall_kills,
     "errors": syscall_errors,
+    "cuts": cuts,
+    "flips": flips,
+    "sectors": sectors,
+    "segments": segments,
+    "rivals": rivals,
+    "clocks": clocks,
+    "interrupts": interrupts,
+    "signals": signals,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

@@ -1,0 +1,164 @@
+"""`tail`: the last events, and those to come."""
+
+from __future__ import annotations
+
+import json
+import select
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semmap_log.cli.common import LogPath
+
+if TYPE_CHECKING:
+    from semmap_log.commits import Note
+    from semmap_log.door_log import DoorLog
+    from semmap_log.doors import DoorId
+    from semmap_log.event_batch import RecordedEvent
+    from semmap_log.log.following import FollowedCommit
+
+    Told = tuple[RecordedEvent, Note]
+    """An event, and what its commit says."""
+
+LAST = 10
+BACK_FACTOR = 8
+"""Where the last events are not enough (of one door, say), so many times more are looked at."""
+
+
+def run(
+    log: LogPath,
+    *,
+    last: Annotated[
+        int | None,
+        typer.Option("-n", "--last", min=0, metavar="N", help=f"The last N; default: {LAST}."),
+    ] = None,
+    follow: Annotated[
+        bool, typer.Option("-f", "--follow", help="Go on with what comes, until Ctrl-C.")
+    ] = False,
+    after: Annotated[
+        int | None,
+        typer.Option("--after", min=-1, metavar="EVENT", help="All behind this event number."),
+    ] = None,
+    door: Annotated[
+        str | None, typer.Option("--door", metavar="DOOR", help="Only events about this door.")
+    ] = None,
+    poses: Annotated[bool, typer.Option("--poses", help="Show the robot's poses, too.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object a line, as `record` takes them.")
+    ] = False,
+) -> None:
+    """Show the last events, a line each; with -f, also those that come, as they come.
+
+    A line has the event's number, when it happened (in the log's zone), the door, what, and in
+    brackets who and why. Lines leave out robot poses unless asked for; JSON has all events.
+
+    With --after, the reader's own position decides: nothing is missed, and nothing comes twice.
+
+    \b
+    Examples:
+      semmap-log tail office
+      semmap-log tail office -f --door front
+      semmap-log tail office -f --json --after 1234 | my_program
+    """
+    import semmap_log as sl
+    from semmap_log.log.following import commits_after
+
+    opened = sl.read(log)
+    wanted = _filter(opened, door, poses=poses or as_json)
+    show = _json_line if as_json else _words(opened)
+    known = -1 if after is None else after
+    try:
+        if last is None and after is not None:
+            _print(_events(commits_after(opened.reader, known), wanted), show)
+        else:
+            _print(_last(opened, LAST if last is None else last, known, wanted), show)
+        if follow:
+            for commit in opened.follow(max(known, _end(opened)), stop=_is_nobody_reading):
+                _print(_events([commit], wanted), show)
+    except KeyboardInterrupt:
+        return  # the way to end it
+
+
+def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[RecordedEvent], bool]:
+    """Return what tells which events are shown."""
+    from semmap_log.events import DoorEvent, RobotPose
+
+    if door is not None:
+        door_id = opened.resolve_ever(door)
+        return lambda one: isinstance(one.event, DoorEvent) and one.event.door_id == door_id
+    return lambda one: poses or not isinstance(one.event, RobotPose)
+
+
+def _end(opened: DoorLog) -> int:
+    """Return the number of the last event, in the log as it was opened; -1: none."""
+    commit = opened.reader.last_commit()
+    return -1 if commit is None else commit.last_event
+
+
+def _last(
+    opened: DoorLog, count: int, after: int, wanted: Callable[[RecordedEvent], bool]
+) -> Iterable[Told]:
+    """Return the last events that are wanted, of those behind a number."""
+    from semmap_log.log.following import commits_after
+
+    end, back = _end(opened), count
+    while count:
+        start = max(after, end - back)
+        found = deque(_events(commits_after(opened.reader, start), wanted), maxlen=count)
+        if len(found) == count or start == after:
+            return found
+        back *= BACK_FACTOR
+    return ()
+
+
+def _events(
+    commits: Iterable[FollowedCommit], wanted: Callable[[RecordedEvent], bool]
+) -> Iterator[Told]:
+    for followed in commits:
+        for recorded in followed:
+            if wanted(recorded):
+                yield recorded, followed.commit.note
+
+
+def _print(events: Iterable[Told], show: Callable[[RecordedEvent, Note], str]) -> None:
+    """Print events, and let go of them at once: who reads them may wait for each."""
+    for recorded, note in events:
+        sys.stdout.write(show(recorded, note) + "\n")
+    sys.stdout.flush()
+
+
+def _json_line(recorded: RecordedEvent, note: Note) -> str:
+    from semmap_log.formats.event_json import NOTE_KEYS, event_to_json
+
+    said = {key: getattr(note, key) for key in NOTE_KEYS}
+    return json.dumps(event_to_json(recorded, note=said), ensure_ascii=False, allow_nan=False)
+
+
+def _words(opened: DoorLog) -> Callable[[RecordedEvent, Note], str]:
+    """Return what makes a line of an event; doors that are named meanwhile get their names."""
+    from semmap_log.events import DoorAnnotated
+    from semmap_log.views.event_lines import event_line
+
+    names: dict[DoorId, str] = opened.door_names()
+
+    def line(recorded: RecordedEvent, note: Note) -> str:
+        event = recorded.event
+        if isinstance(event, DoorAnnotated) and event.key == "name":
+            names[event.door_id] = event.value
+        return event_line(recorded, tz=opened.info.timezone, names=names, note=note)
+
+    return line
+
+
+def _is_nobody_reading() -> bool:
+    """Tell whether the other end of our output has gone, which without output nobody would say."""
+    try:
+        output = sys.stdout.fileno()
+    except (OSError, ValueError):
+        return False  # not a file, as in tests
+    poll = select.poll()
+    poll.register(output, 0)
+    return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

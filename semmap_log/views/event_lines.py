@@ -1,0 +1,44 @@
+"""Events as lines of text, one an event, for who watches a log grow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from semmap_log.commits import Note
+from semmap_log.doors import DoorId
+from semmap_log.event_batch import RecordedEvent
+from semmap_log.events import DoorEvent
+from semmap_log.moments import format_local
+from semmap_log.views.event_words import printable, words_of
+
+DOOR_WIDTH = 14
+NUMBER_WIDTH = 6
+LATE_NS = 60 * 10**9
+"""An event that was recorded so much later than it happened says so."""
+
+
+def event_line(
+    recorded: RecordedEvent, *, tz: str, names: Mapping[DoorId, str], note: Note = Note()
+) -> str:
+    """Return an event as a line: number, when it happened, door, what, who and why.
+
+    Args:
+        recorded: The event.
+        tz: IANA zone of the times.
+        names: What the doors are called; one without a name is its number.
+        note: What its commit says.
+    """
+    event = recorded.event
+    door = names.get(event.door_id, str(event.door_id)) if isinstance(event, DoorEvent) else ""
+    parts = [
+        f"{recorded.number:>{NUMBER_WIDTH}}",
+        format_local(recorded.happened_ns, tz),
+        f"{printable(door):<{DOOR_WIDTH}}",
+        printable(words_of(event)),
+    ]
+    if recorded.recorded_ns - recorded.happened_ns > LATE_NS:
+        parts.append(f"(recorded {format_local(recorded.recorded_ns, tz)})")
+    said = ": ".join(text for text in (note.actor, note.reason) if text)
+    if said:
+        parts.append(f"[{printable(said)}]")
+    return "  ".join(parts)

@@ -1,0 +1,29 @@
+"""What the short forms share: the tools on the path, and the small log that all of them damage."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+TOOLS = Path(__file__).parents[2] / "tools"
+sys.path.insert(0, str(TOOLS))  # tools are no package
+
+from fault_injection.fault import Plan  # noqa: E402
+from fault_injection.sample import Sample, make_sample  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def sample(tmp_path_factory: pytest.TempPathFactory) -> Sample:
+    """The small log of one of everything; nobody writes to it."""
+    return make_sample(tmp_path_factory.mktemp("sample"))
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Plan:
+    """What a kind of fault is asked to do, in a folder that is removed."""
+    folder, disk = tmp_path / "memory", tmp_path / "disk"
+    folder.mkdir()
+    disk.mkdir()
+    return Plan(seed=7, folder=folder, disk_folder=disk, keep=tmp_path / "kept")

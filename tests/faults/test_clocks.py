@@ -1,0 +1,90 @@
+"""Clocks lie: recorded times only grow, and the order of events never depends on a clock."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+from fault_injection.clocks import DAY, LIES, NOW, LyingClock, at_random, write_by
+
+import semmap_log as sl
+from semmap_log.summary import summarize
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_no_clock_changes_the_order(lie: str, tmp_path: Path) -> None:
+    """
+    Over several segments and openings: no gap, no event in another place, none lost.
+    """
+    outcome = write_by(tmp_path / "log", lie, LIES[lie])
+
+    assert "" == outcome.problem
+    assert (24, 0) == (outcome.checked, outcome.lost)
+
+
+def test_clocks_that_jump_at_random_change_nothing_either(tmp_path: Path) -> None:
+    """
+    By nanoseconds, seconds, days and years, back and forth.
+    """
+    dice = random.Random(3)
+
+    outcomes = [write_by(tmp_path / str(n), str(n), at_random(dice)) for n in range(10)]
+
+    assert [] == [outcome for outcome in outcomes if not outcome.is_good]
+
+
+def test_what_has_no_time_of_its_own_folds_as_the_clock_said(tmp_path: Path) -> None:
+    """
+    By a clock two days behind, a sighting without a time is older than one before: both are kept,
+    and the later happened wins, whatever their numbers.
+    """
+    clock = LyingClock(lambda look, ns: ns - (look > 8) * 2 * DAY)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        door = log.add_door()
+        log.observe(door, "open")
+        clock.looks = 8
+        log.observe(door, "closed")
+
+        entries = list(log.history())
+        assert entries[1].happened_ns - entries[2].happened_ns > DAY
+        assert entries[1].recorded_ns < entries[2].recorded_ns
+        assert log.replay()[door].state is sl.DoorState.OPEN
+        assert 0 == len(log.replay(at=entries[2].happened_ns))
+
+
+def test_a_time_that_is_still_to_come_folds_as_recorded(tmp_path: Path) -> None:
+    """
+    An event that says next year counts from when it was recorded, not later.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=LyingClock(lambda _, ns: ns)) as log:
+        door = log.add_door()
+        recorded = log.observe(door, "open", at=NOW + 365 * DAY).commit.recorded_ns
+
+        assert log.replay(at=recorded)[door].state is sl.DoorState.OPEN
+        assert log.replay(at=recorded - 1)[door].state is sl.DoorState.UNKNOWN
+        assert NOW + 365 * DAY == log.event(1).happened_ns
+
+
+@pytest.mark.parametrize(
+    ("lie", "said"),
+    [
+        ("tells the truth", []),
+        ("goes back by a second", ["went back by"]),
+        ("goes back by two days and returns", ["went back by 1.73e+05 s", "jumped by 1.73e+05 s"]),
+        ("jumps to 2038", ["jumped by"]),
+        ("falls back to 1970", ["went back by 1.77e+09 s"]),
+        ("begins in 1970", ["jumped by 1.77e+09 s"]),
+    ],
+)
+def test_suspect_commits_are_named(lie: str, said: list[str], tmp_path: Path) -> None:
+    """
+    `info` says at which events the clock went back, or jumped against the clock of its boot.
+    """
+    write_by(tmp_path / "log", lie, LIES[lie])
+
+    warnings = summarize(sl.read(tmp_path / "log").reader).warnings
+
+    suspects = [w for w in warnings if w.startswith("event ")]
+    assert len(said) == len(suspects)
+    assert all(text in suspect for text, suspect in zip(said, suspects, strict=True))

@@ -1,0 +1,87 @@
+"""Processes killed and calls that fail: the short forms of `tools/faults.py syscalls errors`."""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.errors import LogAccessError, LogPoisonedError
+from semmap_log.log import background, reader, segment_chain
+from semmap_log.log.segment import SegmentWriter
+from tests.faults.running import faults, is_tried
+
+
+def test_a_process_may_be_killed_at_any_call(tmp_path: Path) -> None:
+    """
+    Before each call on the folder, in half of a write, and again in the recovery.
+    """
+    said = faults("syscalls", 150, tmp_path)
+
+    is_tried(said, at_least=150)
+
+
+def test_any_call_may_fail(tmp_path: Path) -> None:
+    """
+    Once or for ever: the program is told, goes on, and what had failed is stored once or not.
+    """
+    said = faults("errors", 150, tmp_path)
+
+    is_tried(said, at_least=150)
+
+
+def test_a_log_that_could_not_be_opened_can_be_opened_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Whichever reading of a segment fails on the way: the lock is not kept.
+    """
+    path = tmp_path / "log"
+    with sl.create(path, tz="UTC") as log:
+        log.add_door()
+    real, failed = reader.open_segment, 0
+
+    for good in range(10):
+        left = iter(range(good))
+
+        def failing(path: Path, left=left, **more: object):
+            if next(left, None) is None:
+                raise LogAccessError(f"{path}: cannot be read: Input/output error.")
+            return real(path, **more)
+
+        monkeypatch.setattr(reader, "open_segment", failing)
+        try:
+            sl.append(path).close()
+        except LogAccessError:
+            failed += 1
+        monkeypatch.setattr(reader, "open_segment", real)
+        sl.append(path).close()
+
+    assert failed >= 2
+
+
+def test_a_close_that_fails_ends_the_background_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The next writer must not meet it at work: both would write the same temporary file.
+    """
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 30)
+    monkeypatch.setattr(background, "PAUSE_S", 0.02)
+    log = sl.create(tmp_path / "log", tz="UTC")
+    for _ in range(31):
+        log.add_door()
+
+    def full(self: SegmentWriter) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SegmentWriter, "close", full)
+        with pytest.raises(LogPoisonedError, match="No space left"):
+            log.close()
+
+    assert [] == [t.name for t in threading.enumerate() if "compaction" in t.name]

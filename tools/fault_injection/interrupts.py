@@ -1,0 +1,187 @@
+"""Ctrl-C at any step that a writer takes, no stack left, and events that cannot be had.
+
+After each: what was acknowledged is stored, nothing is there by half or twice, and the writer
+either goes on rightly or refuses to.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Generator, Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import semmap_log as sl
+from fault_injection.fault import Outcome, Plan
+from fault_injection.ledger import Ledger
+from fault_injection.sample import small_segments
+from semmap_log.doors import DoorId
+from semmap_log.errors import LogError, LogPoisonedError, SemmapError
+from semmap_log.events import DoorAdded, RobotPose
+
+COMMITS_A_SEGMENT = 4
+PACKAGE = str(Path(sl.__file__).parent)
+MOST_ROOM = 150
+"""With so many calls left on the stack, an append goes through."""
+
+
+def interrupts(plan: Plan) -> Generator[Outcome, None, None]:
+    """Interrupt a writer at every step it takes; then the rest."""
+    yield from exhaust_the_stack(plan.folder / "stack")
+    yield from spoil_the_events(plan.folder / "spoilt")
+    for number, name in enumerate(STORIES):
+        yield from interrupt_everywhere(plan.folder / f"story-{number}", name)
+
+
+class Interrupter:
+    """Raises at the n-th step that the package takes: a line of it, entered or returned to."""
+
+    def __init__(self, step: int, error: type[BaseException] = KeyboardInterrupt) -> None:
+        self.step = step
+        self.steps = 0
+        self.place = ""
+        self._error = error
+
+    def __enter__(self) -> None:
+        sys.settrace(self._trace)
+
+    def __exit__(self, *_: object) -> None:
+        sys.settrace(None)
+
+    def _trace(self, frame: FrameType, event: str, _: object) -> Any:
+        code = frame.f_code
+        if not code.co_filename.startswith(PACKAGE):
+            return None
+        if event in ("line", "return"):
+            self.steps += 1
+            if self.steps == self.step:
+                self.place = f"{Path(code.co_filename).name}:{frame.f_lineno} {code.co_name}"
+                raise self._error
+        return self._trace
+
+
+Story = Callable[[Ledger, sl.DoorLogWriter], None]
+
+
+def _one_door(ledger: Ledger, log: sl.DoorLogWriter) -> None:
+    ledger.add_doors(log)
+
+
+def _doors_and_poses(ledger: Ledger, log: sl.DoorLogWriter) -> None:
+    log.robot_pose(RobotPose(x=float(len(ledger.acknowledged)), y=0.0, theta=0.0))
+    ledger.add_doors(log, 8)
+
+
+def _own_door(ledger: Ledger, log: sl.DoorLogWriter) -> None:
+    """Let the log choose the id: it must never choose one twice."""
+    following = max([*ledger.acknowledged.values(), *ledger.tried], default=0) + 1
+    ledger.note("tried", -1, following)
+    door = log.add_door(name=f"door {following}")
+    last = log.reader.last_commit()
+    assert last is not None
+    ledger.note("stored", last.first_event, door)
+
+
+STORIES: dict[str, Story] = {
+    "a door": _one_door,
+    "doors in several chunks behind a pose": _doors_and_poses,
+    "a door whose id the log gives": _own_door,
+}
+"""In words -> what is done while it is interrupted."""
+
+
+def interrupt_everywhere(folder: Path, story: str, *, every: int = 1) -> Iterator[Outcome]:
+    """Interrupt a writer at every step that a command takes, rolling included.
+
+    Args:
+        folder: Where the logs are made.
+        story: Which command.
+        every: Only every n-th step.
+    """
+    with small_segments(COMMITS_A_SEGMENT, chunk_bytes=300):
+        for commits_before in (1, COMMITS_A_SEGMENT):  # the second time, the segment is full
+            step, is_over = 1, False
+            while not is_over:
+                path = folder / f"log-{commits_before}-{step}"
+                ledger, interrupter = Ledger(), Interrupter(step)
+                log = sl.create(path, tz="UTC", compact=False)
+                for _ in range(commits_before):
+                    ledger.add_doors(log)
+                is_over = not _interrupted(interrupter, STORIES[story], ledger, log)
+                _go_on(ledger, log)
+                what = f"interrupted at step {step} of {story}, {interrupter.place}"
+                yield ledger.outcome(path, what)
+                shutil.rmtree(path)
+                step += every
+
+
+def _interrupted(
+    interrupter: Interrupter, story: Story, ledger: Ledger, log: sl.DoorLogWriter
+) -> bool:
+    """Tell whether the story was interrupted."""
+    with suppress(BaseException), interrupter:  # what was raised may have become another error
+        story(ledger, log)
+    return interrupter.steps >= interrupter.step
+
+
+def _go_on(ledger: Ledger, log: sl.DoorLogWriter) -> None:
+    """Do what a program does that caught an error: the next command, then close."""
+    for call in (partial(ledger.add_doors, log), partial(_own_door, ledger, log), log.close):
+        with suppress(LogError):
+            call()
+
+
+def exhaust_the_stack(folder: Path, *, every: int = 1) -> Iterator[Outcome]:
+    """Append with less and less of the stack left, until there is enough."""
+    for room in range(1, MOST_ROOM, every):
+        path = folder / f"log-{room}"
+        ledger = Ledger()
+        log = sl.create(path, tz="UTC", compact=False)
+        ledger.add_doors(log)
+        with suppress(RecursionError, SemmapError):
+            _deep(sys.getrecursionlimit() - room - _depth(), partial(ledger.add_doors, log))
+        _go_on(ledger, log)
+        yield ledger.outcome(path, f"append with room for {room} calls on the stack")
+        shutil.rmtree(path)
+
+
+def _deep(levels: int, call: Callable[[], None]) -> None:
+    if levels <= 0:
+        call()
+    else:
+        _deep(levels - 1, call)
+
+
+def _depth() -> int:
+    frame: FrameType | None = sys._getframe()  # noqa: SLF001
+    depth = 0
+    while frame:
+        frame, depth = frame.f_back, depth + 1
+    return depth
+
+
+def spoil_the_events(folder: Path) -> Iterator[Outcome]:
+    """Append from iterators that fail after so many events, in every way they can."""
+    errors = (ValueError, OSError, MemoryError, KeyboardInterrupt, RecursionError, GeneratorExit)
+    with small_segments(COMMITS_A_SEGMENT, chunk_bytes=300):
+        for error in errors:
+            for good in range(12):
+                path = folder / f"{error.__name__}-{good}"
+                ledger = Ledger()
+                log = sl.create(path, tz="UTC", compact=False)
+                ledger.add_doors(log)
+                with suppress(LogPoisonedError, error):
+                    log.append(_spoilt(good, error))
+                _go_on(ledger, log)
+                yield ledger.outcome(path, f"{error.__name__} in the events, behind {good} of them")
+                shutil.rmtree(path)
+
+
+def _spoilt(good: int, error: type[BaseException]) -> Iterator[DoorAdded]:
+    for door in range(good):
+        yield DoorAdded(door_id=DoorId(100_000 + door))
+    raise error

@@ -1,0 +1,143 @@
+"""Signals to a process that appends, and memory that runs out while it does."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import signal
+import time
+from collections.abc import Callable, Generator
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import semmap_log as sl
+from fault_injection.fault import Outcome, Plan
+from fault_injection.ledger import Ledger
+from semmap_log.errors import LogError, LogLockedError
+
+ROUNDS = 150
+STOPPED_S = 5.0
+MOST_MEMORY = 2**25
+"""With so much to be had, a great commit goes through."""
+DOORS_A_COMMIT = 8_000
+
+
+def signals(plan: Plan) -> Generator[Outcome, None, None]:
+    """Signal, starve and stop writers in child processes."""
+    yield stopped(plan.folder / "stopped", STOPPED_S)
+    dice = random.Random(plan.seed)
+    rounds = plan.most(2 * ROUNDS) // 2
+    for number in range(rounds):
+        yield signalled(plan.folder / f"signal-{number}", dice)
+        yield starved(plan.folder / f"memory-{number}", int(MOST_MEMORY * number / rounds))
+
+
+def signalled(path: Path, dice: random.Random) -> Outcome:
+    """Send a signal to a process that appends, at any moment."""
+    sent = dice.choice((signal.SIGINT, signal.SIGTERM, signal.SIGKILL))
+    wait = dice.uniform(0, 0.03)
+
+    def send(child: int) -> None:
+        time.sleep(wait)
+        os.kill(child, sent)
+
+    ledger = _in_a_child(path, _append_for_ever, send)
+    return ledger.outcome(path, f"{sent.name} after {wait * 1000:.1f} ms of appending")
+
+
+def starved(path: Path, more: int) -> Outcome:
+    """Append great commits in a process that may take only so many bytes of memory more."""
+    ledger = _in_a_child(path, partial(_append_with_memory, more), lambda _: None)
+    return ledger.outcome(path, f"append with {more:,} bytes of memory to be had")
+
+
+def stopped(path: Path, seconds: float) -> Outcome:
+    """Stop a writer for a while: readers read on, nobody takes its place, then it goes on."""
+    problems: list[str] = []
+
+    def stop(child: int) -> None:
+        time.sleep(0.2)
+        os.kill(child, signal.SIGSTOP)
+        before = len(sl.read(path).replay())
+        with suppress(LogLockedError):
+            sl.append(path, compact=False).close()
+            problems.append("a second writer got in")
+        time.sleep(seconds)
+        after = len(sl.read(path).replay())
+        if before != after or not before:
+            problems.append(f"{before} doors when it was stopped, {after} later")
+        os.kill(child, signal.SIGCONT)
+        time.sleep(0.2)
+        os.kill(child, signal.SIGINT)
+
+    outcome = _in_a_child(path, _append_for_ever, stop).outcome(path, f"stopped for {seconds} s")
+    return replace(outcome, problem="; ".join([*problems, outcome.problem]).strip("; "))
+
+
+def _in_a_child(
+    path: Path, work: Callable[[Ledger, Path], None], meanwhile: Callable[[int], None]
+) -> Ledger:
+    """Fork a child that works, do something to it, and return what it told before it ended."""
+    sl.create(path, tz="UTC", compact=False).close()
+    told, tell = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            work(
+                Ledger(tell=lambda *said: os.write(tell, "{} {} {}\n".format(*said).encode())), path
+            )
+        finally:
+            os._exit(0)
+    os.close(tell)
+    ledger = Ledger()
+    try:
+        meanwhile(child)
+        with os.fdopen(told) as lines:
+            for line in lines:
+                word, event, door = line.split()
+                ledger.note(word, int(event), int(door))
+    finally:
+        os.waitpid(child, 0)
+    return ledger
+
+
+def _say(pipe: int, word: str, event: int, door: int) -> None:
+    os.write(pipe, f"{word} {event} {door}\n".encode())
+
+
+def _append_for_ever(ledger: Ledger, path: Path) -> None:
+    """Append until something happens; then do what a program does that caught it."""
+    log = sl.append(path, compact=False)
+    with suppress(BaseException):
+        while True:
+            ledger.add_doors(log)
+    _go_on(ledger, log)
+
+
+def _append_with_memory(more: int, ledger: Ledger, path: Path) -> None:
+    """Append ever greater commits with so much memory, then small ones with all of it."""
+    log = sl.append(path, compact=False)
+    ledger.add_doors(log, 10)
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    with suppress(MemoryError, LogError):
+        resource.setrlimit(resource.RLIMIT_AS, (_address_space() + more, hard))
+        for size in (10, DOORS_A_COMMIT):
+            ledger.add_doors(log, size)
+    resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+    _go_on(ledger, log)
+
+
+def _go_on(ledger: Ledger, log: sl.DoorLogWriter) -> None:
+    for call in (partial(ledger.add_doors, log), log.close):
+        with suppress(LogError):
+            call()
+
+
+def _address_space() -> int:
+    """Return how many bytes of addresses this process has."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    return pages * resource.getpagesize()
