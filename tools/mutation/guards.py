@@ -45,7 +45,10 @@ SYNCS = (
              "    try:\n        os.fsync(fd)\n    finally:", WRITER, DISK,
              put="    try:\n        pass\n    finally:"),
     _without("sync of the folder in which a log is made", "opening.py",
-             "sync_folder(folder.parent)", DISK),
+             "            sync_folder(folder.parent)\n            return writer", DISK,
+             put="            return writer"),
+    _without("sync of the folder in which half a log was made", "opening.py",
+             "if _may_be_half_made(reader):", DISK, put="if False:"),
 )  # fmt: skip
 
 LOCKS = (
