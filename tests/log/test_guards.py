@@ -175,3 +175,19 @@ def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
 
     with pytest.raises(CorruptLogError, match="bytes long"):
         _read_all(folder)
+
+
+@pytest.mark.parametrize("entry", ["first_event", "segment", "hash_so_far", "log_id", "sha256"])
+def test_a_head_that_was_changed_is_named(entry: str) -> None:
+    """
+    Any entry of a segment's head, and the digest itself; so is one without a digest.
+    """
+    metadata = HEADER.to_metadata()
+    assert HEADER == SegmentHeader.from_metadata(metadata)
+    changed = metadata.metadata[entry].replace("0", "1") + "2"
+    for entries in ({**metadata.metadata, entry: changed},
+                    {k: v for k, v in metadata.metadata.items() if k != "sha256"}):  # fmt: skip
+        forged = replace(metadata, metadata=entries)
+
+        with pytest.raises(ValueError, match="do not fit its sha256"):
+            SegmentHeader.from_metadata(forged)
