@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import random
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from semmap_log.log import keyframes
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import MAX_CHUNK_BYTES, ChunkDamage, build_chunk, read_chunk_head, walk
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.projections.door_map import DoorMapState
@@ -191,3 +194,32 @@ def test_a_head_that_was_changed_is_named(entry: str) -> None:
 
         with pytest.raises(ValueError, match="do not fit its sha256"):
             SegmentHeader.from_metadata(forged)
+
+
+def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
+    """
+    Counted by hand: the Commit's own record, then each channel's number and digest, ascending;
+    for a commit of several kinds with a note, and for many of one kind.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door(name="front", actor="survey")
+        log.append([DoorObserved(door_id=DoorId(1), state=sl.DoorState.OPEN) for _ in range(9)])
+    digests: dict[int, hashlib._Hash] = {}
+    hashed = []
+
+    for _, page in sl.read(tmp_path / "log").reader.pages():
+        borders = [*page.offsets.tolist(), len(page.records)]
+        for channel, (start, end) in zip(
+            page.heads["channel_id"].tolist(), pairwise(borders), strict=True
+        ):
+            record = bytes(page.records[start:end])
+            if channel == COMMIT_CHANNEL:
+                parts = [c.to_bytes(2, "little") + d.digest() for c, d in sorted(digests.items())]
+                expected = hashlib.sha256(record[:-32] + b"".join(parts)).digest()
+                assert expected == record[-32:]
+                hashed.append(len(parts))
+                digests = {}
+            elif channel != KEYFRAME_CHANNEL:
+                digests.setdefault(channel, hashlib.sha256()).update(record)
+
+    assert [3, 1] == hashed
