@@ -223,3 +223,21 @@ def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
                 digests.setdefault(channel, hashlib.sha256()).update(record)
 
     assert [3, 1] == hashed
+
+
+def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
+    """
+    Its head and the summary agree on others: no search by time may skip it for that.
+    """
+    folder = tmp_path / "log"
+    folder.mkdir()
+    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    built = keyframes.keyframe_chunk(DoorMapState(), 1000)
+    data = bytearray(built.data)
+    struct.pack_into("<QQ", data, mcap.FRAME.size, 3, 4)
+    writer.add(replace(built, data=bytes(data), facts=replace(built.facts, times=(3, 4))))
+    writer.install()
+    writer.close()
+
+    with pytest.raises(CorruptLogError, match="least and greatest log time"):
+        _read_all(folder)

@@ -110,7 +110,7 @@ SIZES = (
              "if opcode != Opcode.MESSAGE or length < least:", GUARDED,
              put="if False:"),
     _without("times in a chunk's head", "page_reading.py",
-             'if first_misfit(page.heads["log_time"], ends, chunks.rows) is not None:', FLIPS, SCAN,
+             'if first_misfit(page.heads["log_time"], ends, chunks.rows) is not None:', GUARDED,
              put="if False:"),
     _without("heads of chunks against the summary", "chunk_table.py",
              "if _row(chunk) != row.item():", SCAN, FLIPS, put="if False:"),
