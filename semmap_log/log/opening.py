@@ -56,7 +56,14 @@ def open_for_append(folder: Path, surroundings: Surroundings = Surroundings()) -
         reader = LogReader(folder)
         writer = LogWriter(folder, lock, state_at_end(reader), surroundings)
         writer.go_on(reader)
+        if _may_be_half_made(reader):
+            sync_folder(folder.parent)
         return writer
+
+
+def _may_be_half_made(reader: LogReader) -> bool:
+    """Tell whether who made the log may have been killed before the folder's name was synced."""
+    return len(reader.segments) == 1 and not reader.segments[0].closed
 
 
 @contextmanager
