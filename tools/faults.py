@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tallies: list[Tally] = []
     code = 0
     try:
-        for name in KINDS if "all" in args.kinds else dict.fromkeys(args.kinds):
+        for name in dict.fromkeys(name for asked in args.kinds for name in _named(asked)):
             tallies.append(Tally(name))
             _try_kind(KINDS[name], args, tallies[-1])
     except KeyboardInterrupt:
@@ -94,9 +94,14 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _kind(text: str) -> str:
-    if text != "all" and text not in KINDS:
+    if not _named(text):
         raise argparse.ArgumentTypeError(f"no kind {text}; there are: all, {', '.join(KINDS)}")
     return text
+
+
+def _named(asked: str) -> list[str]:
+    """Return the kinds of that name: all, one, or those that begin with it (`power`)."""
+    return [name for name in KINDS if asked in {"all", name} or name.startswith(f"{asked}-")]
 
 
 def _count(text: str) -> int:

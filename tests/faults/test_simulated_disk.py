@@ -54,6 +54,32 @@ def test_what_a_footer_stands_for_is_on_the_disk_before_it(
     assert [closed[: -len(MAGIC)], closed] == synced[:2]
 
 
+def test_the_name_of_a_log_that_was_half_made_is_synced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Who made it was killed before that; what the next writer acknowledges must not go with it.
+    """
+    whole = sl.create(tmp_path / "other", tz="UTC")
+    (tmp_path / "log").mkdir()
+    (tmp_path / "log" / "log_000000.mcap").write_bytes(
+        (tmp_path / "other" / "other_000000.mcap").read_bytes()
+    )
+    whole.close()
+    synced: list[Path] = []
+    fsync = os.fsync
+
+    def watched(fd: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{fd}").readlink())
+        fsync(fd)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    with sl.append(tmp_path / "log") as log:
+        log.add_door()
+
+    assert tmp_path in synced
+
+
 def _open(path: str, fd: int) -> Entry:
     return Entry(Call.OPEN, fd, O_CREAT, path, "", b"")
 

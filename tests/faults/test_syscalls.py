@@ -1,4 +1,4 @@
-"""Processes killed and calls that fail: the short forms of `tools/faults.py syscalls errors`."""
+"""Processes killed, calls that fail, limits met: short forms of `tools/faults.py`."""
 
 from __future__ import annotations
 
@@ -32,6 +32,15 @@ def test_any_call_may_fail(tmp_path: Path) -> None:
     said = faults("errors", 150, tmp_path)
 
     is_tried(said, at_least=150)
+
+
+def test_limits_of_the_machine_are_met_and_lifted(tmp_path: Path) -> None:
+    """
+    A full disk, a file too large, no more files; read-only and not ours: read, never written.
+    """
+    said = faults("limits", 12, tmp_path)
+
+    is_tried(said, at_least=12)
 
 
 def test_a_log_that_could_not_be_opened_can_be_opened_later(

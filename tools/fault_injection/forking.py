@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NoReturn
 
 from fault_injection.player import Tell, Told
 
@@ -33,30 +35,49 @@ class Ended:
         return int(self.lines[-1].removeprefix("seen "))
 
 
-def forked(work: Callable[[Tell], None]) -> Ended:
-    """Return what became of `work` in a child process of its own.
+class Child:
+    """A child process at work; what it tells goes through a pipe.
 
-    What it tells goes through a pipe: it is safe as soon as `tell` returns, however it ends.
+    A line is safe as soon as `tell` returns, however the process ends.
     """
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(reader)
-        code = CRASHED
-        try:
-            work(lambda line: _write_line(writer, line))
-            code = 0
-        except BaseException:  # noqa: BLE001 - the parent shows it
-            _write_line(writer, "!" + traceback.format_exc().replace("\n", "\0"))
-        finally:
-            os._exit(code)
-    os.close(writer)
-    with os.fdopen(reader, "rb") as pipe:
-        lines = pipe.read().decode().splitlines()
-    _, status = os.waitpid(child, 0)
-    errors = [line[1:].replace("\0", "\n") for line in lines if line.startswith("!")]
-    told = tuple(line for line in lines if not line.startswith("!"))
-    return Ended(told, os.waitstatus_to_exitcode(status), "".join(errors))
+
+    def __init__(self, work: Callable[[Tell], None]) -> None:
+        """Start it."""
+        self._pipe, writer = os.pipe()
+        self._pid = os.fork()
+        if self._pid == 0:
+            os.close(self._pipe)
+            _work(work, writer)
+        os.close(writer)
+
+    def kill(self) -> None:
+        """End it, if it has not ended."""
+        os.kill(self._pid, signal.SIGKILL)
+
+    def wait(self) -> Ended:
+        """Return how it ended, once it has."""
+        with os.fdopen(self._pipe, "rb") as pipe:
+            lines = pipe.read().decode().splitlines()
+        _, status = os.waitpid(self._pid, 0)
+        errors = [line[1:].replace("\0", "\n") for line in lines if line.startswith("!")]
+        told = tuple(line for line in lines if not line.startswith("!"))
+        return Ended(told, os.waitstatus_to_exitcode(status), "".join(errors))
+
+
+def forked(work: Callable[[Tell], None]) -> Ended:
+    """Return what became of `work` in a child process of its own."""
+    return Child(work).wait()
+
+
+def _work(work: Callable[[Tell], None], writer: int) -> NoReturn:
+    code = CRASHED
+    try:
+        work(lambda line: _write_line(writer, line))
+        code = 0
+    except BaseException:  # noqa: BLE001 - the parent shows it
+        _write_line(writer, "!" + traceback.format_exc().replace("\n", "\0"))
+    finally:
+        os._exit(code)
 
 
 def _write_line(fd: int, line: str) -> None:

@@ -7,6 +7,8 @@ from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
 from fault_injection.interrupts import interrupts
+from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
+from fault_injection.real_limits import real_limits
 from fault_injection.rivals import rivals
 from fault_injection.sectors import sectors
 from fault_injection.segments import segments
@@ -19,6 +21,9 @@ KINDS: dict[str, Kind] = {
     "disk": simulated_disk,
     "syscalls": syscall_kills,
     "errors": syscall_errors,
+    "limits": real_limits,
+    "power-ext4": cuts_on_ext4,
+    "power-xfs": cuts_on_xfs,
     "cuts": cuts,
     "flips": flips,
     "sectors": sectors,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -19,8 +20,12 @@ from semmap_log.log.compaction import compact
 
 LEVELS = ("event", "batch", "flush", "none")
 BATCH_EVENTS = 8
-BATCH_S = 3600.0
-"""Never: what is synced when must not hang on how quick the machine is."""
+NEVER_S = 3600.0
+"""For batches: what is synced when then does not hang on how quick the machine is."""
+
+_compactions = logging.getLogger("semmap_log")
+_compactions.propagate = False  # that the background thread meets faults, too, is no news here
+_compactions.addHandler(logging.NullHandler())
 
 Tell = Callable[[str], None]
 """Takes a line; must have put it into safety outside the log's folder when it returns."""
@@ -64,8 +69,16 @@ class Told:
 class Player:
     """Does a story's acts, one after the other; exports go into a folder `out` beside the log."""
 
-    def __init__(self, folder: Path, story: Story, tell: Tell, durability: str = "event") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        story: Story,
+        tell: Tell,
+        durability: str = "event",
+        batch_s: float = NEVER_S,
+    ) -> None:
         self.folder = folder
+        self.batch_s = batch_s
         self.out = folder.parent / "out" / "doors.yaml"
         self.durability = durability
         self.log: DoorLogWriter | None = None
@@ -103,7 +116,7 @@ class Player:
                 self.folder,
                 durability=self.durability,
                 batch_events=BATCH_EVENTS,
-                batch_s=BATCH_S,
+                batch_s=self.batch_s,
                 clock=self._clock,
                 entropy=self._random.randbytes,
             )

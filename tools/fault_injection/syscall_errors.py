@@ -25,7 +25,7 @@ from fault_injection.workers import shared
 
 EMPTY: Tree = {"out": {}}
 SYNCS = Call.FSYNC | Call.FDATASYNC
-USUAL_FAULTS = 2_500
+USUAL_FAULTS = 2_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,16 +100,11 @@ class _Bench:
         self._random = Random(plan.seed)
 
     def drawn(self) -> list[_Fault]:
-        """Return the faults to try: all at the level `event`, a sample at the others."""
-        every = {level: list(self._faults(level)) for level in LEVELS}
-        left = max(0, USUAL_FAULTS - len(every["event"])) // (len(LEVELS) - 1)
-        chosen = [
-            fault
-            for level, faults in every.items()
-            for fault in (
-                faults if level == "event" else self._random.sample(faults, min(left, len(faults)))
-            )
-        ]
+        """Return the faults to try: each call of the level `event` once, and some of all others."""
+        every = [fault for level in LEVELS for fault in self._faults(level)]
+        self._random.shuffle(every)
+        every.sort(key=lambda fault: (fault.level, fault.count) != ("event", 1))
+        chosen = every[:USUAL_FAULTS]
         self._random.shuffle(chosen)
         return chosen
 

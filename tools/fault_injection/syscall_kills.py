@@ -22,7 +22,7 @@ from fault_injection.trees import Tree, keep, read_tree, write_tree
 from fault_injection.workers import shared
 
 EMPTY: Tree = {"out": {}}
-SHARE_OF_OTHER_LEVELS = 0.2
+SHARE_OF_OTHER_LEVELS = 0.1
 """At the level `event` every call is tried, at the others so many of them."""
 RECOVERY_KILLS = 1
 """So many calls of each recovery are tried,"""

@@ -1,0 +1,183 @@
+"""Real power cuts: a real file system on a loop device is shut down while a log is written on it.
+
+The shutdown ioctl (`godown` of the file systems' own tests) drops all that was not synced, journal
+and all, in the middle of whatever is going on. Then the file system is mounted again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import struct
+import subprocess
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from random import Random
+
+from fault_injection.examiner import Examiner
+from fault_injection.fault import CannotTryError, Outcome, Plan
+from fault_injection.forking import Child
+from fault_injection.player import Player, Tell, Told
+from fault_injection.story import Story, small_limits, story
+from fault_injection.trees import Tree, keep, read_tree, write_tree
+from semmap_log.log.disk import sync_folder
+
+USUAL_CUTS = {"ext4": 200, "xfs": 50}
+IMAGE_MIB = {"ext4": 64, "xfs": 320}
+MAKE = {"ext4": ["mkfs.ext4", "-q", "-F"], "xfs": ["mkfs.xfs", "-q", "-f"]}
+LEVELS = ("event", "batch")
+BATCH_S = 0.01
+SHUTDOWN = 0x8004587D
+WITHOUT_LOG_FLUSH = struct.pack("I", 2)
+
+
+def cuts_on_ext4(plan: Plan) -> Generator[Outcome, None, None]:
+    """Yield what became of the logs on an ext4 after each power cut."""
+    yield from _cuts(plan, "ext4")
+
+
+def cuts_on_xfs(plan: Plan) -> Generator[Outcome, None, None]:
+    """Yield what became of the logs on an xfs after each power cut."""
+    yield from _cuts(plan, "xfs")
+
+
+def _cuts(plan: Plan, kind: str) -> Generator[Outcome, None, None]:
+    told = story(plan.seed)
+    bench = _Bench(plan, kind, told)
+    with small_limits(), _file_system(plan.folder, kind) as disk:
+        bench.look_how_long(disk)
+        for number in range(plan.most(USUAL_CUTS[kind])):
+            yield bench.cut(disk, number)
+
+
+class _Disk:
+    """A file system on a loop device."""
+
+    def __init__(self, image: Path, folder: Path) -> None:
+        self._image = image
+        self.folder = folder
+        """Where it is mounted."""
+
+    def mount(self) -> None:
+        _do("mount", "-o", "loop", str(self._image), str(self.folder))
+
+    def unmount(self) -> None:
+        for _ in range(50):
+            if subprocess.run(["umount", self.folder], capture_output=True, check=False).returncode:
+                time.sleep(0.05)  # a process that was killed lets go of its files in a moment
+            else:
+                return
+        _do("umount", str(self.folder))
+
+    def cut_power(self) -> None:
+        """Lose all that was not synced, now."""
+        fd = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.ioctl(fd, SHUTDOWN, WITHOUT_LOG_FLUSH)
+        finally:
+            os.close(fd)
+
+
+class _Bench:
+    """Logs of one story, at two levels at once: one is the other's load."""
+
+    def __init__(self, plan: Plan, kind: str, told: Story) -> None:
+        self._plan = plan
+        self._kind = kind
+        self._story = told
+        self._examiner = Examiner(told)
+        self._random = Random(plan.seed)
+        self._whole_s = 0.0
+
+    def look_how_long(self, disk: _Disk) -> None:
+        """Play once to the end, so that cuts come at any moment of it."""
+        start = time.monotonic()
+        for child in self._writers(disk):
+            ended = child.wait()
+            if ended.error:
+                raise RuntimeError(f"the story cannot be told: {ended.error}")
+        self._whole_s = time.monotonic() - start
+
+    def cut(self, disk: _Disk, number: int) -> Outcome:
+        """Return what became of both logs when the power was cut once."""
+        writers = self._writers(disk)
+        time.sleep(self._random.uniform(0.05, 1) * self._whole_s)
+        disk.cut_power()
+        for child in writers:
+            child.kill()
+        told = [child.wait().told for child in writers]
+        disk.unmount()
+        disk.mount()
+        outcomes = [
+            self._examined(f"story {self._plan.seed} ({level}) on {self._kind}, cut {number}",
+                           read_tree(disk.folder / level), said)
+            for level, said in zip(LEVELS, told, strict=True)
+        ]  # fmt: skip
+        worst = min(outcomes, key=lambda outcome: outcome.is_good)
+        return replace(worst, checked=sum(outcome.checked for outcome in outcomes))
+
+    def _examined(self, fault: str, left: Tree, told: Told) -> Outcome:
+        folder = self._plan.folder / "examined"
+        write_tree(folder, left)
+        outcome = self._examiner.examine(fault, folder / "log", told, must=told.durable)
+        if outcome.is_good:
+            return outcome
+        return replace(outcome, kept=keep(self._plan.keep, fault, left))
+
+    def _writers(self, disk: _Disk) -> list[Child]:
+        """Start a writer of each level on an empty disk."""
+        for level in LEVELS:
+            folder = disk.folder / level
+            shutil.rmtree(folder, ignore_errors=True)
+            (folder / "out").mkdir(parents=True)
+            sync_folder(folder)
+        sync_folder(disk.folder)
+        return [Child(partial(self._write, disk.folder / level, level)) for level in LEVELS]
+
+    def _write(self, folder: Path, level: str, tell: Tell) -> None:
+        Player(folder / "log", self._story, tell, level, BATCH_S).play()
+
+
+@contextmanager
+def _file_system(folder: Path, kind: str) -> Iterator[_Disk]:
+    """Hand out a new file system, mounted.
+
+    Raises:
+        CannotTryError: Only root can mount, or a program or a loop device is not there.
+    """
+    program, *options = MAKE[kind]
+    if os.geteuid() != 0:
+        raise CannotTryError("only root can mount a file system")
+    for needed in (program, "mount", "umount"):
+        if shutil.which(needed) is None:
+            raise CannotTryError(f"{needed} is not installed")
+    image = folder / f"{kind}.img"
+    with image.open("wb") as file:
+        file.truncate(IMAGE_MIB[kind] * 2**20)
+    disk = _Disk(image, folder / kind)
+    disk.folder.mkdir()
+    try:
+        _do(program, *options, str(image))
+        disk.mount()
+    except OSError as error:
+        raise CannotTryError(f"no {kind} on a loop device here: {error}") from error
+    try:
+        yield disk
+    finally:
+        disk.unmount()
+
+
+def _do(*command: str) -> None:
+    """Run a command.
+
+    Raises:
+        OSError: It failed; what it said.
+    """
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise OSError(f"{' '.join(command)}: {done.stderr.strip()}")
