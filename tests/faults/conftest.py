@@ -23,7 +23,6 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> Sample:
 @pytest.fixture
 def plan(tmp_path: Path) -> Plan:
     """What a kind of fault is asked to do, in a folder that is removed."""
-    folder, disk = tmp_path / "memory", tmp_path / "disk"
+    folder = tmp_path / "memory"
     folder.mkdir()
-    disk.mkdir()
-    return Plan(seed=7, folder=folder, disk_folder=disk, keep=tmp_path / "kept")
+    return Plan(seed=7, folder=folder, keep=tmp_path / "kept")

@@ -5,18 +5,14 @@ from __future__ import annotations
 import os
 import random
 import stat
-import sys
 from pathlib import Path
 
 import pytest
-
-import semmap_log as sl
-from tests.faults.running import TOOLS, faults, is_tried
-
-sys.path.insert(0, str(TOOLS))
-
 from fault_injection.disk_model import SECTOR, Disk
 from fault_injection.shim import Call, Entry
+
+import semmap_log as sl
+from tests.faults.running import faults, is_tried
 
 MAGIC = b"\x89MCAP0\r\n"
 O_CREAT = os.O_CREAT
