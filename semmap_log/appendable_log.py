@@ -86,11 +86,14 @@ class AppendableLog(DoorLog):
         self._roster: Roster | None = None
         self._named: DoorMap | None = None
         """A map as of some moment since which no name has changed."""
+        self._taken_in = writer.next_event
+        """Events below this number are taken into account in all of these."""
 
     @property
     def reader(self) -> LogReader:
         """The bytes underneath, with all that was written so far."""
         with self._mutex:
+            self._take_in()
             if self._is_stale:
                 self._writer.flush()
                 self._reader.refresh()
@@ -107,6 +110,7 @@ class AppendableLog(DoorLog):
     def roster(self) -> Roster:
         """Which doors and levels there are after the last commit."""
         with self._mutex:
+            self._take_in()
             if self._roster is None:
                 self._roster = Roster.of(self._writer.state)
             return self._roster
@@ -191,6 +195,7 @@ class AppendableLog(DoorLog):
         """Keep a pose for the next commit; if none comes within a second, it gets its own."""
         with self._mutex:
             self._writer.check_usable()
+            self._take_in()
             if pose.happened_ns is None:
                 pose = replace(pose, happened_ns=self.now_ns())
             self._poses.append(pose)
@@ -204,6 +209,7 @@ class AppendableLog(DoorLog):
         if isinstance(door, int):
             return DoorId(door)  # whether it is there, the gatekeeper says
         with self._mutex:
+            self._take_in()
             if self._named is None:
                 self._named = self._writer.state.door_map()
             return resolve_door(door, self._named)
@@ -283,6 +289,7 @@ class AppendableLog(DoorLog):
         command_id: bytes | None,
         content: bytes,
     ) -> Appended:
+        self._take_in()
         poses = self._poses
         gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses))
         try:
@@ -305,7 +312,14 @@ class AppendableLog(DoorLog):
         if not gatekeeper.keeps_names:
             self._named = None
         self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
+        self._taken_in = commit.last_event + 1
         return Appended(commit, len(poses), _make_durable=self._writer.make_durable)
+
+    def _take_in(self) -> None:
+        """Forget what does not fit any more: an interrupt came right behind a commit."""
+        if self._taken_in != self._writer.next_event:
+            self._poses, self._roster, self._named, self._is_stale = [], None, None, True
+            self._taken_in = self._writer.next_event
 
     def _make_last(self, commit: Commit, *, sync: bool | None) -> None:
         """Return once a commit lasts: as was asked, or as the log's durability promises."""
@@ -343,9 +357,11 @@ class AppendableLog(DoorLog):
             if self._pose_timer is not None:
                 self._pose_timer.cancel()
                 self._pose_timer = None
+            self._take_in()
             if self._poses:
                 commit = self._writer.append(self._poses)
                 self._poses = []
+                self._taken_in = commit.last_event + 1
                 self._is_stale = True
                 self._make_last(commit, sync=None)
 

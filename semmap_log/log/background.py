@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
@@ -18,7 +17,7 @@ from semmap_log.log.segment import SegmentWriter
 _log = logging.getLogger("semmap_log")
 
 PAUSE_S = 0.0005
-"""Slept between chunks: an append that waits for the interpreter goes first."""
+"""Waited between steps: an append that waits for the interpreter goes first."""
 
 
 class _Abandoned(Exception):  # noqa: N818  # no error: the way out of the work under way
@@ -48,7 +47,7 @@ class BackgroundCompactor:
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
         self._closing = False
-        self._abandoned = False
+        self._abandoned = threading.Event()
         self._swap = threading.Lock()
         """Held while a segment is replaced: `close` returns before that or after it."""
         self._pid = os.getpid()
@@ -81,7 +80,8 @@ class BackgroundCompactor:
         if os.getpid() != self._pid:
             return  # the thread, and the temporary file, are the parent's
         self._closing = True
-        self._abandoned |= not wait
+        if not wait:
+            self._abandoned.set()
         if self._thread is None:
             return
         self._waiting.put(None)
@@ -90,7 +90,7 @@ class BackgroundCompactor:
             self._thread.join()
         finally:
             if not self._ended.is_set():  # interrupted: stop at once, or behind the swap
-                self._abandoned = True
+                self._abandoned.set()
                 with self._swap:
                     pass
 
@@ -123,13 +123,12 @@ class BackgroundCompactor:
                 _log.warning("%s: not compacted, it stays as it is: %s", path, said)
 
     def _pause(self, done: int) -> None:  # noqa: ARG002 - for progress bars
-        if self._abandoned:
+        if self._abandoned.wait(PAUSE_S):
             raise _Abandoned
-        time.sleep(PAUSE_S)
 
     def _install(self, copy: SegmentWriter) -> None:
         with self._swap:
-            if self._abandoned:
+            if self._abandoned.is_set():
                 raise _Abandoned
             copy.install()
             try:

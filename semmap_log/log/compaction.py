@@ -58,9 +58,7 @@ def compact(folder: Path, *, merge: bool = True, progress: Progress | None = Non
         remove_merged(folder)
         return _compact(folder, merge=merge, progress=progress)
     except OSError as error:
-        if isinstance(error, SemmapError):
-            raise
-        problem = f"{folder}: cannot be compacted: {error.strerror}. The log is whole."
+        problem = f"{folder}: cannot be compacted: {error.strerror or error}. The log is whole."
         raise LogAccessError(problem) from error
     finally:
         lock.release()
@@ -84,8 +82,7 @@ def _compact(folder: Path, *, merge: bool, progress: Progress | None) -> Compact
             listed = step.run(folder, listed, pause)
     except BaseException:
         with suppress(SemmapError, OSError):
-            remove_merged(folder)
-            _list_closed(folder)
+            _list_closed(folder)  # leftovers wait for the next time: see `remove_merged`
         raise
     after = _list_closed(folder)
     return _summary(before, steps, len(after), sum(len(segment.file) for segment in after))

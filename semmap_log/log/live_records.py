@@ -33,7 +33,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.pages import Page
 
-SMALL_BYTES = 4096
+SMALL_BYTES = 2**14
 """Smaller chunks are walked in Python; for larger ones numpy pays."""
 
 

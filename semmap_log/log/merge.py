@@ -107,10 +107,12 @@ def remove_merged(folder: Path) -> list[Path]:
 
     Raises:
         CorruptLogError: The segments do not fit together; nothing is removed.
+        OSError: As the file system says.
     """
     leftovers = LogReader(folder).leftovers
-    for path in leftovers:
-        path.unlink()
     if leftovers:
+        sync_folder(folder)  # the merged file's name may not be on the disk yet, and they are
+        for path in leftovers:
+            path.unlink()
         sync_folder(folder)
     return leftovers

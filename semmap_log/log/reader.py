@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import time
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from semmap_log.commits import Commit, Note
-from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
+from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Retracted
 from semmap_log.log import keyframes
@@ -20,8 +19,9 @@ from semmap_log.log.header import LogInfo
 from semmap_log.log.mapping import map_file
 from semmap_log.log.pages import Page
 from semmap_log.log.scan import Segment, open_segment, read_head
+from semmap_log.log.segment_folder import SegmentFolder, list_segments
 from semmap_log.log.segment_reading import chunk_of, commit_of, last_commit, page_at, pages_of
-from semmap_log.log.segment_set import arrange, check_follows
+from semmap_log.log.segment_set import check_follows
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
 
@@ -42,7 +42,7 @@ class LogReader:
         """
         self.folder = folder
         self._only = only
-        self._known: dict[tuple[str, int], Segment] = {}
+        self._files = SegmentFolder(folder)
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
@@ -51,47 +51,16 @@ class LogReader:
     def refresh(self) -> None:
         """Take in what was written since; what is known is not read again.
 
-        A folder cannot be listed at one instant. Where a file has gone since, or the files do not
-        fit together, it is listed again: a writer leaves a whole log at every instant.
-
         Raises:
+            NotALogError: The log is gone.
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
         if self._only is not None:
             self.segments = [open_segment(self._only)]
             return
-        seen: object = None
-        for attempt in range(_MOST_LISTINGS):
-            listing = list_segments(self.folder)
-            try:
-                found = self._open(listing)
-                arranged = arrange(self.folder, list(found.values()))
-            except (_GoneError, CorruptLogError) as error:
-                settled = listing == seen and not isinstance(error, _GoneError)
-                if settled or attempt == _MOST_LISTINGS - 1:
-                    raise
-                seen = listing
-                time.sleep(attempt * _LISTING_PAUSE_S)
-                continue
-            self._known, self.segments = found, arranged.segments
-            self.leftovers = arranged.leftovers
-            return
-
-    def _open(self, listing: Sequence[tuple[str, int]]) -> dict[tuple[str, int], Segment]:
-        found: dict[tuple[str, int], Segment] = {}
-        for name, inode in listing:
-            path = self.folder / name
-            known = self._known.get((name, inode))
-            try:
-                if known is None or not (known.closed or _size(path) == len(known.file)):
-                    known = open_segment(path, earlier=known)
-            except LogAccessError as error:
-                if isinstance(error.__cause__, FileNotFoundError):
-                    raise _GoneError(str(error)) from error.__cause__
-                raise
-            found[name, inode] = known
-        return found
+        found = self._files.look()
+        self.segments, self.leftovers = found.segments, found.leftovers
 
     @property
     def info(self) -> LogInfo:
@@ -256,36 +225,6 @@ class LogReader:
         return commit
 
 
-class _GoneError(LogAccessError):
-    """A file that was listed is not there any more."""
-
-
-_MOST_LISTINGS = 20
-_LISTING_PAUSE_S = 0.002
-
-
-def list_segments(folder: Path) -> list[tuple[str, int]]:
-    """Return name and inode of the segment files of a log, by name.
-
-    Raises:
-        NotALogError: There is no folder, or no segment in it.
-        LogAccessError: It cannot be read.
-    """
-    try:
-        with os.scandir(folder) as entries:
-            found = [(e.name, e.inode()) for e in entries if e.name.endswith(".mcap")]
-    except FileNotFoundError:
-        message = f"{folder}: no such log. To make one: semmap-log init {folder}"
-        raise NotALogError(message) from None
-    except NotADirectoryError:
-        raise NotALogError(f"{folder}: a log is a folder, this is a file.") from None
-    except OSError as error:
-        raise LogAccessError(f"{folder}: cannot be read: {error.strerror}.") from error
-    if not found:
-        raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
-    return sorted(found)
-
-
 def segment_paths(folder: Path) -> list[Path]:
     """Return the segment files of a log, by name.
 
@@ -297,13 +236,19 @@ def segment_paths(folder: Path) -> list[Path]:
 
 
 def check_is_log(folder: Path) -> None:
-    """Return if the folder's segments are a log's, by a look at their heads alone.
+    """Return if a segment of ours lies in a folder: then it is a log's, however damaged.
 
     Raises:
-        NotALogError: There is no log, or one file is not of it.
+        NotALogError: There is none.
+        CorruptLogError: All there are are damaged in their heads.
+        LogAccessError: They cannot be read.
     """
-    for path in segment_paths(folder):
-        read_head(path, map_file(path).data)
+    *others, last = segment_paths(folder)
+    for path in others:
+        with suppress(LogError):
+            read_head(path, map_file(path).data)
+            return
+    read_head(last, map_file(last).data)
 
 
 def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
@@ -316,13 +261,6 @@ def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
         return chunk.records(segment.file)
     except ChunkDamage as damage:
         raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError as error:
-        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
 
 
 def _start_ns(segment: Segment) -> int:

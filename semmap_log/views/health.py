@@ -63,9 +63,8 @@ def verification_report(found: Verification) -> RenderableType:
 
 def head_hint(log: str) -> Text:
     """Return what a log's head is good for."""
-    return Text("Keep the head elsewhere; a cut tail then shows: ", style="dim").append_text(
-        plain_text(f"semmap-log verify {log} --head HASH")
-    )
+    hint = Text("Keep the head elsewhere; a cut tail then shows:\n", style="dim")
+    return hint.append_text(plain_text(f"  semmap-log verify {log} --head HASH"))
 
 
 def count(number: int, what: str) -> str:
@@ -102,8 +101,8 @@ def _finding(finding: Finding) -> list[RenderableType]:
 def _what_to_do(found: Verification) -> str:
     if found.exit_code == 4:
         return (
-            "To do: take a copy of the folder from a backup if there is one; else "
-            "`semmap-log recover LOG` shows what can be saved."
+            "To do: take the folder from a backup if there is one. What can be saved shows:\n"
+            "  semmap-log recover LOG"
         )
     if found.exit_code == 3:
         return (

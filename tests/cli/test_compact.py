@@ -16,6 +16,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.log import segment_chain
+from semmap_log.log.scan import open_segment
 from tests.log.logs import digest_of_records, segment_files, write_log
 
 Run = Callable[..., tuple[int, str, str]]
@@ -98,11 +99,13 @@ def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
     before = {path.name: path.read_bytes() for path in log.iterdir()}
 
     code, out, _ = run(log, "--dry-run")
+    _, unmerged, _ = run(log, "--dry-run", "--no-merge")
     _, as_json, _ = run(log, "--dry-run", "--json", "--no-merge")
 
     assert 0 == code
     assert "would merge 3 segments, office_000000.mcap to office_000002.mcap" in out
     assert "3 -> 1" in out
+    assert "would compress office_000001.mcap" in unmerged
     assert (True, None) == (json.loads(as_json)["dry_run"], json.loads(as_json)["bytes_after"])
     assert 3 == len(json.loads(as_json)["steps"])
     assert before == {path.name: path.read_bytes() for path in log.iterdir()}
@@ -125,7 +128,7 @@ def test_not_while_somebody_writes(log: Path, run: Run) -> None:
     """
     Exit code 1, one line that says who; the files stay.
     """
-    with sl.append(log):
+    with sl.append(log, compact=False):
         before = {path.name: path.read_bytes() for path in segment_files(log)}
         code, out, err = run(log)
         after = {path.name: path.read_bytes() for path in segment_files(log)}
@@ -140,15 +143,45 @@ def test_damage_is_named_and_left(log: Path, run: Run) -> None:
     Exit code 1, the file and the byte; no file is changed.
     """
     path = segment_files(log)[1]
+    chunk = open_segment(path).chunks[20]
     data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 1
+    data[chunk.data_offset + 50] ^= 1
     path.write_bytes(data)
     before = {path.name: path.read_bytes() for path in log.glob("*.mcap")}
 
     code, _, err = run(log)
 
-    assert (1, True) == (code, f"{path}: damaged at byte" in err)
+    assert (1, True) == (code, f"{path}: damaged at byte {chunk.offset}" in err)
     assert before == {path.name: path.read_bytes() for path in log.glob("*.mcap")}
+
+
+def test_a_log_without_events(tmp_path: Path, run: Run) -> None:
+    """
+    There are no bytes an event to tell of.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+
+    code, out, _ = run(tmp_path / "log")
+    _, as_json, _ = run(tmp_path / "log", "--json")
+
+    assert (0, False) == (code, "bytes an event" in out)
+    assert (0, None) == (
+        json.loads(as_json)["events"],
+        json.loads(as_json)["bytes_per_event_after"],
+    )
+
+
+def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
+    """
+    Whose writer was killed in its first segment: nothing is closed, so nothing is done.
+    """
+    (path,) = segment_files(write_log(tmp_path / "log", 5))
+    segment = open_segment(path)
+    path.write_bytes(bytes(segment.file[: segment.whole_end]))
+
+    code, out, _ = run(tmp_path / "log")
+
+    assert (0, True) == (code, "nothing to do; closed segments: 0" in out)
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.02, 0.05, 0.1])

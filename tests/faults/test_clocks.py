@@ -13,34 +13,34 @@ from semmap_log.summary import summarize
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_no_clock_changes_the_order(lie: str, tmp_path: Path) -> None:
+def test_no_clock_changes_the_order(lie: str, memory: Path) -> None:
     """
     Over several segments and openings: no gap, no event in another place, none lost.
     """
-    outcome = write_by(tmp_path / "log", lie, LIES[lie])
+    outcome = write_by(memory / "log", lie, LIES[lie])
 
     assert "" == outcome.problem
     assert (24, 0) == (outcome.checked, outcome.lost)
 
 
-def test_clocks_that_jump_at_random_change_nothing_either(tmp_path: Path) -> None:
+def test_clocks_that_jump_at_random_change_nothing_either(memory: Path) -> None:
     """
     By nanoseconds, seconds, days and years, back and forth.
     """
     dice = random.Random(3)
 
-    outcomes = [write_by(tmp_path / str(n), str(n), at_random(dice)) for n in range(10)]
+    outcomes = [write_by(memory / str(n), str(n), at_random(dice)) for n in range(10)]
 
     assert [] == [outcome for outcome in outcomes if not outcome.is_good]
 
 
-def test_what_has_no_time_of_its_own_folds_as_the_clock_said(tmp_path: Path) -> None:
+def test_what_has_no_time_of_its_own_folds_as_the_clock_said(memory: Path) -> None:
     """
     By a clock two days behind, a sighting without a time is older than one before: both are kept,
     and the later happened wins, whatever their numbers.
     """
     clock = LyingClock(lambda look, ns: ns - (look > 8) * 2 * DAY)
-    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+    with sl.create(memory / "log", tz="UTC", clock=clock) as log:
         door = log.add_door()
         log.observe(door, "open")
         clock.looks = 8
@@ -53,11 +53,11 @@ def test_what_has_no_time_of_its_own_folds_as_the_clock_said(tmp_path: Path) -> 
         assert 0 == len(log.replay(at=entries[2].happened_ns))
 
 
-def test_a_time_that_is_still_to_come_folds_as_recorded(tmp_path: Path) -> None:
+def test_a_time_that_is_still_to_come_folds_as_recorded(memory: Path) -> None:
     """
     An event that says next year counts from when it was recorded, not later.
     """
-    with sl.create(tmp_path / "log", tz="UTC", clock=LyingClock(lambda _, ns: ns)) as log:
+    with sl.create(memory / "log", tz="UTC", clock=LyingClock(lambda _, ns: ns)) as log:
         door = log.add_door()
         recorded = log.observe(door, "open", at=NOW + 365 * DAY).commit.recorded_ns
 
@@ -77,13 +77,13 @@ def test_a_time_that_is_still_to_come_folds_as_recorded(tmp_path: Path) -> None:
         ("begins in 1970", ["jumped by 1.77e+09 s"]),
     ],
 )
-def test_suspect_commits_are_named(lie: str, said: list[str], tmp_path: Path) -> None:
+def test_suspect_commits_are_named(lie: str, said: list[str], memory: Path) -> None:
     """
     `info` says at which events the clock went back, or jumped against the clock of its boot.
     """
-    write_by(tmp_path / "log", lie, LIES[lie])
+    write_by(memory / "log", lie, LIES[lie])
 
-    warnings = summarize(sl.read(tmp_path / "log").reader).warnings
+    warnings = summarize(sl.read(memory / "log").reader).warnings
 
     suspects = [w for w in warnings if w.startswith("event ")]
     assert len(said) == len(suspects)

@@ -218,21 +218,21 @@ def test_threads_share_a_log(durability: str, tmp_path: Path) -> None:
     assert told == {e.number: e.event.door_id for e in events if isinstance(e.event, DoorAdded)}
 
 
-def test_processes_that_race_lose_and_invent_nothing(tmp_path: Path) -> None:
+def test_processes_that_race_lose_and_invent_nothing(memory: Path) -> None:
     """
     Three processes open, append and close one log as fast as they can.
     """
-    outcomes = list(race(tmp_path / "race", races=6))
+    outcomes = list(race(memory / "race", races=6))
 
     assert 3 * 6 + 1 == len(outcomes)
     assert [] == _bad(outcomes)
 
 
-def test_readers_see_prefixes_whatever_happens_to_the_log(tmp_path: Path) -> None:
+def test_readers_see_prefixes_whatever_happens_to_the_log(memory: Path) -> None:
     """
     For a few seconds: writing, rolling, compacting, kills and recoveries; whole commits only.
     """
-    outcomes = list(read_during_everything(tmp_path / "busy", 7, seconds=3))
+    outcomes = list(read_during_everything(memory / "busy", 7, seconds=3))
 
     assert [] == _bad(outcomes)
     assert all(outcome.checked > 20 for outcome in outcomes[:-1])

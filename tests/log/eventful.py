@@ -14,15 +14,22 @@ from semmap_log.events import FloorMap, Retracted
 from semmap_log.log import segment_chain
 from tests.conftest import SteadyClock
 
-SEGMENT_COMMITS = 5
+SEGMENT_COMMITS = 4
 
 
-def eventful_log(path: Path, *, per_segment: int = SEGMENT_COMMITS, copy: Path | None = None):
+def eventful_log(
+    path: Path,
+    *,
+    per_segment: int = SEGMENT_COMMITS,
+    copy: Path | None = None,
+    accuracy: float = 0.9,
+) -> Path:
     """Write a log: doors, names, notes, sightings, a floor map, a retraction; return its path.
 
     Args:
         path: Where.
         per_segment: Commits in a segment.
+        accuracy: Of the sightings: another makes another log with the same id.
         copy: Also a copy of the folder, before its last segment is closed.
     """
     random_bytes = random.Random(3).randbytes
@@ -34,12 +41,12 @@ def eventful_log(path: Path, *, per_segment: int = SEGMENT_COMMITS, copy: Path |
             front = log.add_door(x=1, y=2, theta=0, width=0.9, name="front", actor="survey")
             back = log.add_door(name="back")
             for state in ("open", "closed", "open"):
-                log.observe(front, state, accuracy=0.9)
+                log.observe(front, state, accuracy=accuracy)
             log.append([FloorMap(level=2, resolution=0.05, origin_x=0, origin_y=0,
                                  cells=np.zeros((300, 300), np.int8))])  # fmt: skip
             log.observe(back, "open", reason="heard it")
             heard = log.state.event
-            log.append([Retracted(first_event=heard, last_event=heard)], actor="me")
+            log.append([Retracted(first_event=heard, last_event=heard)])
             for state in ("closed", "open", "closed"):
                 log.observe(back, state)
             if copy is not None:

@@ -10,15 +10,19 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import semmap_log as sl
 from semmap_log.errors import LogError
 from semmap_log.log import background, segment_chain
 from semmap_log.log.background import BackgroundCompactor
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
+from semmap_log.log.compaction import compact_segment
 from semmap_log.log.rechunk import needs_compaction
 from semmap_log.log.scan import open_segment
+from semmap_log.log.segment import SegmentWriter
 from tests.log.logs import digest_of_records, segment_files, write_log
 
 
@@ -176,6 +180,26 @@ def test_an_interrupted_close_replaces_nothing_afterwards(
     assert before == segment_files(log)[0].read_bytes()
 
 
+def test_an_append_does_not_wait(
+    log: Path, compactor: BackgroundCompactor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    While a compaction stands still, a writer appends, rolls and syncs; nothing is shared.
+    """
+    monkeypatch.setattr(background, "PAUSE_S", 60)
+    before = segment_files(log)[0].read_bytes()
+    compactor.add(segment_files(log)[0])
+    wait_until(lambda: bool(compaction_threads()))
+
+    write_log(log.parent / "other", 350)
+    with sl.append(log, compact=False) as opened:
+        for _ in range(30):
+            opened.observe(sl.DoorId(1), "open")
+
+    assert before == segment_files(log)[0].read_bytes()
+    assert 4 == len(segment_files(log.parent / "other"))
+
+
 def test_damage_is_logged_and_the_next_is_done(
     log: Path,
     compactor: BackgroundCompactor,
@@ -286,6 +310,75 @@ def test_a_forked_child_cannot_use_it(log: Path, compactor: BackgroundCompactor)
     _, status = os.waitpid(pid, 0)
 
     assert 0 == os.waitstatus_to_exitcode(status)
+
+
+def test_what_a_child_sees(log: Path, compactor: BackgroundCompactor) -> None:
+    """
+    The same without a fork: another process id than that of whoever made it.
+    """
+    compactor._pid += 1
+    compactor.close()
+
+    with pytest.raises(LogError, match="a forked child cannot go on"):
+        compactor.add(segment_files(log)[0])
+
+    compactor._pid -= 1
+    compactor.add(segment_files(log)[0])
+
+
+def test_abandoned_before_the_swap(
+    log: Path,
+    compactor: BackgroundCompactor,
+    installed: Installed,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """
+    The copy is whole and compared: it is thrown away all the same, since the lock may be gone.
+    """
+    path = segment_files(log)[0]
+    before = path.read_bytes()
+    ready, go_on = threading.Event(), threading.Event()
+
+    def held_up(path: Path, *, pause: Any, install: Any) -> bool:
+        def late(copy: SegmentWriter) -> None:
+            ready.set()
+            assert go_on.wait(20)
+            install(copy)
+
+        return compact_segment(path, pause=pause, install=late)
+
+    monkeypatch.setattr(background, "compact_segment", held_up)
+    compactor.add(path)
+    assert ready.wait(20)
+    closing = threading.Thread(target=compactor.close, kwargs={"wait": False})
+    closing.start()
+    wait_until(compactor._abandoned.is_set)
+    go_on.set()
+    closing.join()
+
+    assert [] == installed.calls
+    assert [] == temporaries(log)
+    assert before == path.read_bytes()
+
+
+def test_without_a_thread_the_writer_goes_on(
+    log: Path,
+    compactor: BackgroundCompactor,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """
+    A machine that gives no more threads: said once a segment, nothing else.
+    """
+
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    compactor.add(segment_files(log)[0])
+    compactor.close()
+
+    assert "can't start new thread" in caplog.text
 
 
 def test_closed_it_takes_nothing_more(log: Path, compactor: BackgroundCompactor) -> None:

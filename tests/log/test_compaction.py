@@ -23,7 +23,8 @@ from semmap_log.log.pages import Page
 from semmap_log.log.rechunk import needs_compaction, rechunked
 from semmap_log.log.scan import open_segment
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.segment_reading import page_at
+from semmap_log.log.segment_reading import page_at, pages_of
+from semmap_log.log.sequence import SequenceCheck
 from tests.conftest import SteadyClock
 from tests.log.logs import (
     answers,
@@ -262,6 +263,26 @@ def test_rewritten_records_are_sound(tmp_path: Path) -> None:
 
     assert before == digest_of_records(log)
     assert compact_segment(segment_files(log)[0])
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "problem"),
+    [("first_event", 29, "expected event 30"), ("hash_so_far", bytes(32), "another hash so far")],
+)
+def test_a_segment_that_does_not_follow_is_not_merged(
+    tmp_path: Path, field: str, value: object, problem: str
+) -> None:
+    """
+    What its head says of the segment before must be what that one ends with.
+    """
+    (path,) = segment_files(write_log(tmp_path / "log", 30))
+    segment, (page, *_) = open_segment(path), pages_of(open_segment(path))
+    check = SequenceCheck()
+    check.add(segment.header, page)
+    after = segment.header.next(30, page.commits()[-1].hash)
+
+    with pytest.raises(CorruptLogError, match=problem):
+        check.add(replace(after, **{field: value}), page)
 
 
 def other_payload(page: Page) -> BuiltChunk:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import yaml
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
-from semmap_log.log import merge, segment_chain
+from semmap_log.log import disk, merge, segment, segment_chain
 from semmap_log.log.compaction import Compacted, compact, plan_compaction
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.reader import LogReader
@@ -324,3 +325,36 @@ def test_digest_is_of_all_records(log: Path) -> None:
     segment_files(log)[-1].unlink()
 
     assert before != digest_of_records(log)
+
+
+def test_parts_go_only_once_the_merged_name_is_on_the_disk(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The folder is synced between the swap and the first removal, also by who only clears up.
+
+    After a power cut the old first segment could otherwise be back, and the others gone.
+    """
+    parts = {path: path.read_bytes() for path in segment_files(log)[1:]}
+    steps: list[str] = []
+    told = {"replace": os.replace, "unlink": Path.unlink, "sync": disk.sync_folder}
+    monkeypatch.setattr(
+        os, "replace", lambda a, b: (steps.append(f"replace {Path(b).name}"), told["replace"](a, b))
+    )
+    monkeypatch.setattr(
+        Path, "unlink", lambda path, **how: (steps.append("unlink"), told["unlink"](path, **how))
+    )
+    for module in (merge, disk, segment):
+        monkeypatch.setattr(
+            module, "sync_folder", lambda folder: (steps.append("sync"), told["sync"](folder))
+        )
+
+    compact(log)
+    merging, steps[:] = list(steps), []
+    for path, data in parts.items():
+        path.write_bytes(data)
+    compact(log)
+
+    expected = ["replace metadata.yaml", "sync", "replace log_000000.mcap", "sync"]
+    assert [*expected, *7 * ["unlink"], "sync"] == merging
+    assert ["sync", *7 * ["unlink"], "sync"] == steps

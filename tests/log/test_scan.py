@@ -50,7 +50,8 @@ def _live(
     made: list[Commit] = []
     stamp = STAMP
     for i, events in enumerate(commits):
-        builder = CommitBuilder(last(stamp) if i == len(commits) - 1 else stamp, Note(), bytes)
+        stamp = last(stamp) if i == len(commits) - 1 else stamp
+        builder = CommitBuilder(stamp, Note(), random.Random(i).randbytes)
         for chunk in builder.chunks(events):
             writer.add(chunk)
         made.append(builder.commit)

@@ -12,14 +12,13 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
-from semmap_log.log import reader as reader_module
-from semmap_log.log import segment_chain
-from semmap_log.log.chunks import build_chunk
+from semmap_log.log import segment_chain, segment_folder
+from semmap_log.log.chunks import build_chunk, walk
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reader import LogReader
 from semmap_log.log.scan import open_segment
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.segment_reading import pages_of
+from semmap_log.log.segment_reading import chunk_of, commit_of, pages_of
 
 
 @pytest.fixture
@@ -40,7 +39,7 @@ def _segment(log: Path, number: int) -> Path:
 
 
 def _merge(log: Path, numbers: Sequence[int], to: Path) -> None:
-    """Write a segment that stands for several, as merging does."""
+    """Write a segment that stands for several, as merging does, each of them as one chunk."""
     segments = [open_segment(_segment(log, number)) for number in numbers]
     first = segments[0].header
     header = SegmentHeader(
@@ -48,8 +47,8 @@ def _merge(log: Path, numbers: Sequence[int], to: Path) -> None:
     )
     writer = SegmentWriter(to, header)
     for segment in segments:
-        for page in pages_of(segment):
-            writer.add(build_chunk(bytes(page.records), page.offsets))
+        records = b"".join(page.records for page in pages_of(segment))
+        writer.add(build_chunk(records, walk(records)))
     writer.close()
     writer.install()
 
@@ -111,6 +110,21 @@ def test_a_foreign_segment_is_named(log: Path, tmp_path: Path) -> None:
 
     with pytest.raises(CorruptLogError, match=r"log_000002.mcap: .*: a segment of another log"):
         LogReader(log)
+
+
+@pytest.mark.parametrize("at", [0, 5, 9, 22])
+def test_a_segment_whose_head_is_damaged_is_named(at: int, log: Path) -> None:
+    """
+    Among segments of ours, a file without our head is damage, not somebody else's bag.
+    """
+    path = _segment(log, 2)
+    data = bytearray(path.read_bytes())
+    data[at] ^= 0x08
+    path.write_bytes(data)
+
+    for opening in (sl.read, sl.append):
+        with pytest.raises(CorruptLogError, match=r"log_000002.mcap: damaged at byte"):
+            opening(log)
 
 
 @pytest.mark.parametrize("cut", [1, 40, 3000])
@@ -206,6 +220,20 @@ def test_a_part_with_other_commits_is_no_leftover(log: Path, tmp_path: Path) -> 
         LogReader(log)
 
 
+def test_every_event_is_found_in_a_merged_segment(log: Path) -> None:
+    """
+    Also those before a keyframe in the middle of it, whatever the chunks begin with.
+    """
+    _merge(log, range(6), _segment(log, 0))
+    (segment,) = LogReader(log).segments
+
+    places = [chunk_of(segment, event) for event in range(-1, 13)]
+    ends = [commit.last_event for e in range(12) if (commit := commit_of(segment, e))]
+
+    assert [None, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, None] == places
+    assert list(range(12)) == ends
+
+
 def test_merged_segments_that_overlap_are_named(log: Path) -> None:
     """
     Neither is a part of the other.
@@ -234,8 +262,8 @@ def test_a_file_that_vanishes_while_it_is_opened(
         listed.append(len(found))
         return found
 
-    list_segments = reader_module.list_segments
-    monkeypatch.setattr(reader_module, "list_segments", then_merge)
+    list_segments = segment_folder.list_segments
+    monkeypatch.setattr(segment_folder, "list_segments", then_merge)
     reader = LogReader(log)
 
     assert [6, 4] == listed
@@ -289,7 +317,7 @@ WRITER = """
 import sys, time
 from pathlib import Path
 import semmap_log as sl
-from semmap_log.log import segment_chain
+from semmap_log.log import segment_chain, segment_folder
 from semmap_log.log.compaction import compact
 segment_chain.ROLL_COMMITS = 3
 segment_chain.CONTINUE_BELOW_BYTES = 30_000

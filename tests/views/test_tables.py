@@ -205,10 +205,11 @@ def test_the_summary_table(tmp_path: Path) -> None:
 
     text = printed(summary_table(summary))
 
-    assert "robot      rover" in text
-    assert "doors      1" in text
-    assert "                  10 RobotPose" in text
-    assert f"head       {summary.head.hex()}" in text
+    assert "robot       rover" in text
+    assert "doors       1" in text
+    assert "                   10 RobotPose" in text
+    assert "durability  event 19" in text
+    assert f"head        {summary.head.hex()}" in text
 
 
 def test_colours_are_for_terminals(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ either goes on rightly or refuses to.
 
 from __future__ import annotations
 
+import random
 import shutil
 import sys
 from collections.abc import Callable, Generator, Iterator
@@ -24,17 +25,17 @@ from semmap_log.errors import LogError, LogPoisonedError, SemmapError
 from semmap_log.events import DoorAdded, RobotPose
 
 COMMITS_A_SEGMENT = 4
+STEPS = 3000
 PACKAGE = str(Path(sl.__file__).parent)
 MOST_ROOM = 150
 """With so many calls left on the stack, an append goes through."""
 
 
 def interrupts(plan: Plan) -> Generator[Outcome, None, None]:
-    """Interrupt a writer at every step it takes; then the rest."""
+    """Interrupt a writer at steps drawn from all that it takes; then the rest."""
+    yield from interrupt_anywhere(plan.folder, plan.seed, plan.most(STEPS))
     yield from exhaust_the_stack(plan.folder / "stack")
     yield from spoil_the_events(plan.folder / "spoilt")
-    for number, name in enumerate(STORIES):
-        yield from interrupt_everywhere(plan.folder / f"story-{number}", name)
 
 
 class Interrupter:
@@ -81,9 +82,8 @@ def _own_door(ledger: Ledger, log: sl.DoorLogWriter) -> None:
     following = max([*ledger.acknowledged.values(), *ledger.tried], default=0) + 1
     ledger.note("tried", -1, following)
     door = log.add_door(name=f"door {following}")
-    last = log.reader.last_commit()
-    assert last is not None
-    ledger.note("stored", last.first_event, door)
+    *_, added = log.history(door, kinds=[DoorAdded])
+    ledger.note("stored", added.number, door)
 
 
 STORIES: dict[str, Story] = {
@@ -94,43 +94,43 @@ STORIES: dict[str, Story] = {
 """In words -> what is done while it is interrupted."""
 
 
-def interrupt_everywhere(folder: Path, story: str, *, every: int = 1) -> Iterator[Outcome]:
-    """Interrupt a writer at every step that a command takes, rolling included.
+def interrupt_anywhere(folder: Path, seed: int, times: int) -> Iterator[Outcome]:
+    """Interrupt commands at steps drawn from all that they take, rolling included."""
+    dice = random.Random(seed)
+    situations = [(story, before) for story in STORIES for before in (1, COMMITS_A_SEGMENT)]
+    steps = {of: _interrupt(folder / "all", *of, sys.maxsize)[1] for of in situations}
+    for _ in range(times):
+        story, before = of = dice.choice(situations)
+        step = dice.randint(1, steps[of])
+        yield _interrupt(folder / f"{before}-{step}", story, before, step)[0]
+
+
+def _interrupt(path: Path, story: str, before: int, step: int) -> tuple[Outcome, int]:
+    """Interrupt a command at a step, go on, and return what came of it, and the steps taken.
 
     Args:
-        folder: Where the logs are made.
+        path: Where the log is made; it is removed afterwards.
         story: Which command.
-        every: Only every n-th step.
+        before: How many commits the log has; with `COMMITS_A_SEGMENT`, the segment is full.
+        step: Which step; one beyond the last interrupts nothing.
     """
+    ledger, interrupter = Ledger(), Interrupter(step)
     with small_segments(COMMITS_A_SEGMENT, chunk_bytes=300):
-        for commits_before in (1, COMMITS_A_SEGMENT):  # the second time, the segment is full
-            step, is_over = 1, False
-            while not is_over:
-                path = folder / f"log-{commits_before}-{step}"
-                ledger, interrupter = Ledger(), Interrupter(step)
-                log = sl.create(path, tz="UTC", compact=False)
-                for _ in range(commits_before):
-                    ledger.add_doors(log)
-                is_over = not _interrupted(interrupter, STORIES[story], ledger, log)
-                _go_on(ledger, log)
-                what = f"interrupted at step {step} of {story}, {interrupter.place}"
-                yield ledger.outcome(path, what)
-                shutil.rmtree(path)
-                step += every
-
-
-def _interrupted(
-    interrupter: Interrupter, story: Story, ledger: Ledger, log: sl.DoorLogWriter
-) -> bool:
-    """Tell whether the story was interrupted."""
-    with suppress(BaseException), interrupter:  # what was raised may have become another error
-        story(ledger, log)
-    return interrupter.steps >= interrupter.step
+        log = sl.create(path, tz="UTC", compact=False)
+        for _ in range(before):
+            ledger.add_doors(log)
+        with suppress(BaseException), interrupter:  # what is raised may become another error
+            STORIES[story](ledger, log)
+        _go_on(ledger, log)
+        what = f"interrupted at step {step} of {story}, {interrupter.place}"
+        outcome = ledger.outcome(path, what)
+    shutil.rmtree(path)
+    return outcome, interrupter.steps
 
 
 def _go_on(ledger: Ledger, log: sl.DoorLogWriter) -> None:
     """Do what a program does that caught an error: the next command, then close."""
-    for call in (partial(ledger.add_doors, log), partial(_own_door, ledger, log), log.close):
+    for call in (partial(_own_door, ledger, log), partial(ledger.add_doors, log), log.close):
         with suppress(LogError):
             call()
 

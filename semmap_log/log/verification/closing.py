@@ -165,16 +165,16 @@ def _index(
     try:
         record = mcap.read_record(Metadata, file[at + mcap.FRAME.size : at + length])
         least, greatest = read_index(record)
-        is_as_written = mcap.record(record) == file[at : at + length]
+        expected = mcap.record(record)  # the length in the frame is believed no more
     except (ValueError, KeyError) as error:
         return None, length, [Flaw("index", at, f"the Metadata {INDEX_METADATA}: {error}")]
     flaws = []
-    if not is_as_written or record.name != INDEX_METADATA:
+    if expected != file[at : at + len(expected)] or record.name != INDEX_METADATA:
         flaws.append(Flaw("index", at, f"not the Metadata {INDEX_METADATA} as we write it"))
     if list(zip(least, greatest, strict=False)) != contents.spans or len(least) != len(greatest):
         text = "the index of happened times is not that of the chunks' events"
         flaws.append(Flaw("index", at, text))
-    return record, length, flaws
+    return record, len(expected), flaws
 
 
 def _records_behind(

@@ -161,9 +161,10 @@ def _header_of(path: Path, head: bytes) -> tuple[SegmentHeader | None, int, str]
         if str(error).startswith("format version"):
             raise LogError(f"{path}: {error}.") from None
         return None, 0, f"its Metadata {LOG_METADATA}: {error}"
-    if mcap.record(header.to_metadata()) != head[start:end]:
+    expected = mcap.record(header.to_metadata())  # its own length is believed no more
+    if expected != head[start : start + len(expected)]:
         problem = f"its Metadata {LOG_METADATA} is not as it is written"
-    return header, end, problem
+    return header, start + len(expected), problem
 
 
 def _ends_in_footer(foot: bytes) -> bool:

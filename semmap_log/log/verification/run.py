@@ -170,7 +170,8 @@ class Verifier:
                     self._progress(self._bytes - len(walk.file) + item.end, self._todo)
             elif isinstance(item, Flaw):
                 contents.is_flawless = False
-                self._flaw(item, walk, is_live=is_live)
+                is_head = not contents.chunks  # the keyframe: synced before the file has its name
+                self._flaw(item, walk, is_live=is_live and not is_head)
             elif is_live and self._is_torn(item, walk):
                 chain.forget_unfinished()
                 self._torn(item.start, len(walk.file), item.text)
@@ -220,7 +221,7 @@ class Verifier:
             self.chain.wrong("shortened", file.path, at, text)
         elif not contents.is_complete:
             self._report_all(summary_flaws(data))
-        elif data[at] == Opcode.METADATA:
+        elif data[at : at + 1] == bytes([Opcode.METADATA]):
             self._report_all(closing_flaws(data, at, contents))
             self._closed.append(contents.closed_segment(file.path.name))
         else:
@@ -258,8 +259,7 @@ class Verifier:
                         chain.add(item)
             if chain.commits:
                 self._merged[chain.next_event - 1] = (file.path, chain.head)
-            text = "was merged into another segment; the next writer removes it"
-            self.findings.append(Finding("leftover", Severity.NOTE, file.path, None, None, text))
+            self.findings.append(_leftover(file.path, is_whole=not found))
 
     def _commit(self, whole: WholeCommit) -> None:
         commit = whole.commit
@@ -345,3 +345,11 @@ class Verifier:
 
     def _report(self, finding: Finding) -> None:
         self.findings.append(finding)
+
+
+def _leftover(path: Path, *, is_whole: bool) -> Finding:
+    text = "was merged into another segment; the next writer removes it"
+    if is_whole:
+        return Finding("leftover", Severity.NOTE, path, None, None, text)
+    text = f"{text}; its own bytes are damaged, which costs nothing"
+    return Finding("leftover", Severity.WARNING, path, None, None, text)

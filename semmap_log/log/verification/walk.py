@@ -72,9 +72,9 @@ class SegmentWalk:
             if found is None:
                 break
             if is_known:  # else it is the head that cannot be read, and that was said
-                yield Gap(at, found.stored.offset, self.problem)
+                yield Gap(start, found.stored.offset, self.problem)
             at, is_known = found.stored.offset, False
-        self.pieces_end = at
+        self.pieces_end = min(at, size)
 
     def is_durable_behind(self, start: int, event: int) -> bool:
         """Tell whether a whole chunk behind `start` proves that `event` was on the disk once."""
