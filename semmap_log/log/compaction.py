@@ -55,7 +55,7 @@ def compact(folder: Path, *, merge: bool = True, progress: Progress | None = Non
     lock = WriterLock(folder)
     try:
         remove_leftovers(folder)
-        remove_merged(folder)
+        remove_merged(LogReader(folder))
         return _compact(folder, merge=merge, progress=progress)
     except OSError as error:
         problem = f"{folder}: cannot be compacted: {error.strerror or error}. The log is whole."

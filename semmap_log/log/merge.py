@@ -97,22 +97,16 @@ def _size(segment: Segment) -> int:
     return int(segment.chunks.rows["size"].sum())
 
 
-def remove_merged(folder: Path) -> list[Path]:
+def remove_merged(reader: LogReader) -> None:
     """Remove what a merge that was killed left: segments whose commits lie in a merged one.
 
-    Only for who holds the writer's lock.
-
-    Returns:
-        What was removed.
+    Only for who holds the writer's lock, with a reader opened since.
 
     Raises:
-        CorruptLogError: The segments do not fit together; nothing is removed.
         OSError: As the file system says.
     """
-    leftovers = LogReader(folder).leftovers
-    if leftovers:
-        sync_folder(folder)  # the merged file's name may not be on the disk yet, and they are
-        for path in leftovers:
+    if reader.leftovers:
+        sync_folder(reader.folder)  # the merged file's name may not be on the disk yet; they are
+        for path in reader.leftovers:
             path.unlink()
-        sync_folder(folder)
-    return leftovers
+        sync_folder(reader.folder)

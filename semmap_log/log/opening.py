@@ -11,6 +11,7 @@ from semmap_log.log.commits import NO_HASH
 from semmap_log.log.disk import is_empty, remove_leftovers, sync_folder
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
+from semmap_log.log.merge import remove_merged
 from semmap_log.log.reader import LogReader, check_is_log
 from semmap_log.log.writer import LogWriter, Surroundings
 from semmap_log.log.written_state import state_at_end
@@ -54,6 +55,7 @@ def open_for_append(folder: Path, surroundings: Surroundings = Surroundings()) -
     with _told_as_access_error(folder, "cannot be opened"), _locked(folder) as lock:
         remove_leftovers(folder)
         reader = LogReader(folder)
+        remove_merged(reader)
         writer = LogWriter(folder, lock, state_at_end(reader), surroundings)
         writer.go_on(reader)
         if _may_be_half_made(reader):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -21,7 +21,7 @@ from semmap_log.log.live_scan import LiveScan, go_on, scan_live
 from semmap_log.log.mapping import MappedFile, map_file
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Segment:
     """What lies in a segment's file.
 
@@ -66,16 +66,14 @@ class Segment:
         counts: Mapping[int, int] = self.summary.statistics().channel_message_counts
         return counts
 
-    @cached_property
+    @property
     def chunks(self) -> ChunkTable:
         """Keyframes and the chunks of whole commits, in file order.
 
         Raises:
             CorruptLogError: The summary of a closed segment is damaged.
         """
-        if self.live is not None:
-            return self.live.chunks
-        return self.summary.chunks(self.head_end)
+        return _closed_chunks(self) if self.live is None else self.live.chunks
 
     @property
     def whole_end(self) -> int:
@@ -93,6 +91,12 @@ class Segment:
     def torn_bytes(self) -> int:
         """How many bytes lie behind the last whole commit of a live segment, and do not count."""
         return len(self.file) - self.whole_end if self.problem else 0
+
+
+@lru_cache(maxsize=64)
+def _closed_chunks(segment: Segment) -> ChunkTable:
+    """Return the chunks of a closed segment; of a few, since a long log has many."""
+    return segment.summary.chunks(segment.head_end)
 
 
 def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:

@@ -46,10 +46,8 @@ def chunk_of(segment: Segment, event: int) -> int | None:
     behind = bisect_right(places, event, key=lambda place: _first_number(segment, place))
     for chunk in reversed(places[:behind]):
         numbers = page_at(segment, chunk).event_numbers()
-        if len(numbers) and numbers[-1] < event:
-            return None
-        if len(numbers) and numbers[0] <= event:
-            return chunk  # a chunk may begin with a keyframe, which has the event before
+        if len(numbers) and numbers[0] <= event:  # else: a keyframe of `event`, then later events
+            return chunk if event <= numbers[-1] else None
     return None
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
+from semmap_log.log.form import kind_of_channel
 from semmap_log.log.scan import Segment
 from semmap_log.log.segment_reading import commit_of, last_commit
 
@@ -75,6 +76,41 @@ def check_follows(segment: Segment, last: Commit | None, before: Segment) -> Non
             f"it follows the commit {segment.header.hash_so_far.hex()[:12]}…, but "
             f"{before.path.name} before it ends with {head.hex()[:12]}…; "
             "one of the two is of another copy of this log",
+        )
+
+
+def check_adjoins(segment: Segment, before: Segment) -> None:
+    """Check that a segment begins where the one before it ends, as far as their summaries tell.
+
+    No chunk is read: for questions that look at a few places of a long log. The hashes are
+    compared where the log is read in order: `check_follows`.
+
+    Raises:
+        CorruptLogError: Events are missing between them, or their order is not that of their times.
+    """
+    check_counts(segment, before)
+    ends, starts = before.chunks.rows["end_ns"], segment.chunks.rows["start_ns"]
+    if len(ends) and len(starts) and starts[0] <= ends[-1]:
+        problem = f"its first log time {starts[0]} is not after the last of {before.path.name}"
+        raise CorruptLogError(segment.path, 0, f"{problem}, {ends[-1]}, which its head says")
+
+
+def check_counts(segment: Segment, before: Segment) -> None:
+    """Check that the segment before holds all events up to the first of a segment.
+
+    Raises:
+        CorruptLogError: Not as many as it counts itself.
+    """
+    if before.counts is None:
+        return
+    counted = sum(count for channel, count in before.counts.items() if kind_of_channel(channel))
+    end = before.header.first_event + counted
+    if end != segment.header.first_event:
+        problem = f"it begins with event {segment.header.first_event}, but {before.path.name}"
+        raise CorruptLogError(
+            segment.path,
+            0,
+            f"{problem} before it ends before event {end}; one of the two is not what it was",
         )
 
 

@@ -231,9 +231,9 @@ def test_a_segment_read_in_steps_is_as_read_at_once(path: Path) -> None:
         grown = open_segment(path, earlier=segment)
 
         once = open_segment(path)
-        assert once.chunks.rows.tolist() == grown.chunks.rows.tolist()
-        assert once.live is not None
-        assert replace(once.live, table=once.chunks) == replace(grown.live, table=once.chunks)
+        table = once.chunks
+        assert table.rows.tolist() == grown.chunks.rows.tolist()
+        assert replace(once.live, table=table) == replace(grown.live, table=table)
         segment = grown
     assert 20_004 == _events(segment)
 

@@ -26,7 +26,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Six segments of two commits."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 2)
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as writing:
+    with sl.create(path, tz="UTC", compact=False) as writing:
         for _ in range(12):
             writing.add_door()
     return path
@@ -200,6 +200,19 @@ def test_a_merged_segment_in_the_place_of_its_first(log: Path) -> None:
 
     assert list(range(12)) == _numbers(log)
     assert [_segment(log, n) for n in (1, 2, 3)] == LogReader(log).leftovers
+
+
+def test_the_next_writer_removes_what_is_left_over(log: Path) -> None:
+    """
+    A merge that was killed before its removals is ended by whoever writes next.
+    """
+    _merge(log, [0, 1, 2, 3], _segment(log, 0))
+
+    sl.append(log).close()
+
+    assert [] == LogReader(log).leftovers
+    assert ["log_000000", "log_000004", "log_000005"] == sorted(p.stem for p in log.glob("*.mcap"))
+    assert list(range(12)) == _numbers(log)
 
 
 def test_a_part_with_other_commits_is_no_leftover(log: Path, tmp_path: Path) -> None:
