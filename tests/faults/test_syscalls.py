@@ -20,27 +20,27 @@ def test_a_process_may_be_killed_at_any_call(tmp_path: Path) -> None:
     """
     Before each call on the folder, in half of a write, and again in the recovery.
     """
-    said = faults("syscalls", 150, tmp_path)
+    said = faults("syscalls", 120, tmp_path)
 
-    is_tried(said, at_least=150)
+    is_tried(said, at_least=120)
 
 
 def test_any_call_may_fail(tmp_path: Path) -> None:
     """
     Once or for ever: the program is told, goes on, and what had failed is stored once or not.
     """
-    said = faults("errors", 150, tmp_path)
+    said = faults("errors", 120, tmp_path)
 
-    is_tried(said, at_least=150)
+    is_tried(said, at_least=120)
 
 
 def test_limits_of_the_machine_are_met_and_lifted(tmp_path: Path) -> None:
     """
     A full disk, a file too large, no more files; read-only and not ours: read, never written.
     """
-    said = faults("limits", 12, tmp_path)
+    said = faults("limits", 9, tmp_path)
 
-    is_tried(said, at_least=12)
+    is_tried(said, at_least=9)
 
 
 def test_a_log_that_could_not_be_opened_can_be_opened_later(

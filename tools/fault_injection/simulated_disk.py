@@ -88,7 +88,7 @@ class _Bench:
 
     def __init__(self, plan: Plan, seed: int, level: str) -> None:
         self._plan = plan
-        self._story = story(seed)
+        self._story = story(seed, tail=6)
         self._level = level
         self._name = f"story {seed} ({level})"
         self._examiner = Examiner(self._story)
