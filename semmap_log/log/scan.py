@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import weakref
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -73,7 +75,12 @@ class Segment:
         Raises:
             CorruptLogError: The summary of a closed segment is damaged.
         """
-        return _closed_chunks(self) if self.live is None else self.live.chunks
+        return self._table if self.live is None else self.live.chunks
+
+    @cached_property
+    def _table(self) -> ChunkTable:
+        _keep_table_of(self)
+        return self.summary.chunks(self.head_end)
 
     @property
     def whole_end(self) -> int:
@@ -93,10 +100,17 @@ class Segment:
         return len(self.file) - self.whole_end if self.problem else 0
 
 
-@lru_cache(maxsize=64)
-def _closed_chunks(segment: Segment) -> ChunkTable:
-    """Return the chunks of a closed segment; of a few, since a long log has many."""
-    return segment.summary.chunks(segment.head_end)
+_with_tables: deque[weakref.ref[Segment]] = deque()
+_MOST_TABLES = 64
+
+
+def _keep_table_of(segment: Segment) -> None:
+    """Let go of the table of the segment that has had one longest: a long log has many."""
+    _with_tables.append(weakref.ref(segment))
+    if len(_with_tables) > _MOST_TABLES:
+        oldest = _with_tables.popleft()()
+        if oldest is not None:
+            vars(oldest).pop("_table", None)
 
 
 def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:

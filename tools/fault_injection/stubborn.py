@@ -91,13 +91,17 @@ class StubbornPlayer(Player):
                 call()
                 self._tell(f"broken {what} is acknowledged after a failed write or sync")
 
-    def _segments(self) -> dict[str, tuple[int, int, int]]:
-        """Return what changes when a segment does; nothing is opened for that."""
-        found = [(path.name, path.stat()) for path in self.folder.glob("*.mcap")]
+    def _segments(self) -> dict[str, tuple[int, int, int]] | None:
+        """Return what changes when a segment does; None: no file may be opened to look."""
+        try:
+            found = [(path.name, path.stat()) for path in self.folder.glob("*.mcap")]
+        except OSError:
+            return None
         return {name: (status.st_ino, status.st_size, status.st_mtime_ns) for name, status in found}
 
-    def _check_unchanged(self, before: dict[str, tuple[int, int, int]], what: str) -> None:
-        if self._segments() != before:
+    def _check_unchanged(self, before: dict[str, tuple[int, int, int]] | None, what: str) -> None:
+        after = self._segments()
+        if None not in (before, after) and after != before:
             self._tell(f"broken after a failure, {what} changed a segment")
 
 
