@@ -9,15 +9,9 @@ from pathlib import Path
 
 import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
-from fault_injection.judging import (
-    Judge,
-    Subject,
-    Verdict,
-    WrongAnswerError,
-    contents,
-    copy_of,
-)
+from fault_injection.judging import Judge, Verdict, WrongAnswerError, contents, copy_of
 from fault_injection.sample import COMMITS_A_SEGMENT, make_sample
+from fault_injection.subject import Subject
 
 GARBAGE_BYTES = 200
 APPEND_AFTER = 8

@@ -11,8 +11,9 @@ from pathlib import Path
 from mcap.opcode import Opcode
 
 from fault_injection.fault import Outcome, Plan
-from fault_injection.judging import Subject, copy_of
+from fault_injection.judging import copy_of
 from fault_injection.sample import make_sample
+from fault_injection.subject import Subject
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import frames
 

@@ -6,24 +6,17 @@ taken for a torn tail; or an error that names the file. All answers must be of o
 
 from __future__ import annotations
 
-import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import semmap_log as sl
-from fault_injection.fault import Outcome, Plan
-from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import FloorMap
-from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
-from semmap_log.log.pages import Page
-from semmap_log.log.scan import Segment, open_segment
+from fault_injection.questions import Answers, answer, questions
+from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
 
 REFUSALS = (CorruptLogError, NotALogError, LogAccessError)
 
@@ -47,75 +40,6 @@ class Verdict(Enum):
     REFUSED = "an error that names the file"
 
 
-Question = Callable[[sl.DoorLog], Any]
-Answers = Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Subject:
-    """A log to damage: a copy whose files may be written to, and who knows what it should say."""
-
-    log: Path
-    """Its folder; whoever damages it puts it in order again."""
-    judge: Judge
-    title: str
-    """What it is, for messages."""
-    places: tuple[tuple[int, int], ...]
-    """Where each commit of the last segment lies: first byte, and first byte behind it."""
-
-    @classmethod
-    def of(cls, log: Path, folder: Path, title: str, *, last_commits: int = 1) -> Subject:
-        """Copy a log into a folder.
-
-        Args:
-            log: One that is not damaged.
-            folder: Where the copy is made.
-            title: What it is.
-            last_commits: How many commits at its end may be taken for a torn tail.
-        """
-        copy = folder / title / log.name
-        shutil.copytree(log, copy, ignore=shutil.ignore_patterns(".lock"))
-        last = open_segment(max(copy.glob("*.mcap")))
-        return cls(copy, Judge(log, last_commits=last_commits), title, _commit_places(last))
-
-    @property
-    def files(self) -> list[Path]:
-        """Its segments, in order."""
-        return sorted(self.log.glob("*.mcap"))
-
-    def may_lose(self, name: str, data: bytes) -> int:
-        """Return how many commits at the end may be taken for torn if a segment has these bytes.
-
-        Only commits of the last segment, and only if every commit from the first touched one on is
-        touched: a whole one behind it proves that what lies before it was on disk.
-        """
-        if name != self.files[-1].name:
-            return 0
-        whole = (self.log / name).read_bytes()
-        touched = [whole[a:b] != data[a:b] for a, b in self.places]
-        return len(touched) - touched.index(True) if any(touched) and _is_tail(touched) else 0
-
-    def outcome(
-        self, plan: Plan, fault: str, judged: Callable[[], Verdict], log: Path | None = None
-    ) -> Outcome:
-        """Return what came of one damage; the log is kept if that was wrong.
-
-        Args:
-            plan: Says where such logs are kept.
-            fault: What was done.
-            judged: Judges the log.
-            log: The damaged folder; default: its own.
-        """
-        checked = len(self.judge.truth[0]["commits"])
-        what = f"{self.title} log, {fault}"
-        try:
-            judged()
-        except WrongAnswerError as error:
-            kept = _keep(log or self.log, plan.keep, what)
-            return Outcome(what, checked, error.lost, error.invented, str(error), kept)
-        return Outcome(what, checked)
-
-
 class Judge:
     """Knows what a log says, and what it said before each of its last commits."""
 
@@ -129,7 +53,7 @@ class Judge:
         reader = sl.read(log).reader
         whole = list(reader.commits())
         moments = [commit.recorded_ns for commit in whole[:: max(1, len(whole) // 4)]]
-        self.questions = _questions(moments, [commit.last_event for commit in whole][::5])
+        self.questions = questions(moments, [commit.last_event for commit in whole][::5])
         self.truth: list[Answers] = [self._ask_all(log)]
         """What the log says; then what it says without its last commit, its last two …"""
         last = reader.segments[-1]
@@ -146,7 +70,7 @@ class Judge:
 
     def _ask_all(self, log: Path) -> Answers:
         opened = sl.read(log)
-        return {name: _answer(ask, opened) for name, ask in self.questions.items()}
+        return {name: answer(ask, opened) for name, ask in self.questions.items()}
 
     @property
     def quick(self) -> tuple[str, ...]:
@@ -206,15 +130,15 @@ class Judge:
         verdict = None
         for name in only or self.questions:
             try:
-                answer = _answer(self.questions[name], opened)
+                said = answer(self.questions[name], opened)
             except REFUSALS as error:
                 verdict = _refused(error, damaged)
                 continue
             except Exception as error:
                 raise WrongAnswerError(f"{name}: {error!r}") from error
-            possible = [left_out for left_out in possible if answer == self.truth[left_out][name]]
+            possible = [left_out for left_out in possible if said == self.truth[left_out][name]]
             if not possible:
-                raise _wrong(name, self.truth[0][name], answer)
+                raise _wrong(name, self.truth[0][name], said)
         return verdict or (Verdict.TORN if possible[0] else Verdict.HARMLESS)
 
 
@@ -232,88 +156,6 @@ def contents(folder: Path) -> dict[str, tuple[int, bytes]]:
     """Return every file of a folder: name -> (mtime in ns, bytes); the lock is no part of a log."""
     files = [path for path in folder.iterdir() if path.is_file() and path.name != ".lock"]
     return {path.name: (path.stat().st_mtime_ns, path.read_bytes()) for path in files}
-
-
-MOST_KEPT = 20
-
-
-def _keep(log: Path, where: Path, fault: str) -> Path | None:
-    """Copy a damaged log to a folder that tells the fault; None if many are kept already."""
-    kept = where / re.sub(r"[^\w.]+", "-", fault)
-    if where.is_dir() and len(list(where.iterdir())) >= MOST_KEPT:
-        return None
-    shutil.copytree(log, kept / log.name, dirs_exist_ok=True, symlinks=True)
-    return kept
-
-
-def _commit_places(segment: Segment) -> tuple[tuple[int, int], ...]:
-    """Return where each commit's chunks lie, from the first to the last of them."""
-    places, start = [], None
-    for chunk in segment.chunks:
-        heads = Page(chunk.records(segment.file), 0, segment.path).heads
-        last = int(heads["channel_id"][-1])
-        if last == KEYFRAME_CHANNEL:
-            continue
-        start = chunk.offset if start is None else start
-        if last == COMMIT_CHANNEL:
-            places.append((start, chunk.offset + chunk.length))
-            start = None
-    return tuple(places)
-
-
-def _is_tail(touched: list[bool]) -> bool:
-    return all(touched[touched.index(True) :])
-
-
-def _questions(moments: list[int], numbers: list[int]) -> dict[str, Question]:
-    """Return what to ask of a log; the first two read every byte that counts."""
-    asked: dict[str, Question] = {
-        "commits": lambda log: list(log.commits()),
-        "events": lambda log: _plain(log.reader.batches()),
-        "replay": lambda log: repr(log.replay()),
-        "history": lambda log: [_text(entry) for entry in log.history()],
-        "floor map": lambda log: _text(log.floor_map(1)),
-        "end": lambda log: log.end_ns(),
-    }
-    for ns in moments:
-        asked[f"known at {ns}"] = lambda log, ns=ns: repr(log.replay(known_at=ns))
-        asked[f"at {ns}"] = lambda log, ns=ns: repr(log.replay(at=ns))
-    for number in numbers:
-        asked[f"event {number}"] = lambda log, n=number: _text(log.event(n))
-        asked[f"entry {number}"] = lambda log, n=number: _text(log.entry(n))
-        asked[f"up to {number}"] = lambda log, n=number: repr(log.replay(event=n))
-    return asked
-
-
-def _answer(ask: Question, log: sl.DoorLog) -> Any:
-    try:
-        return ask(log)
-    except CorruptLogError:
-        raise
-    except LogError as error:  # such as: there is no event 12
-        return f"{type(error).__name__}: {str(error).removeprefix(str(log.path))}"
-
-
-def _plain(batches: Iterable[EventBatch]) -> Any:
-    """Return batches as values that compare, however they are split: NaN is NaN."""
-    stamps: tuple[list[int], ...] = ([], [], [], [])
-    columns: dict[int, bytes] = {}
-    texts: dict[int, list[str]] = {}
-    for batch in batches:
-        arrays = (batch.number, batch.kind, batch.happened_ns, batch.recorded_ns)
-        for values, array in zip(stamps, arrays, strict=True):
-            values.extend(array.tolist())
-        for kind, rows in batch.columns.items():
-            columns[kind] = columns.get(kind, b"") + rows.tobytes()
-        for kind, events in batch.objects.items():
-            texts.setdefault(kind, []).extend(map(_text, events))
-    return stamps, columns, texts
-
-
-def _text(value: Any) -> str:
-    cells = getattr(getattr(value, "event", value), "cells", None)
-    assert cells is None or isinstance(getattr(value, "event", value), FloorMap)
-    return repr(value) if cells is None else f"{value!r} {cells.tobytes()!r}"
 
 
 def _next_event(log: Path) -> int:

@@ -22,7 +22,6 @@ from semmap_log.events import RobotPose
 READING_S = 60.0
 RACERS = 3
 RACES = 30
-READERS = 2
 MOST_EVENTS_A_COMMIT = 5
 COMMITS_A_SEGMENT = 25
 _spawn = multiprocessing.get_context("spawn")
@@ -80,6 +79,7 @@ def read_during_everything(folder: Path, seed: int, *, seconds: float) -> Iterat
     log = folder / "log"
     folder.mkdir()
     sl.create(log, tz="UTC").close()
+    _write_once(log, random.Random(seed), COMMITS_A_SEGMENT)
     until = time.time() + seconds
     said = _spawn.Queue()
     readers = [(log, until, way, said) for way in WAYS_TO_READ]
@@ -107,7 +107,10 @@ def _keep_writing(
 ) -> Iterator[None]:
     """Kill the writer now and then and start another: yields once for each kill."""
     while time.time() < until:
-        time.sleep(dice.uniform(0.8, 2.0))
+        before = _bytes_of(log)
+        while time.time() < until and writer.is_alive() and _bytes_of(log) == before:
+            time.sleep(0.01)
+        time.sleep(dice.uniform(0.1, 1.0))
         if writer.is_alive() and dice.random() < 0.7:
             os.kill(writer.pid or 0, signal.SIGKILL)
             yield
@@ -118,17 +121,27 @@ def _keep_writing(
     writer.join(60)
 
 
+def _bytes_of(log: Path) -> int:
+    with suppress(FileNotFoundError):  # of a file that is being replaced
+        return sum(path.stat().st_size for path in log.glob("*.mcap"))
+    return 0
+
+
 def _busy_writer(log: Path, until: float, seed: float) -> None:
     """Append, roll, close, compact and reopen until the time is over."""
     dice = random.Random(seed)
     with small_segments(COMMITS_A_SEGMENT, chunk_bytes=200):
         while time.time() < until:
-            with sl.append(log) as writer:
-                following = sum(len(batch) for batch in writer.reader.batches())
-                for _ in range(dice.randrange(60)):
-                    following += _append(writer, following, dice.randrange(1, MOST_EVENTS_A_COMMIT))
+            _write_once(log, dice, dice.randrange(60))
             if dice.random() < 0.5:
                 compact_folder(log)
+
+
+def _write_once(log: Path, dice: random.Random, commits: int) -> None:
+    with sl.append(log) as writer:
+        following = sum(len(batch) for batch in writer.reader.batches())
+        for _ in range(commits):
+            following += _append(writer, following, dice.randrange(1, MOST_EVENTS_A_COMMIT))
 
 
 def _append(log: sl.DoorLogWriter, first: int, count: int) -> int:
@@ -143,14 +156,11 @@ def _append(log: sl.DoorLogWriter, first: int, count: int) -> int:
 def _reader(
     log: Path, until: float, way: str, said: multiprocessing.Queue[tuple[str, int, str]]
 ) -> None:
-    readings, problem = 0, ""
+    readings, problem, seen = 0, "", 0
     try:
-        seen = 0
-        for opened in WAYS_TO_READ[way](log, until):
-            now, problem = _check_prefix(opened)
+        for now, wrong in WAYS_TO_READ[way](log, until):
             readings += 1
-            if now < seen:
-                problem = f"{now} events after {seen} had been there"
+            problem = wrong or (f"{now} events after {seen} were there" if now < seen else "")
             if problem:
                 break
             seen = now
@@ -159,25 +169,42 @@ def _reader(
     said.put((way, readings, problem))
 
 
-def _opened_anew(log: Path, until: float) -> Iterator[sl.DoorLog]:
+Reading = tuple[int, str]
+"""How many events there are, and what is wrong with them."""
+
+
+def _opened_anew(log: Path, until: float) -> Iterator[Reading]:
     while time.time() < until:
-        yield sl.read(log)
+        yield _check_prefix(sl.read(log))
 
 
-def _refreshed(log: Path, until: float) -> Iterator[sl.DoorLog]:
+def _refreshed(log: Path, until: float) -> Iterator[Reading]:
     opened = sl.read(log)
     while time.time() < until:
         opened.refresh()
-        yield opened
+        yield _check_prefix(opened)
 
 
-WAYS_TO_READ: dict[str, Callable[[Path, float], Iterator[sl.DoorLog]]] = {
+def _followed(log: Path, until: float) -> Iterator[Reading]:
+    following = sl.read(log).follow(-1, poll_s=0.01, stop=lambda: time.time() >= until)
+    count = 0
+    for followed in following:
+        for recorded in followed:
+            event = recorded.event
+            if not isinstance(event, RobotPose) or event.x != count or recorded.number != count:
+                yield count, f"event {count} is {event!r}"
+            count += 1
+        yield count, "" if followed.commit.last_event == count - 1 else "half a commit"
+
+
+WAYS_TO_READ: dict[str, Callable[[Path, float], Iterator[Reading]]] = {
     "opening and reading": _opened_anew,
     "refreshing and reading": _refreshed,
+    "following": _followed,
 }
 
 
-def _check_prefix(log: sl.DoorLog) -> tuple[int, str]:
+def _check_prefix(log: sl.DoorLog) -> Reading:
     """Return how many events there are, and what is wrong with them."""
     count, waited_for = 0, 0.0
     for batch in log.batches():

@@ -7,8 +7,9 @@ from collections.abc import Callable, Generator
 from functools import partial
 
 from fault_injection.fault import Outcome, Plan
-from fault_injection.judging import Subject, copy_of
+from fault_injection.judging import copy_of
 from fault_injection.sample import COMMITS_A_SEGMENT, make_sample
+from fault_injection.subject import Subject
 
 SECTOR = 512
 

@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 
 import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
-from fault_injection.judging import Subject, Verdict, WrongAnswerError, copy_of
+from fault_injection.judging import Verdict, WrongAnswerError, copy_of
 from fault_injection.sample import (
     COMMITS_A_SEGMENT,
     NAME,
@@ -22,6 +22,7 @@ from fault_injection.sample import (
     make_sample,
     small_segments,
 )
+from fault_injection.subject import Subject
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import frames
 

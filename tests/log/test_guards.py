@@ -1,0 +1,177 @@
+"""Guards that no random damage reaches, since a checksum before them would notice: forged bytes."""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import semmap_log as sl
+from semmap_log.commits import Note
+from semmap_log.doors import DoorId
+from semmap_log.errors import CorruptLogError
+from semmap_log.events import DoorAdded, DoorObserved
+from semmap_log.log import keyframes
+from semmap_log.log import records as mcap
+from semmap_log.log.chunks import MAX_CHUNK_BYTES, ChunkDamage, build_chunk, read_chunk_head, walk
+from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.header import LogInfo, SegmentHeader
+from semmap_log.log.segment import SegmentWriter
+from semmap_log.projections.door_map import DoorMapState
+
+HEADER = SegmentHeader(LogInfo("ab" * 16, "UTC"), 0, 0, NO_HASH)
+STAMP = Stamp(0, 1000, NO_HASH, bytes(16), 1000, 0, bytes(16))
+SIZE_AT, STORED_SIZE_AT = 25, 41
+"""Where these fields of an uncompressed Chunk record lie."""
+
+Forge = Callable[[Stamp], Stamp]
+
+
+def _forged(folder: Path, forge: Forge, *, closed: bool) -> Path:
+    """Write a log of two commits, the second forged, all checksums right."""
+    folder.mkdir()
+    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
+    writer.install()
+    stamp = STAMP
+    for door in (1, 2):
+        builder = CommitBuilder(stamp, Note(), random.Random(door).randbytes)
+        for chunk in builder.chunks([DoorAdded(door_id=DoorId(door))]):
+            writer.add(chunk)
+        commit = builder.commit
+        stamp = forge(replace(STAMP, first_event=1, recorded_ns=2000, previous_hash=commit.hash,
+                              durable_before=1))  # fmt: skip
+    if closed:
+        writer.close()
+    writer.abandon()
+    return folder
+
+
+FORGERIES: dict[str, Forge] = {
+    "another hash before": lambda stamp: replace(stamp, previous_hash=bytes(range(32))),
+    "a number left out": lambda stamp: replace(stamp, first_event=2),
+    "a number given twice": lambda stamp: replace(stamp, first_event=0),
+    "a time that goes back": lambda stamp: replace(stamp, recorded_ns=1001),
+}
+
+
+def _read_all(log: Path) -> int:
+    opened = sl.read(log)
+    return sum(len(batch) for batch in opened.batches()) + len(list(opened.commits()))
+
+
+@pytest.mark.parametrize("closed", [True, False], ids=["closed", "live"])
+def test_what_is_not_forged_reads(closed: bool, tmp_path: Path) -> None:
+    """
+    The measure of what follows: two events, two commits.
+    """
+    log = _forged(tmp_path / "log", lambda stamp: stamp, closed=closed)
+
+    assert 4 == _read_all(log)
+
+
+@pytest.mark.parametrize("forgery", list(FORGERIES)[:3])
+def test_a_forged_commit_of_a_closed_segment_is_named(forgery: str, tmp_path: Path) -> None:
+    """
+    Reading events and commits compares numbers and hashes, though every checksum is right.
+    """
+    log = _forged(tmp_path / "log", FORGERIES[forgery], closed=True)
+
+    with pytest.raises(CorruptLogError, match=r"log_000000.mcap: damaged"):
+        _read_all(log)
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+def test_a_forged_commit_of_a_live_segment_does_not_count(forgery: str, tmp_path: Path) -> None:
+    """
+    The last commit: it is left out as torn, or named.
+    """
+    log = _forged(tmp_path / "log", FORGERIES[forgery], closed=False)
+
+    try:
+        seen = _read_all(log)
+    except CorruptLogError:
+        seen = 2
+
+    assert 2 == seen
+
+
+def test_a_keyframe_that_is_not_what_was_hashed_is_not_used() -> None:
+    """
+    A bit of a state's arrays, its chunk's checksum right: replay goes further back instead.
+    """
+    state = DoorMapState()
+    data = bytearray(keyframes.encode(state))
+    assert keyframes.decode(bytes(data)) is not None
+    version = keyframes.encode(state).index(keyframes._hash(_fields(data)))
+    data[version] ^= 1
+
+    assert keyframes.decode(bytes(data)) is None
+
+
+def _fields(data: bytearray) -> dict[str, object]:
+    message = keyframes.deserialize(keyframes.type_name("Keyframe"), bytes(data))
+    left_out = ("__msgtype__", "state_hash", "state_version")
+    return {name: getattr(message, name) for name in message.__dataclass_fields__
+            if name not in left_out}  # fmt: skip
+
+
+def _chunk() -> bytearray:
+    """Return an uncompressed Chunk record of one message."""
+    record = mcap.message(4, 0, 1000, 1000, bytes(40))
+    built = build_chunk(record, np.zeros(1, np.int64), compression="")
+    return bytearray(built.data[: mcap.FRAME.size + mcap.FRAME.unpack_from(built.data)[1]])
+
+
+def test_a_chunk_says_its_own_sizes() -> None:
+    """
+    Of its records, of what is stored, and none beyond all measure: before anything is allocated.
+    """
+    for field, value, problem in (
+        (SIZE_AT, 3, "expected 3 bytes of records"),
+        (SIZE_AT, MAX_CHUNK_BYTES + 1, "more than any chunk has"),
+        (STORED_SIZE_AT, 3, "3 stored bytes do not fit"),
+    ):
+        data = _chunk()
+        struct.pack_into("<Q", data, field, value)
+
+        with pytest.raises(ChunkDamage, match=problem):
+            read_chunk_head(bytes(data), 0, len(data)).records(bytes(data))
+
+
+def test_records_must_be_messages_that_tile_their_chunk() -> None:
+    """
+    Another opcode, or a length that is too short for a message or too long for the chunk.
+    """
+    record = mcap.message(4, 0, 1000, 1000, bytes(8))
+    assert [0, len(record)] == walk(record * 2).tolist()
+    for wrong in (
+        b"\x04" + record[1:],
+        record[:1] + struct.pack("<Q", 3) + record[9:],
+        record[:1] + struct.pack("<Q", 99) + record[9:],
+        record[:-1],
+    ):
+        with pytest.raises(ChunkDamage):
+            walk(wrong)
+
+
+def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
+    """
+    A record of the right channel whose payload is too long, in a chunk with a right checksum.
+    """
+    folder = tmp_path / "log"
+    folder.mkdir()
+    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
+    record = mcap.message(DoorObserved.kind, 0, 1000, 1000, bytes(99))
+    writer.add(build_chunk(record, np.zeros(1, np.int64)))
+    writer.install()
+    writer.close()
+
+    with pytest.raises(CorruptLogError, match="bytes long"):
+        _read_all(folder)

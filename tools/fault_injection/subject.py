@@ -1,0 +1,111 @@
+"""A log to damage: a copy, who knows what it should say, and where its commits lie."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import Judge, Verdict, WrongAnswerError
+from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
+from semmap_log.log.pages import Page
+from semmap_log.log.scan import Segment, open_segment
+
+MOST_KEPT = 20
+"""Logs on which something went wrong; more are alike."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A log to damage: a copy whose files may be written to, and who knows what it should say."""
+
+    log: Path
+    """Its folder; whoever damages it puts it in order again."""
+    judge: Judge
+    title: str
+    """What it is, for messages."""
+    places: tuple[tuple[int, int], ...]
+    """Where each commit of the last segment lies: first byte, and first byte behind it."""
+
+    @classmethod
+    def of(cls, log: Path, folder: Path, title: str, *, last_commits: int = 1) -> Subject:
+        """Copy a log into a folder.
+
+        Args:
+            log: One that is not damaged.
+            folder: Where the copy is made.
+            title: What it is.
+            last_commits: How many commits at its end may be taken for a torn tail.
+        """
+        copy = folder / title / log.name
+        shutil.copytree(log, copy, ignore=shutil.ignore_patterns(".lock"))
+        last = open_segment(max(copy.glob("*.mcap")))
+        return cls(copy, Judge(log, last_commits=last_commits), title, _commit_places(last))
+
+    @property
+    def files(self) -> list[Path]:
+        """Its segments, in order."""
+        return sorted(self.log.glob("*.mcap"))
+
+    def may_lose(self, name: str, data: bytes) -> int:
+        """Return how many commits at the end may be taken for torn if a segment has these bytes.
+
+        Only commits of the last segment, and only if every commit from the first touched one on is
+        touched: a whole one behind it proves that what lies before it was on disk.
+        """
+        if name != self.files[-1].name:
+            return 0
+        whole = (self.log / name).read_bytes()
+        touched = [whole[a:b] != data[a:b] for a, b in self.places]
+        return len(touched) - touched.index(True) if any(touched) and _is_tail(touched) else 0
+
+    def outcome(
+        self, plan: Plan, fault: str, judged: Callable[[], Verdict], log: Path | None = None
+    ) -> Outcome:
+        """Return what came of one damage; the log is kept if that was wrong.
+
+        Args:
+            plan: Says where such logs are kept.
+            fault: What was done.
+            judged: Judges the log.
+            log: The damaged folder; default: its own.
+        """
+        checked = len(self.judge.truth[0]["commits"])
+        what = f"{self.title} log, {fault}"
+        try:
+            judged()
+        except WrongAnswerError as error:
+            kept = _keep(log or self.log, plan.keep, what)
+            return Outcome(what, checked, error.lost, error.invented, str(error), kept)
+        return Outcome(what, checked)
+
+
+def _keep(log: Path, where: Path, fault: str) -> Path | None:
+    """Copy a damaged log to a folder that tells the fault; None if many are kept already."""
+    kept = where / re.sub(r"[^\w.]+", "-", fault)
+    if where.is_dir() and len(list(where.iterdir())) >= MOST_KEPT:
+        return None
+    shutil.copytree(log, kept / log.name, dirs_exist_ok=True, symlinks=True)
+    return kept
+
+
+def _commit_places(segment: Segment) -> tuple[tuple[int, int], ...]:
+    """Return where each commit's chunks lie, from the first to the last of them."""
+    places, start = [], None
+    for chunk in segment.chunks:
+        heads = Page(chunk.records(segment.file), 0, segment.path).heads
+        last = int(heads["channel_id"][-1])
+        if last == KEYFRAME_CHANNEL:
+            continue
+        start = chunk.offset if start is None else start
+        if last == COMMIT_CHANNEL:
+            places.append((start, chunk.offset + chunk.length))
+            start = None
+    return tuple(places)
+
+
+def _is_tail(touched: list[bool]) -> bool:
+    return all(touched[touched.index(True) :])

@@ -1,0 +1,1 @@
+"""The guards that `tools/mutations.py` takes out, and how."""

@@ -1,0 +1,187 @@
+"""Every sync, lock, checksum, hash and refusal that a log's safety rests on, one by one."""
+
+from __future__ import annotations
+
+from mutation.mutant import Mutant
+
+LOG = "semmap_log/log/"
+DISK = "tests/faults/test_simulated_disk.py"
+ERRORS = "tests/faults/test_syscalls.py"
+DURABILITY = "tests/log/test_durability.py"
+RIVALS = "tests/faults/test_rivals.py"
+FLIPS = "tests/faults/test_flips.py"
+SEGMENTS = "tests/faults/test_segments.py"
+INSIDE = "tests/faults/test_memory.py"
+INTERRUPTED = "tests/faults/test_interrupted.py"
+CLOCKS = "tests/faults/test_clocks.py"
+RECOVERY = "tests/log/test_recovery.py"
+WRITER = "tests/log/test_writer.py"
+SCAN = "tests/log/test_scan.py"
+SET = "tests/log/test_segment_set.py"
+COMPACTION = "tests/log/test_compaction.py"
+MERGE = "tests/log/test_compaction_merge.py"
+CODEC = "tests/messages/test_codec.py"
+
+
+def _without(name: str, file: str, snippet: str, *tests: str, put: str = "pass") -> Mutant:
+    return Mutant(name, LOG + file, snippet, put, tests)
+
+
+SYNCS = (
+    _without("sync of a commit", "segment.py", "os.fdatasync(self._fd)", WRITER, DISK),
+    _without("sync of a segment before it gets its name", "segment.py",
+             "            os.fsync(self._fd)\n        os.replace(self.temporary, self.path)",
+             DISK, put="            pass\n        os.replace(self.temporary, self.path)"),
+    _without("sync of the folder after a segment got its name", "segment.py",
+             "sync_folder(self.path.parent)", WRITER, DISK),
+    _without("sync of a file before it gets its name", "disk.py",
+             "            os.fsync(fd)\n        finally:\n            os.close(fd)\n"
+             "        os.replace(temporary, path)", DISK,
+             put="            pass\n        finally:\n            os.close(fd)\n"
+             "        os.replace(temporary, path)"),
+    _without("sync of the folder after a file got its name", "disk.py",
+             "sync_folder(path.parent)", DISK),
+    _without("sync of folders altogether", "disk.py",
+             "    try:\n        os.fsync(fd)\n    finally:", WRITER, DISK,
+             put="    try:\n        pass\n    finally:"),
+    _without("sync of the folder in which a log is made", "opening.py",
+             "            sync_folder(folder.parent)\n            return writer", DISK,
+             put="            return writer"),
+    _without("sync of the folder in which half a log was made", "opening.py",
+             "if _may_be_half_made(reader):", DISK, put="if False:"),
+)  # fmt: skip
+
+LOCKS = (
+    _without("lock of the folder", "lock.py", "self._lock_folder(folder)", RIVALS),
+    _without("lock of the lock file", "lock.py",
+             "0o644))\n        fcntl.flock(self._fds[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)", RIVALS,
+             put="0o644))"),
+    _without("unlocking in the process that locked alone", "lock.py",
+             "if os.getpid() == self._pid:", RIVALS, put="if True:"),
+    _without("unlocking though a child has the file open", "lock.py",
+             "fcntl.flock(fd, fcntl.LOCK_UN)", RIVALS),
+    _without("refusal of a forked child's append", "writer.py",
+             "if os.getpid() != self._pid:", RIVALS, put="if False:"),
+    _without("leaving the segment to the parent when a child closes", "writer.py",
+             "if os.getpid() == self._pid:", RIVALS, put="if True:"),
+    _without("lock before leftovers are removed", "opening.py",
+             '    with _told_as_access_error(folder, "cannot be opened"), _locked(folder) as lock:'
+             "\n        remove_leftovers(folder)", RIVALS,
+             put="    remove_leftovers(folder)\n"
+             '    with _told_as_access_error(folder, "cannot be opened"), '
+             "_locked(folder) as lock:"),
+    Mutant("one thread at a time", "semmap_log/appendable_log.py", "threading.RLock()",
+           '__import__("contextlib").nullcontext()', (RIVALS, DURABILITY)),
+)  # fmt: skip
+
+CHECKSUMS = (
+    _without("CRC of a chunk", "chunks.py", "    if zlib.crc32(records) != crc:", FLIPS, SCAN,
+             put="    if False:"),
+    _without("CRC of a summary", "closed_summary.py",
+             "if zlib.crc32(file[start : len(file) - len(mcap.MAGIC) - 4]) != crc:", FLIPS, SCAN,
+             put="if False:"),
+    _without("digest of a segment's head", "header.py",
+             'if entries.pop(DIGEST_KEY, "") != _digest(entries):', FLIPS, SEGMENTS,
+             put="if entries.pop(DIGEST_KEY, None) is None:"),
+    _without("hash of a keyframe's state", "keyframes.py",
+             " or bytes(message.state_hash) != _hash(fields)", "tests/log/test_guards.py", put=""),
+    _without("hash of the commit before, between commits", "reader.py",
+             "if commit.previous_hash != previous:", "tests/log/test_guards.py", SCAN,
+             put="if False:"),
+    _without("hash of the commit before, in a live segment", "grammar.py",
+             'unchained = (commits["previous_hash"] != hashes).any(axis=1)', SCAN,
+             "tests/log/test_guards.py", put="unchained = np.zeros(len(hashes), np.bool_)"),
+    _without("hash of the commit before, between segments", "segment_set.py",
+             "if segment.header.hash_so_far != head:", SET, put="if False:"),
+    _without("records of a commit in its hash", "commits.py",
+             '        whole.update(channel.to_bytes(2, "little") + digest)', WRITER,
+             put="        pass"),
+)  # fmt: skip
+
+SIZES = (
+    _without("size of a chunk's records", "chunks.py", "if len(plain) != self.size:",
+             "tests/log/test_guards.py", FLIPS, put="if False:"),
+    _without("stored size of a chunk in its record", "chunks.py",
+             "if at + 8 + stored_size != offset + length:", "tests/log/test_guards.py", FLIPS,
+             put="if False:"),
+    _without("limit of a chunk's size", "chunks.py", "if size > MAX_CHUNK_BYTES:",
+             "tests/log/test_guards.py", put="if False:"),
+    _without("messages that tile a chunk", "chunks.py",
+             "if opcode != Opcode.MESSAGE or length < least:", "tests/log/test_guards.py",
+             put="if False:"),
+    _without("times in a chunk's head", "page_reading.py",
+             'if first_misfit(page.heads["log_time"], ends, chunks.rows) is not None:', FLIPS, SCAN,
+             put="if False:"),
+    _without("heads of chunks against the summary", "chunk_table.py",
+             "if _row(chunk) != row.item():", FLIPS, SCAN, put="if False:"),
+    _without("event numbers without gaps", "reader.py",
+             "if batch.number[0] != expected or (np.diff(batch.number) != 1).any():",
+             "tests/log/test_guards.py", put="if False:"),
+    _without("event numbers without gaps in a live segment", "grammar.py",
+             "self._sequence != ((numbers - 1) & _SEQUENCE_MASK).astype(np.uint32)", SCAN,
+             "tests/log/test_guards.py", put="np.zeros(len(numbers), np.bool_)"),
+    _without("log times that grow in a live segment", "grammar.py",
+             "np.diff(self._log_time, prepend=start.log_time_ns) <= 0", SCAN,
+             "tests/log/test_guards.py", put="np.zeros(len(self._log_time), np.bool_)"),
+    _without("commits that count their events", "grammar.py",
+             '(commits["count"] != reached - first)', SCAN, "tests/log/test_guards.py",
+             put='(commits["count"] == 0)'),
+)  # fmt: skip
+
+SEGMENTS_OF_A_LOG = (
+    _without("segments of one log", "segment_set.py", "if len(ids) < 2:", SEGMENTS, SET,
+             put="if True:"),
+    _without("segments without a gap", "segment_set.py",
+             "if segment.header.number > expected:", SEGMENTS, SET, put="if False:"),
+    _without("first events that fit", "segment_set.py",
+             "if segment.header.first_event != next_event:", SEGMENTS, SET, put="if False:"),
+    _without("a segment that was cut and is not the last", "segment_set.py",
+             "if not segment.closed:", SEGMENTS, SET, put="if False:"),
+    _without("a segment that is there twice", "segment_set.py",
+             "_check_leftover(segment, segments)", SEGMENTS, SET),
+    _without("commits that prove what was durable", "live_scan.py",
+             "behind.durable_before > scan.place.committed", FLIPS, SCAN, put="False"),
+    _without("a head that was on the disk", "live_scan.py",
+             "or not scan.whole  # the head", SCAN, "tests/log/test_guards.py",
+             put="or False  # the head"),
+)  # fmt: skip
+
+REFUSALS = (
+    _without("poison after a failed write", "writer.py",
+             "            raise self._poisoned(error.strerror, command_id) from error",
+             DURABILITY, WRITER, ERRORS,
+             put="            self._in_commit = False\n            raise"),
+    _without("poison after a failed sync", "durability.py", "self.is_broken = True", DURABILITY,
+             INSIDE, ERRORS),
+    _without("no second try of a sync", "durability.py", "            if self.is_broken:",
+             DURABILITY, ERRORS, put="            if False:"),
+    _without("poison after an interrupt in a commit", "writer.py",
+             '            self._poisoned("interrupted in the middle of a commit")',
+             WRITER, INSIDE, put="            self._in_commit = False"),
+    _without("a poisoned writer's segment left as it is", "writer.py",
+             "if self._poison or self._in_commit or self._syncs.is_broken:", WRITER, INSIDE, ERRORS,
+             put="if False:"),
+    _without("no append in an append", "writer.py", "        if self._busy:",
+             "tests/test_misuse.py", put="        if False:"),
+    _without("no append after close", "writer.py", "        if not self._open:\n            raise",
+             "tests/test_misuse.py", WRITER, put="        if False:\n            raise"),
+    Mutant("what an interrupt left behind", "semmap_log/appendable_log.py",
+           "if self._taken_in != self._writer.next_event:", "if False:", (INTERRUPTED,)),
+    _without("recorded times that grow", "writer.py", "max(wall_ns, self.last_ns + 1),", CLOCKS,
+             WRITER, put="wall_ns,"),
+    _without("clocks before 1970", "clock.py", "min(max(clock.wall_ns(), 0), _LATEST_NS)", CLOCKS,
+             put="min(clock.wall_ns(), _LATEST_NS)"),
+    _without("clocks at the end of time", "clock.py", "min(max(clock.wall_ns(), 0), _LATEST_NS)",
+             CLOCKS, put="max(clock.wall_ns(), 0)"),
+    _without("whole writes", "disk.py",
+             "    while view:\n        view = view[os.write(fd, view) :]", ERRORS, DURABILITY,
+             put="    pass"),
+    _without("a torn tail that is kept", "recovery.py", "        keep_torn_tail(segment)", RECOVERY,
+             put="        pass"),
+    _without("a compacted copy that is compared", "rechunk.py", "if whole.digest() != digest:",
+             COMPACTION, MERGE, put="if False:"),
+)  # fmt: skip
+
+GUARDS: tuple[Mutant, ...] = (
+    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS,
+)  # fmt: skip
