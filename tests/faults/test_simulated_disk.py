@@ -76,6 +76,25 @@ def test_the_name_of_a_log_that_was_half_made_is_synced(
     assert tmp_path in synced
 
 
+def test_a_closed_segment_is_synced_by_the_next_writer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Who closed it may have been killed just before; what comes behind it must not be cut off.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+    synced: list[Path] = []
+    fsync = os.fsync
+
+    def watched(fd: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{fd}").readlink())
+        fsync(fd)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    with sl.append(tmp_path / "log"):
+        assert [tmp_path / "log" / "log_000000.mcap"] == synced
+
+
 def _open(path: str, fd: int) -> Entry:
     return Entry(Call.OPEN, fd, O_CREAT, path, "", b"")
 

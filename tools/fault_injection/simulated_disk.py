@@ -24,8 +24,8 @@ from fault_injection.story import small_limits, story
 from fault_injection.trees import Tree, keep, read_tree, write_tree
 from fault_injection.workers import shared
 
-USUAL_STATES = 10_000
-STATES_PER_STORY = 1_250
+USUAL_STATES = 10_400
+STATES_PER_STORY = 1_300
 FOLLOWED_SHARE = 0.03
 """Of the states, so many are followed: the calls of their recovery are recorded,"""
 RECOVERY_STATES = 8
