@@ -1,7 +1,8 @@
 """Show that the tests go every way through the code that a log's safety rests on.
 
-    python tools/branch_coverage.py            run the tests that matter, then the table
-    python tools/branch_coverage.py -k torn    the same with arguments for pytest
+    python tools/branch_coverage.py                 run the tests that matter, then the table
+    python tools/branch_coverage.py -k torn         the same with arguments for pytest
+    python tools/branch_coverage.py tests/messages  only these tests
 
 The exit code is 1 if a line or a branch of one of these files was never taken. Child processes
 are counted, too (`patch = subprocess` of coverage 7.10).
@@ -59,7 +60,8 @@ def main(arguments: list[str]) -> int:
         coverage = [sys.executable, "-m", "coverage"]
         rcfile = f"--rcfile={settings}"
         run = [*coverage, "run", rcfile, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-        done = subprocess.run([*run, *TESTS, *arguments], cwd=ROOT, env=environment, check=False)
+        tests = [] if any(a.startswith("tests/") for a in arguments) else [*TESTS]
+        done = subprocess.run([*run, *tests, *arguments], cwd=ROOT, env=environment, check=False)
         subprocess.run([*coverage, "combine", "-q", rcfile], cwd=ROOT, env=environment, check=False)
         report = [*coverage, "report", rcfile, "--fail-under=100"]
         shown = subprocess.run(report, cwd=ROOT, env=environment, check=False)

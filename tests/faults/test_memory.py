@@ -28,10 +28,10 @@ def test_ctrl_c_at_any_step_leaves_nothing_by_half(memory: Path) -> None:
     """
     What was acknowledged is there, no id is given twice, and who goes on goes on rightly.
     """
-    outcomes = list(interrupt_anywhere(memory, 3, 150))
+    outcomes = list(interrupt_anywhere(memory, 3, 100))
 
     assert [] == _bad(outcomes)
-    assert 150 == len(outcomes)
+    assert 100 == len(outcomes)
 
 
 def test_no_stack_left(memory: Path) -> None:

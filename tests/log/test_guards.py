@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import random
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +22,14 @@ from semmap_log.log import keyframes
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import MAX_CHUNK_BYTES, ChunkDamage, build_chunk, read_chunk_head, walk
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.compaction import compact
+from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
+from semmap_log.log.scan import open_segment
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.segment_reading import last_commit
+from semmap_log.log.segment_set import check_follows
+from semmap_log.messages import layout
 from semmap_log.projections.door_map import DoorMapState
 
 HEADER = SegmentHeader(LogInfo("ab" * 16, "UTC"), 0, 0, NO_HASH)
@@ -175,3 +183,128 @@ def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
 
     with pytest.raises(CorruptLogError, match="bytes long"):
         _read_all(folder)
+
+
+@pytest.mark.parametrize("entry", ["first_event", "segment", "hash_so_far", "log_id", "sha256"])
+def test_a_head_that_was_changed_is_named(entry: str) -> None:
+    """
+    Any entry of a segment's head, and the digest itself; so is one without a digest.
+    """
+    metadata = HEADER.to_metadata()
+    assert HEADER == SegmentHeader.from_metadata(metadata)
+    changed = metadata.metadata[entry].replace("0", "1") + "2"
+    for entries in ({**metadata.metadata, entry: changed},
+                    {k: v for k, v in metadata.metadata.items() if k != "sha256"}):  # fmt: skip
+        forged = replace(metadata, metadata=entries)
+
+        with pytest.raises(ValueError, match="do not fit its sha256"):
+            SegmentHeader.from_metadata(forged)
+
+
+def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
+    """
+    Counted by hand: the Commit's own record, then each channel's number and digest, ascending;
+    for a commit of several kinds with a note, and for many of one kind.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door(name="front", actor="survey")
+        log.append([DoorObserved(door_id=DoorId(1), state=sl.DoorState.OPEN) for _ in range(9)])
+    digests: dict[int, hashlib._Hash] = {}
+    hashed = []
+
+    for _, page in sl.read(tmp_path / "log").reader.pages():
+        borders = [*page.offsets.tolist(), len(page.records)]
+        for channel, (start, end) in zip(
+            page.heads["channel_id"].tolist(), pairwise(borders), strict=True
+        ):
+            record = bytes(page.records[start:end])
+            if channel == COMMIT_CHANNEL:
+                parts = [c.to_bytes(2, "little") + d.digest() for c, d in sorted(digests.items())]
+                expected = hashlib.sha256(record[:-32] + b"".join(parts)).digest()
+                assert expected == record[-32:]
+                hashed.append(len(parts))
+                digests = {}
+            elif channel != KEYFRAME_CHANNEL:
+                digests.setdefault(channel, hashlib.sha256()).update(record)
+
+    assert [3, 1] == hashed
+
+
+def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
+    """
+    Its head and the summary agree on others: no search by time may skip it for that.
+    """
+    folder = tmp_path / "log"
+    folder.mkdir()
+    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    built = keyframes.keyframe_chunk(DoorMapState(), 1000)
+    data = bytearray(built.data)
+    struct.pack_into("<QQ", data, mcap.FRAME.size, 3, 4)
+    writer.add(replace(built, data=bytes(data), facts=replace(built.facts, times=(3, 4))))
+    writer.install()
+    writer.close()
+
+    with pytest.raises(CorruptLogError, match="least and greatest log time"):
+        _read_all(folder)
+
+
+def test_a_commit_must_count_its_events_in_a_live_segment(tmp_path: Path) -> None:
+    """
+    One that says two where there is one is torn, or damage: it does not count.
+    """
+    folder = tmp_path / "log"
+    folder.mkdir()
+    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
+    builder = CommitBuilder(STAMP, Note(), random.Random(1).randbytes)
+    (built,) = builder.chunks([DoorAdded(door_id=DoorId(1))])
+    offsets = walk(built.records)
+    start = int(offsets[-1]) + mcap.MESSAGE.size
+    commit = layout("Commit")
+    fields = {**commit.unpack(built.records[start:]), "count": 2}
+    forged = built.records[:start] + commit.pack(*(fields[name] for name in commit.fields))
+    writer.add(build_chunk(forged, offsets))
+    writer.install()
+    writer.abandon()
+
+    segment = open_segment(folder / "log_000000.mcap")
+
+    assert 1 == len(segment.chunks)
+    assert "does not count the events" in segment.problem
+
+
+def test_the_head_of_a_compressed_chunk_must_be_what_the_summary_says(tmp_path: Path) -> None:
+    """
+    A flipped bit of the times in it changes no answer, and is named all the same.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        for _ in range(40):
+            log.add_door()
+    compact(tmp_path / "log")
+    path = tmp_path / "log" / "log_000000.mcap"
+    chunk = open_segment(path).chunks[1]
+    assert "zstd" == chunk.compression
+    data = bytearray(path.read_bytes())
+    data[chunk.offset + mcap.FRAME.size] ^= 1
+    path.write_bytes(data)
+
+    with pytest.raises(CorruptLogError, match=f"damaged at byte {chunk.offset}"):
+        _read_all(tmp_path / "log")
+
+
+def test_a_segment_begins_with_the_event_after_the_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The number in its head counts by itself, also where the hash in it is right.
+    """
+    monkeypatch.setattr("semmap_log.log.segment_chain.ROLL_COMMITS", 2)
+    with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
+        for _ in range(4):
+            log.add_door()
+    first, second = sl.read(tmp_path / "log").reader.segments
+    check_follows(second, last_commit(first), first)
+    forged = replace(second, header=replace(second.header, first_event=99))
+
+    with pytest.raises(CorruptLogError, match="begins with event 99, but log_000000.mcap"):
+        check_follows(forged, last_commit(first), first)
