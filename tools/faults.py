@@ -24,7 +24,6 @@ from fault_injection.fault import CannotTryError, Kind, Plan
 from fault_injection.kinds import KINDS
 from fault_injection.report import Tally, show, to_json
 
-ROOT = Path(__file__).resolve().parent.parent
 MEMORY = Path("/dev/shm")  # noqa: S108 - folders of our own, with names nobody can foresee
 INTERRUPTED = 130
 
@@ -51,12 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally) -> None:
     """Count what a kind yields, until it ends, or its time or number is over."""
     start = time.monotonic()
-    memory = MEMORY if os.access(MEMORY, os.W_OK) else args.dir
-    with (
-        tempfile.TemporaryDirectory(dir=memory, prefix="faults_") as fast,
-        tempfile.TemporaryDirectory(dir=args.dir, prefix=".faults_") as slow,
-    ):
-        plan = Plan(args.seed, Path(fast), Path(slow), faults=args.faults, keep=args.keep)
+    with tempfile.TemporaryDirectory(dir=args.dir, prefix="faults_") as folder:
+        plan = Plan(args.seed, Path(folder), faults=args.faults, keep=args.keep)
         try:
             with closing(kind(plan)) as outcomes:
                 for outcome in outcomes:
@@ -88,8 +83,8 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--keep", type=Path, default=Path("faults_found"), metavar="DIR",
                         help="where to keep logs on which something went wrong; default: "
                         "faults_found")  # fmt: skip
-    parser.add_argument("--dir", type=Path, default=ROOT, metavar="DIR",
-                        help="a folder on a real disk; default: the checkout")  # fmt: skip
+    parser.add_argument("--dir", type=Path, default=MEMORY if os.access(MEMORY, os.W_OK) else None,
+                        metavar="DIR", help="where to work; default: in memory")  # fmt: skip
     return parser.parse_args(arguments)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from semmap_log.log.pages import Page
 from semmap_log.log.scan import Segment, open_segment, read_head
 from semmap_log.log.segment_folder import SegmentFolder, list_segments
 from semmap_log.log.segment_reading import chunk_of, commit_of, last_commit, page_at, pages_of
-from semmap_log.log.segment_set import check_extent, check_follows
+from semmap_log.log.segment_set import check_adjoins, check_counts, check_follows
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
 
@@ -46,8 +47,6 @@ class LogReader:
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
-        self._checked: set[tuple[tuple[int, int], ...]] = set()
-        """Segments, each with the one behind it, that are known to fit."""
         self.refresh()
 
     def refresh(self) -> None:
@@ -153,11 +152,9 @@ class LogReader:
 
         A commit is known from the log time of its first record on.
         """
-        early = bisect_right(self.segments, known_at_ns, key=_start_ns)
-        if early < len(self.segments):
-            self._sound(early)  # else its start bounds nothing
-        for place in reversed(range(early)):
-            segment = self._sound(place)
+        places = range(len(self.segments))
+        early = bisect_right(places, known_at_ns, key=self._start_ns)
+        for segment in reversed(self.segments[:early]):
             for chunk in reversed(range(segment.chunks.starting_by(known_at_ns))):
                 page = page_at(segment, chunk)
                 numbers = page.event_numbers(recorded_by_ns=known_at_ns)
@@ -194,34 +191,36 @@ class LogReader:
     def _chunk_of(self, number: int) -> tuple[Segment, int]:
         """Return the segment and the place of the chunk that holds an event."""
         place = self.segment_of(number)
-        segment = None if place is None else self._sound(place)
-        chunk = None if segment is None else chunk_of(segment, number)
-        if segment is None or chunk is None:
-            raise LogError(f"{self.folder}: there is no event {number}.")
-        return segment, chunk
+        if place is not None:
+            segment = self._among_neighbours(place)
+            chunk = chunk_of(segment, number)
+            if chunk is not None:
+                return segment, chunk
+        raise LogError(f"{self.folder}: there is no event {number}.")
 
-    def _sound(self, place: int) -> Segment:
-        """Return a segment, checked to hold the events that its place in the log gives it.
+    def _among_neighbours(self, place: int) -> Segment:
+        """Return a segment that fits the one before and the one behind it.
 
         Raises:
             CorruptLogError: It does not.
         """
-        segment, *following = self.segments[place : place + 2]
-        pair = tuple(one.identity for one in (segment, *following))
-        if pair not in self._checked:
-            check_extent(segment, following[0] if following else None)
-            self._checked.add(pair)
-        return segment
+        for before, segment in pairwise(self.segments[max(0, place - 1) : place + 2]):
+            check_adjoins(segment, before)
+        return self.segments[place]
+
+    def _start_ns(self, place: int) -> int:
+        """Return the log time of a segment's first record."""
+        rows = self._among_neighbours(place).chunks.rows
+        return int(rows["start_ns"][0]) if len(rows) else 0
 
     def retractions(self, *, limit: int | None = None) -> Retractions:
         """Return what was taken back by the events up to the number `limit`."""
         retractions = Retractions()
-        for place, segment in enumerate(self.segments):
+        for before, segment in zip([None, *self.segments], self.segments, strict=False):
+            if before is not None:
+                check_counts(segment, before)
             if segment.counts is not None and not segment.counts.get(Retracted.kind):
                 continue
-            if place > 0:
-                before = self.segments[place - 1]
-                check_follows(segment, last_commit(before), before)
             for page in pages_of(segment):
                 if (page.heads["channel_id"] == Retracted.kind).any():
                     batch = page.events()
@@ -280,8 +279,3 @@ def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
         return chunk.records(segment.file)
     except ChunkDamage as damage:
         raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
-
-
-def _start_ns(segment: Segment) -> int:
-    """Return the log time of a segment's first record."""
-    return int(segment.chunks.rows["start_ns"][0]) if len(segment.chunks) else 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +23,7 @@ from semmap_log.log.live_scan import LiveScan, go_on, scan_live
 from semmap_log.log.mapping import MappedFile, map_file
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Segment:
     """What lies in a segment's file.
 
@@ -66,15 +68,18 @@ class Segment:
         counts: Mapping[int, int] = self.summary.statistics().channel_message_counts
         return counts
 
-    @cached_property
+    @property
     def chunks(self) -> ChunkTable:
         """Keyframes and the chunks of whole commits, in file order.
 
         Raises:
             CorruptLogError: The summary of a closed segment is damaged.
         """
-        if self.live is not None:
-            return self.live.chunks
+        return self._table if self.live is None else self.live.chunks
+
+    @cached_property
+    def _table(self) -> ChunkTable:
+        _keep_table_of(self)
         return self.summary.chunks(self.head_end)
 
     @property
@@ -93,6 +98,19 @@ class Segment:
     def torn_bytes(self) -> int:
         """How many bytes lie behind the last whole commit of a live segment, and do not count."""
         return len(self.file) - self.whole_end if self.problem else 0
+
+
+_with_tables: deque[weakref.ref[Segment]] = deque()
+_MOST_TABLES = 64
+
+
+def _keep_table_of(segment: Segment) -> None:
+    """Let go of the table of the segment that has had one longest: a long log has many."""
+    _with_tables.append(weakref.ref(segment))
+    if len(_with_tables) > _MOST_TABLES:
+        oldest = _with_tables.popleft()()
+        if oldest is not None:
+            vars(oldest).pop("_table", None)
 
 
 def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:

@@ -16,6 +16,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.log.background import BackgroundCompactor
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
 from semmap_log.log.chunks import BuiltChunk
+from semmap_log.log.disk import sync_file
 from semmap_log.log.form import (
     CONTINUE_BELOW_BYTES,
     ROLL_AGE_NS,
@@ -76,7 +77,9 @@ class SegmentChain:
         """Go on behind these: a live segment is repaired now, a closed one when it is needed."""
         *older, last = segments
         self._older, self._header, self._small = older, last.header, last
-        if not last.closed:
+        if last.closed:
+            sync_file(last.path)  # who closed it may have been killed before it had done that
+        else:
             self.continue_last()
         for segment in reversed(_left_to_compact(older)):
             self._compact(segment.path)

@@ -12,9 +12,7 @@ from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.form import kind_of_channel
 from semmap_log.log.scan import Segment
-from semmap_log.log.segment_reading import commit_of, last_commit, page_at
-
-_SEQUENCE_MASK = 0xFFFF_FFFF
+from semmap_log.log.segment_reading import commit_of, last_commit
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,30 +79,38 @@ def check_follows(segment: Segment, last: Commit | None, before: Segment) -> Non
         )
 
 
-def check_extent(segment: Segment, following: Segment | None) -> None:
-    """Check that a segment holds the events that its head, and the next one's, leave to it.
+def check_adjoins(segment: Segment, before: Segment) -> None:
+    """Check that a segment begins where the one before it ends, as far as their summaries tell.
 
-    Reads its first chunk; for questions that do not read all of it.
+    No chunk is read: for questions that look at a few places of a long log. The hashes are
+    compared where the log is read in order: `check_follows`.
 
     Raises:
-        CorruptLogError: It has another's head, or is of an earlier day.
+        CorruptLogError: Events are missing between them, or their order is not that of their times.
     """
-    first = segment.header.first_event
-    if len(segment.chunks):
-        (before, *_) = page_at(segment, 0).heads["sequence"].tolist()
-        if before != (first - 1) & _SEQUENCE_MASK:
-            problem = f"its head says that it begins with event {first}, its keyframe does not"
-            raise CorruptLogError(segment.path, segment.head_end, problem)
-    if following is None or segment.counts is None:
+    check_counts(segment, before)
+    ends, starts = before.chunks.rows["end_ns"], segment.chunks.rows["start_ns"]
+    if len(ends) and len(starts) and starts[0] <= ends[-1]:
+        problem = f"its first log time {starts[0]} is not after the last of {before.path.name}"
+        raise CorruptLogError(segment.path, 0, f"{problem}, {ends[-1]}, which its head says")
+
+
+def check_counts(segment: Segment, before: Segment) -> None:
+    """Check that the segment before holds all events up to the first of a segment.
+
+    Raises:
+        CorruptLogError: Not as many as it counts itself.
+    """
+    if before.counts is None:
         return
-    events = sum(n for channel, n in segment.counts.items() if kind_of_channel(channel))
-    if first + events != following.header.first_event:
+    counted = sum(count for channel, count in before.counts.items() if kind_of_channel(channel))
+    end = before.header.first_event + counted
+    if end != segment.header.first_event:
+        problem = f"it begins with event {segment.header.first_event}, but {before.path.name}"
         raise CorruptLogError(
             segment.path,
-            segment.whole_end,
-            f"it holds events {first} to {first + events - 1}, but {following.path.name} behind "
-            f"it begins with event {following.header.first_event}; one of the two is not what "
-            "it was",
+            0,
+            f"{problem} before it ends before event {end}; one of the two is not what it was",
         )
 
 

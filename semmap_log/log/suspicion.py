@@ -54,8 +54,9 @@ def suspicion(previous: Commit | None, commit: Commit) -> str:
         previous: The commit before it in the log; None: there is none.
         commit: The commit.
     """
-    if commit.wall_clock_ns < NEVER_BEFORE_NS:
-        return "the wall clock was not set: it says a time before the year 2000"
+    is_unset = commit.wall_clock_ns < NEVER_BEFORE_NS
+    if is_unset and (previous is None or previous.wall_clock_ns >= NEVER_BEFORE_NS):
+        return "the wall clock was not set from here on: it says a time before the year 2000"
     if previous is None:
         return ""
     walked = commit.wall_clock_ns - previous.wall_clock_ns

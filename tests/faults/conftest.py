@@ -33,5 +33,5 @@ def memory() -> Iterator[Path]:
 
 @pytest.fixture
 def plan(memory: Path, tmp_path: Path) -> Plan:
-    """What a kind of fault is asked to do, in folders that are removed."""
-    return Plan(seed=7, folder=memory, disk_folder=tmp_path, keep=tmp_path / "kept")
+    """What a kind of fault is asked to do, in a folder that is removed."""
+    return Plan(seed=7, folder=memory, keep=tmp_path / "kept")

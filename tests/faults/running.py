@@ -20,7 +20,7 @@ def faults(kind: str, count: int, folder: Path, *more: str) -> dict[str, Any]:
     Skips, aloud, what this machine cannot do.
     """
     command = [sys.executable, TOOLS / "faults.py", kind, "--faults", str(count), "--json",
-               "--keep", folder / "kept", "--dir", folder, *more]  # fmt: skip
+               "--keep", folder / "kept", *more]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode in {0, 1}, done.stderr
     (said,) = json.loads(done.stdout)["kinds"]

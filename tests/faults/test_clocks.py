@@ -71,10 +71,10 @@ def test_a_time_that_is_still_to_come_folds_as_recorded(memory: Path) -> None:
     [
         ("tells the truth", []),
         ("goes back by a second", ["went back by"]),
-        ("goes back by two days and returns", ["went back by 1.73e+05 s", "jumped by 1.73e+05 s"]),
-        ("jumps to 2038", ["jumped by"]),
-        ("falls back to 1970", ["went back by 1.77e+09 s"]),
-        ("begins in 1970", ["jumped by 1.77e+09 s"]),
+        ("goes back by two days and returns", ["went back by 2 days", "jumped ahead by 2 days"]),
+        ("jumps to 2038", ["jumped ahead by"]),
+        ("falls back to 1970", ["before the year 2000"]),
+        ("begins in 1970", ["before the year 2000", "jumped ahead by 56.2 years"]),
     ],
 )
 def test_suspect_commits_are_named(lie: str, said: list[str], memory: Path) -> None:
@@ -83,8 +83,7 @@ def test_suspect_commits_are_named(lie: str, said: list[str], memory: Path) -> N
     """
     write_by(memory / "log", lie, LIES[lie])
 
-    warnings = summarize(sl.read(memory / "log").reader).warnings
+    suspects = [s.why for s in summarize(sl.read(memory / "log").reader).suspects]
 
-    suspects = [w for w in warnings if w.startswith("event ")]
     assert len(said) == len(suspects)
     assert all(text in suspect for text, suspect in zip(said, suspects, strict=True))

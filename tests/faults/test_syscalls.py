@@ -11,7 +11,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import LogAccessError, LogPoisonedError
-from semmap_log.log import background, reader, segment_chain
+from semmap_log.log import background, segment_chain, segment_folder
 from semmap_log.log.segment import SegmentWriter
 from tests.faults.running import faults, is_tried
 
@@ -20,27 +20,27 @@ def test_a_process_may_be_killed_at_any_call(tmp_path: Path) -> None:
     """
     Before each call on the folder, in half of a write, and again in the recovery.
     """
-    said = faults("syscalls", 150, tmp_path)
+    said = faults("syscalls", 120, tmp_path)
 
-    is_tried(said, at_least=150)
+    is_tried(said, at_least=120)
 
 
 def test_any_call_may_fail(tmp_path: Path) -> None:
     """
     Once or for ever: the program is told, goes on, and what had failed is stored once or not.
     """
-    said = faults("errors", 150, tmp_path)
+    said = faults("errors", 120, tmp_path)
 
-    is_tried(said, at_least=150)
+    is_tried(said, at_least=120)
 
 
 def test_limits_of_the_machine_are_met_and_lifted(tmp_path: Path) -> None:
     """
     A full disk, a file too large, no more files; read-only and not ours: read, never written.
     """
-    said = faults("limits", 12, tmp_path)
+    said = faults("limits", 9, tmp_path)
 
-    is_tried(said, at_least=12)
+    is_tried(said, at_least=9)
 
 
 def test_a_log_that_could_not_be_opened_can_be_opened_later(
@@ -52,7 +52,7 @@ def test_a_log_that_could_not_be_opened_can_be_opened_later(
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         log.add_door()
-    real, failed = reader.open_segment, 0
+    real, failed = segment_folder.open_segment, 0
 
     for good in range(10):
         left = iter(range(good))
@@ -62,12 +62,12 @@ def test_a_log_that_could_not_be_opened_can_be_opened_later(
                 raise LogAccessError(f"{path}: cannot be read: Input/output error.")
             return real(path, **more)
 
-        monkeypatch.setattr(reader, "open_segment", failing)
+        monkeypatch.setattr(segment_folder, "open_segment", failing)
         try:
             sl.append(path).close()
         except LogAccessError:
             failed += 1
-        monkeypatch.setattr(reader, "open_segment", real)
+        monkeypatch.setattr(segment_folder, "open_segment", real)
         sl.append(path).close()
 
     assert failed >= 2

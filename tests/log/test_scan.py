@@ -147,6 +147,36 @@ def test_a_bad_place_that_nobody_called_durable_is_a_torn_tail(path: Path) -> No
     assert "its CRC says" in segment.problem
 
 
+def test_nothing_stays_mapped(tmp_path: Path) -> None:
+    """
+    When a log is let go of, so are its files: a disk can be unmounted, removed ones free it.
+    """
+    path = tmp_path / "log"
+    with sl.create(path, tz="UTC") as log:
+        log.add_door()
+    opened = sl.read(path)
+    assert 1 == len(opened.replay())
+    assert str(path) in Path("/proc/self/maps").read_text()
+
+    del opened, log
+
+    assert str(path) not in Path("/proc/self/maps").read_text()
+
+
+def test_the_tables_of_a_long_log_are_not_all_kept(path: Path) -> None:
+    """
+    Of the segments that were read only some keep theirs; the others make it again when asked.
+    """
+    _closed(path, 3)
+    segments = [open_segment(path) for _ in range(200)]
+
+    lengths = {len(segment.chunks) for segment in segments}
+
+    assert {4} == lengths
+    assert 64 == sum("_table" in vars(segment) for segment in segments)
+    assert 4 == len(segments[0].chunks)
+
+
 def test_message_indexes_are_never_looked_at(path: Path) -> None:
     """
     Whatever their bytes say, in a live segment: opcodes and lengths of records, too.
@@ -231,9 +261,9 @@ def test_a_segment_read_in_steps_is_as_read_at_once(path: Path) -> None:
         grown = open_segment(path, earlier=segment)
 
         once = open_segment(path)
-        assert once.chunks.rows.tolist() == grown.chunks.rows.tolist()
-        assert once.live is not None
-        assert replace(once.live, table=once.chunks) == replace(grown.live, table=once.chunks)
+        table = once.chunks
+        assert table.rows.tolist() == grown.chunks.rows.tolist()
+        assert replace(once.live, table=table) == replace(grown.live, table=table)
         segment = grown
     assert 20_004 == _events(segment)
 

@@ -15,8 +15,6 @@ class Plan:
     """Everything that is drawn comes from it, so that a run can be repeated."""
     folder: Path
     """An empty folder for its logs, in memory if there is such a place; removed afterwards."""
-    disk_folder: Path
-    """The same on a real disk: for what memory cannot show."""
     faults: int | None = None
     """How many faults are wanted, spread over all that the kind has; None: all of them."""
     keep: Path = Path("faults_found")

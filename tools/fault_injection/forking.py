@@ -6,6 +6,7 @@ import os
 import signal
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -43,12 +44,22 @@ class Child:
 
     def __init__(self, work: Callable[[Tell], None]) -> None:
         """Start it."""
+        self._heard = b""
         self._pipe, writer = os.pipe()
         self._pid = os.fork()
         if self._pid == 0:
             os.close(self._pipe)
             _work(work, writer)
         os.close(writer)
+
+    def heard(self) -> list[str]:
+        """Return the lines that it has told until now; they are told by `wait` again."""
+        os.set_blocking(self._pipe, False)
+        with suppress(BlockingIOError):
+            while data := os.read(self._pipe, 2**16):
+                self._heard += data
+        os.set_blocking(self._pipe, True)
+        return self._heard.decode().splitlines()
 
     def kill(self) -> None:
         """End it, if it has not ended."""
@@ -57,7 +68,7 @@ class Child:
     def wait(self) -> Ended:
         """Return how it ended, once it has."""
         with os.fdopen(self._pipe, "rb") as pipe:
-            lines = pipe.read().decode().splitlines()
+            lines = (self._heard + pipe.read()).decode().splitlines()
         _, status = os.waitpid(self._pid, 0)
         errors = [line[1:].replace("\0", "\n") for line in lines if line.startswith("!")]
         told = tuple(line for line in lines if not line.startswith("!"))

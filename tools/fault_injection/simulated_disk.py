@@ -24,8 +24,8 @@ from fault_injection.story import small_limits, story
 from fault_injection.trees import Tree, keep, read_tree, write_tree
 from fault_injection.workers import shared
 
-USUAL_STATES = 10_000
-STATES_PER_STORY = 1_250
+USUAL_STATES = 10_400
+STATES_PER_STORY = 1_300
 FOLLOWED_SHARE = 0.03
 """Of the states, so many are followed: the calls of their recovery are recorded,"""
 RECOVERY_STATES = 8
@@ -88,7 +88,7 @@ class _Bench:
 
     def __init__(self, plan: Plan, seed: int, level: str) -> None:
         self._plan = plan
-        self._story = story(seed)
+        self._story = story(seed, tail=6)
         self._level = level
         self._name = f"story {seed} ({level})"
         self._examiner = Examiner(self._story)

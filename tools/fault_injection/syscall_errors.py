@@ -25,7 +25,7 @@ from fault_injection.workers import shared
 
 EMPTY: Tree = {"out": {}}
 SYNCS = Call.FSYNC | Call.FDATASYNC
-USUAL_FAULTS = 2_000
+USUAL_FAULTS = 1_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,11 @@ class _Way:
     calls: Call
     action: Action
     error: int = 0
-    is_noticed: bool = True
-    """Whether the log may say that it failed."""
+    is_told: bool | None = None
+    """Whether the program is told of it: it must not, it must; None: a background thread, or a
+    part that is not needed, may be all that failed."""
+    is_sampled: bool = True
+    """Whether some calls will do; else each of them fails in turn, at the level `event`."""
 
     def __str__(self) -> str:
         half = {Action.HALF_THEN_FAIL: "half of ", Action.SHORT: "short "}.get(self.action, "")
@@ -46,10 +49,11 @@ class _Way:
 WAYS = (
     _Way(Call.WRITE, Action.FAIL, errno.EIO),
     _Way(Call.WRITE, Action.FAIL, errno.ENOSPC),
-    _Way(Call.WRITE, Action.HALF_THEN_FAIL, errno.ENOSPC),
-    _Way(SYNCS, Action.FAIL, errno.EIO),
-    _Way(SYNCS, Action.FAIL, errno.ENOSPC),
-    _Way(Call.RENAME, Action.FAIL, errno.EIO),
+    _Way(Call.WRITE, Action.HALF_THEN_FAIL, errno.ENOSPC, is_sampled=False),
+    _Way(Call.FDATASYNC, Action.FAIL, errno.EIO, is_told=True, is_sampled=False),
+    _Way(Call.FSYNC, Action.FAIL, errno.EIO, is_sampled=False),
+    _Way(Call.FSYNC, Action.FAIL, errno.ENOSPC),
+    _Way(Call.RENAME, Action.FAIL, errno.EIO, is_sampled=False),
     _Way(Call.OPEN, Action.FAIL, errno.EMFILE),
     _Way(Call.OPEN, Action.FAIL, errno.EROFS),
     _Way(Call.LOOK, Action.FAIL, errno.EMFILE),
@@ -57,8 +61,8 @@ WAYS = (
     _Way(Call.UNLINK, Action.FAIL, errno.EIO),
     _Way(Call.TRUNCATE, Action.FAIL, errno.EIO),
     _Way(Call.MKDIR, Action.FAIL, errno.ENOSPC),
-    _Way(Call.WRITE, Action.SHORT, is_noticed=False),
-    _Way(Call.WRITE | SYNCS | Call.OPEN | Call.LOOK, Action.FAIL, errno.EINTR, is_noticed=False),
+    _Way(Call.WRITE, Action.SHORT, is_told=False),
+    _Way(Call.WRITE | SYNCS | Call.OPEN | Call.LOOK, Action.FAIL, errno.EINTR, is_told=False),
 )
 
 
@@ -82,6 +86,10 @@ class _Fault:
         return f"({self.level}) {self.way} at call {self.first}{lasting}"
 
 
+def _can_be_left_out(fault: _Fault) -> bool:
+    return fault.way.is_sampled or fault.level != "event" or fault.count == FOR_EVER
+
+
 def _errors(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
     bench = _Bench(plan, plan.folder / f"errors_{share}")
     with small_limits():
@@ -100,11 +108,10 @@ class _Bench:
         self._random = Random(plan.seed)
 
     def drawn(self) -> list[_Fault]:
-        """Return the faults to try: each call of the level `event` once, and some of all others."""
+        """Return the faults to try: all that are not to be sampled, and some of the others."""
         every = [fault for level in LEVELS for fault in self._faults(level)]
         self._random.shuffle(every)
-        every.sort(key=lambda fault: (fault.level, fault.count) != ("event", 1))
-        chosen = every[:USUAL_FAULTS]
+        chosen = sorted(every, key=_can_be_left_out)[:USUAL_FAULTS]
         self._random.shuffle(chosen)
         return chosen
 
@@ -134,8 +141,10 @@ class _Bench:
             return Outcome(name, problem=ended.error or "; ".join(broken))
         if ended.status:
             return Outcome(name, problem=f"the process ended with {ended.status}: {failures}")
-        if failures and not fault.way.is_noticed:
+        if failures and fault.way.is_told is False:
             return Outcome(name, problem=f"it should not even notice: {failures}")
+        if fault.way.is_told and not failures:
+            return Outcome(name, problem="it failed, and the program was not told")
         if not finished and fault.count != FOR_EVER:
             return Outcome(name, problem=f"one call failed, and the run ended: {failures}")
         told = ended.told

@@ -26,6 +26,9 @@ from semmap_log.log.form import (
 
 CARE_CHANNELS = (COMMIT_CHANNEL, NOTE_CHANNEL, KEYFRAME_CHANNEL)
 
+ZSTD_LEVEL = 3
+"""With which chunks are written."""
+
 Message = tuple[int, int, int, int, int, int]
 """Channel, sequence, log time, publish time, start and end in the chunk's records."""
 
@@ -66,6 +69,19 @@ class Piece:
     def levels(self) -> list[int]:
         """The levels whose floor map is in it, ascending."""
         return [c - FLOOR_MAP_CHANNEL for c in self.counts if c >= FLOOR_MAP_CHANNEL]
+
+    def is_compressed_as_usual(self, file: memoryview) -> bool:
+        """Tell whether its stored bytes are those that this zstd makes of its records.
+
+        Some bits of a zstd frame mean nothing; only a closed segment's data CRC covers them.
+        """
+        import zstandard
+
+        stored = self.stored
+        if stored.compression != "zstd":
+            return True
+        usual = zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(self.records)
+        return bool(file[stored.data_offset : stored.data_offset + stored.stored_size] == usual)
 
     def chunk_index(self) -> ChunkIndex:
         """Return what the summary must say of it."""

@@ -165,13 +165,16 @@ class Verifier:
         for item in walk:
             if isinstance(item, Piece):
                 self._piece(item, Place(i, item.stored.offset))
+                if is_live and not item.is_compressed_as_usual(walk.file):
+                    self._report(_unusual(path, item.stored.offset))
                 contents.add(item)
                 if self._progress is not None:
                     self._progress(self._bytes - len(walk.file) + item.end, self._todo)
             elif isinstance(item, Flaw):
                 contents.is_flawless = False
                 is_head = not contents.chunks  # the keyframe: synced before the file has its name
-                self._flaw(item, walk, is_live=is_live and not is_head)
+                if not self._flaw(item, walk, is_live=is_live and not is_head):
+                    return False
             elif is_live and self._is_torn(item, walk):
                 chain.forget_unfinished()
                 self._torn(item.start, len(walk.file), item.text)
@@ -197,16 +200,22 @@ class Verifier:
             return False  # the head and its keyframe are synced before the file has its name
         return not walk.is_durable_behind(gap.end, self.chain.next_event)
 
-    def _flaw(self, flaw: Flaw, walk: SegmentWalk, *, is_live: bool) -> None:
+    def _flaw(self, flaw: Flaw, walk: SegmentWalk, *, is_live: bool) -> bool:
+        """Report a flaw around a chunk; return False where it makes the rest a torn tail."""
         is_torn = (
             is_live
             and flaw.kind in TORN_KINDS
             and not walk.is_durable_behind(flaw.offset + 1, self.chain.next_event)
         )
-        if is_torn:
-            self._torn(flaw.offset, flaw.offset, flaw.text)
-        else:
+        if not is_torn:
             self._damage(flaw.kind, flaw.offset, flaw.text)
+            return True
+        if flaw.kind == "message index":  # which is made anew: the chunk before it counts
+            self._torn(flaw.offset, flaw.offset, flaw.text)
+            return True
+        self.chain.forget_unfinished()
+        self._torn(flaw.offset, len(walk.file), flaw.text)
+        return False
 
     def _end_of_segment(
         self, file: SegmentFile, walk: SegmentWalk, contents: Contents, *, is_live: bool
@@ -353,3 +362,11 @@ def _leftover(path: Path, *, is_whole: bool) -> Finding:
         return Finding("leftover", Severity.NOTE, path, None, None, text)
     text = f"{text}; its own bytes are damaged, which costs nothing"
     return Finding("leftover", Severity.WARNING, path, None, None, text)
+
+
+def _unusual(path: Path, offset: int) -> Finding:
+    text = (
+        "a chunk is compressed to other bytes than this zstd makes: another version wrote it, or "
+        "a bit of it that means nothing is not as it was. Its records are as they were"
+    )
+    return Finding("compression", Severity.WARNING, path, offset, None, text)
