@@ -81,6 +81,7 @@ def fate_of(mutant: Mutant) -> Fate:
         prefix="mutant_", dir=MEMORY if MEMORY.is_dir() else None
     ) as folder:
         tree, temporary = Path(folder) / "tree", Path(folder) / "tmp"
+        Path(folder).chmod(0o755)  # some tests become nobody, and look in
         temporary.mkdir()
         tree.mkdir()
         for name in COPIED:
