@@ -122,8 +122,12 @@ class _Bench:
         """
 
         def play(tell: Tell) -> None:
+            waited_for = f"asked {from_wish}"
+
             def tell_and_limit(line: str) -> None:
-                if line == f"asked {from_wish}":
+                nonlocal waited_for
+                if line == waited_for:
+                    waited_for = ""  # once: when it is asked again, the limit was lifted
                     limit()
                 tell(line)
 
