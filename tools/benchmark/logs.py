@@ -12,7 +12,7 @@ from benchmark.patrol import START_NS, STEP_NS, grouped, patrol
 
 DAY_NS = 24 * 3600 * 10**9
 DAILY_STATES = ("open", "closed", "open")
-TORN_BYTES = 40
+TORN_BYTES = 200
 """The last commit of a log that was killed lacks so many bytes."""
 
 SLOW_EVENTS = 20_000

@@ -134,7 +134,7 @@ def _append_after_crash(path: Path) -> Work:
             yield
 
     def once(_: None) -> None:
-        opened.append(sl.append(path))
+        opened.append(sl.append(path, compact=False))
 
     def answer(_: None) -> int:
         (log,) = opened
