@@ -30,7 +30,6 @@ from semmap_log.log.recovery import reopened
 from semmap_log.log.scan import Segment
 from semmap_log.log.segment import SegmentWriter
 
-
 MOST_LEFT = 16
 """So many segments are looked at, when a log is opened, for compaction that was left undone."""
 
