@@ -30,6 +30,7 @@ from mutation.mutant import Mutant
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("semmap_log", "tests", "tools", "pyproject.toml")
 TIMEOUT_S = 900
+MEMORY = Path("/dev/shm")  # noqa: S108 - folders of our own, with names nobody can foresee
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +77,21 @@ def _problem_without_mutation(mutants: Sequence[Mutant]) -> str:
 def fate_of(mutant: Mutant) -> Fate:
     """Make a mutant in a folder of its own, run its tests, and say which of them noticed."""
     start = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="mutant_") as folder:
-        tree = Path(folder)
+    with tempfile.TemporaryDirectory(
+        prefix="mutant_", dir=MEMORY if MEMORY.is_dir() else None
+    ) as folder:
+        tree, temporary = Path(folder) / "tree", Path(folder) / "tmp"
+        Path(folder).chmod(0o755)  # some tests become nobody, and look in
+        temporary.mkdir()
+        tree.mkdir()
         for name in COPIED:
             _copy(ROOT / name, tree / name)
         if mutant.snippet:
             mutant.apply(tree)
         command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "--no-header",
                    "-p", "no:cacheprovider", *mutant.tests]  # fmt: skip
-        environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+        environment = {**os.environ, "PYTHONPATH": str(tree), "TMPDIR": str(temporary),
+                       "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
         try:
             done = subprocess.run(command, cwd=tree, env=environment, capture_output=True,
                                   text=True, check=False, timeout=TIMEOUT_S)  # fmt: skip
@@ -93,9 +100,9 @@ def fate_of(mutant: Mutant) -> Fate:
     seconds = time.monotonic() - start
     if done.returncode == 0:
         return Fate(mutant, "", seconds)
-    failed = re.search(r"^FAILED (\S+)", done.stdout, re.MULTILINE)
-    if done.returncode == 1 and failed:
-        return Fate(mutant, failed[1].removeprefix("tests/"), seconds)
+    failed = re.search(r"^FAILED (\S+)|/(tests/\S+: KeyboardInterrupt)", done.stdout, re.MULTILINE)
+    if failed:
+        return Fate(mutant, (failed[1] or failed[2]).removeprefix("tests/"), seconds)
     return Fate(mutant, done.stdout[-300:] + done.stderr[-300:], seconds, is_broken=True)
 
 

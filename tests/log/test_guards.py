@@ -16,13 +16,14 @@ import pytest
 import semmap_log as sl
 from semmap_log.commits import Note
 from semmap_log.doors import DoorId
-from semmap_log.errors import CorruptLogError
+from semmap_log.errors import CorruptLogError, LogPoisonedError
 from semmap_log.events import DoorAdded, DoorObserved
 from semmap_log.log import keyframes
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import MAX_CHUNK_BYTES, ChunkDamage, build_chunk, read_chunk_head, walk
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
 from semmap_log.log.compaction import compact
+from semmap_log.log.durability import SharedSync
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.scan import open_segment
@@ -308,3 +309,21 @@ def test_a_segment_begins_with_the_event_after_the_last(
 
     with pytest.raises(CorruptLogError, match="begins with event 99, but log_000000"):
         check_follows(forged, last_commit(first), first)
+
+
+def test_no_sync_is_tried_again() -> None:
+    """
+    The kernel forgets what it could not write: a second sync would say that all is well.
+    """
+    syncs, tried = SharedSync(), []
+
+    def fails() -> int:
+        tried.append("once")
+        raise OSError(5, "no")
+
+    with pytest.raises(OSError, match="no"):
+        syncs.make_durable(1, fails)
+    with pytest.raises(LogPoisonedError, match="a sync failed"):
+        syncs.make_durable(1, fails)
+
+    assert ["once"] == tried
