@@ -20,7 +20,7 @@ from benchmark.appending import append_cases
 from benchmark.case import Case
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
-from benchmark.reading import moment_cases, open_cases, replay_cases
+from benchmark.reading import crash_case, moment_cases, open_cases, replay_cases
 from benchmark.starting import start_cases
 from benchmark.worker import PeerFailedError, measure
 
@@ -76,6 +76,8 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
         for group, cases in sized.items():
             if group in args.only:
                 yield from cases(shop, count, args.rounds)
+    if "open" in args.only:
+        yield crash_case(shop, args.rounds)
     if "start" in args.only:
         yield from start_cases(args.rounds)
 

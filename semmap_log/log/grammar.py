@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.commits import Durability
+from semmap_log.errors import CorruptLogError
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL
 from semmap_log.log.page_reading import TIMES_MISFIT, first_misfit
 from semmap_log.log.pages import Page, kinds_of
@@ -71,16 +72,31 @@ class Misfit:
     problem: str
 
 
+def place_behind(page: Page, start: Place) -> Place:
+    """Return where the log stands behind a page that follows a place.
+
+    Raises:
+        CorruptLogError: It does not follow.
+    """
+    reading = Reading(page, np.array([len(page.heads)]))
+    _, problem = reading.whole_chunks(start)
+    if problem:
+        raise CorruptLogError(page.path, page.offset, problem)
+    return reading.places_after(start)[0]
+
+
 class Reading:
     """Messages that follow a place, in order, whole chunks."""
 
-    def __init__(self, page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]) -> None:
+    def __init__(
+        self, page: Page, ends: NDArray[np.intp], rows: NDArray[np.void] | None = None
+    ) -> None:
         """Take up messages.
 
         Args:
             page: Their records.
             ends: How many messages there are to the end of each chunk; each has at least one.
-            rows: What the chunks' heads say: `start_ns` and `end_ns`.
+            rows: What the chunks' heads say: `start_ns` and `end_ns`; None: not looked at.
         """
         self._page = page
         self._ends = ends
@@ -135,6 +151,8 @@ class Reading:
         ]
 
     def _misfit_of_chunk_times(self) -> Misfit | None:
+        if self._rows is None:
+            return None
         chunk = first_misfit(self._log_time, self._ends, self._rows)
         if chunk is None:
             return None

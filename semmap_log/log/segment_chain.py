@@ -30,6 +30,9 @@ from semmap_log.log.recovery import reopened
 from semmap_log.log.scan import Segment
 from semmap_log.log.segment import SegmentWriter
 
+MOST_LEFT = 16
+"""So many segments are looked at, when a log is opened, for compaction that was left undone."""
+
 
 class SegmentChain:
     """Used by one thread at a time, but for what the background thread reports.
@@ -167,7 +170,7 @@ def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
     """Return the last segments that the writers before did not get to, the last first."""
     found = []
     with suppress(CorruptLogError):  # who reads it is told
-        for segment in reversed(closed):
+        for segment in reversed(closed[-MOST_LEFT:]):
             if not needs_compaction(segment):
                 break
             found.append(segment)

@@ -23,8 +23,7 @@ from semmap_log.log.pages import Page
 from semmap_log.log.rechunk import needs_compaction, rechunked
 from semmap_log.log.scan import open_segment
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.segment_reading import page_at, pages_of
-from semmap_log.log.sequence import SequenceCheck
+from semmap_log.log.segment_reading import last_commit, page_at
 from tests.conftest import SteadyClock
 from tests.log.logs import (
     answers,
@@ -229,11 +228,11 @@ def a_commit_too_long(records: Records) -> Records:
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (without_an_event, "do not count on"),
-        (two_commits_swapped, "log times do not rise"),
-        (another_hash, "does not follow the one before"),
-        (another_count, "does not end where its events do"),
-        (a_commit_too_long, "a Commit of another size"),
+        (without_an_event, "event number that does not follow"),
+        (two_commits_swapped, "event number that does not follow"),
+        (another_hash, "does not follow the commit before"),
+        (another_count, "does not count the events before"),
+        (a_commit_too_long, "a Commit of a wrong size"),
     ],
 )
 def test_records_that_do_not_follow_each_other_are_damage(
@@ -276,13 +275,12 @@ def test_a_segment_that_does_not_follow_is_not_merged(
     What its head says of the segment before must be what that one ends with.
     """
     (path,) = segment_files(write_log(tmp_path / "log", 30))
-    segment, (page, *_) = open_segment(path), pages_of(open_segment(path))
-    check = SequenceCheck()
-    check.add(segment.header, page)
-    after = segment.header.next(30, page.commits()[-1].hash)
+    segment = open_segment(path)
+    after = segment.header.next(30, last_commit(segment).hash)
+    behind = replace(segment, path=tmp_path / "behind", header=replace(after, **{field: value}))
 
-    with pytest.raises(CorruptLogError, match=problem):
-        check.add(replace(after, **{field: value}), page)
+    with pytest.raises(CorruptLogError, match=problem), rechunked([segment, behind]):
+        pass
 
 
 def other_payload(page: Page) -> BuiltChunk:

@@ -10,6 +10,11 @@ from pathlib import Path
 
 from benchmark.patrol import START_NS, STEP_NS, grouped, patrol
 
+DAY_NS = 24 * 3600 * 10**9
+DAILY_STATES = ("open", "closed", "open")
+TORN_BYTES = 200
+"""The last commit of a log that was killed lacks so many bytes."""
+
 SLOW_EVENTS = 20_000
 """A peer below 100,000 events/s reads the first segments only, with at least so many events."""
 
@@ -88,11 +93,32 @@ def write_patrol(path: Path, count: int, per_commit: int) -> None:
 
     clock = SimulatedClock(START_NS, bytes(16))
     entropy = random.Random(count).randbytes
-    with sl.create(path, tz="Europe/Vienna", clock=clock, entropy=entropy) as log:
+    with sl.create(path, tz="Europe/Vienna", clock=clock, entropy=entropy, compact=False) as log:
         for events in grouped(patrol(count), per_commit):
             clock.now_ns += STEP_NS * len(events)
             log.append(events, sync=False)
         log.sync()
+
+
+def write_days(path: Path, days: int) -> None:
+    """Write a log of a few sightings a day, a segment a day, and leave it as a kill does."""
+    from patrol_sim.journal import SimulatedClock
+
+    import semmap_log as sl
+
+    clock = SimulatedClock(START_NS, bytes(16))
+    source = path.with_name("running") / path.name
+    source.parent.mkdir()
+    options = {"tz": "UTC", "clock": clock, "entropy": random.Random(days).randbytes}
+    with sl.create(source, **options, durability="flush", compact=False) as log:
+        door = log.add_door()
+        for _ in range(days - 1):
+            clock.now_ns += DAY_NS
+            for state in DAILY_STATES:
+                log.observe(door, state)
+        shutil.copytree(source, path)
+    last = max(path.glob("*.mcap"))
+    last.write_bytes(last.read_bytes()[:-TORN_BYTES])
 
 
 def _described(path: Path, count: int) -> BenchLog:

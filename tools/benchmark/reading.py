@@ -8,11 +8,13 @@ from functools import partial
 from pathlib import Path
 
 from benchmark.case import Case, Peer, Work
-from benchmark.logs import BenchLog, Workshop
+from benchmark.logs import DAILY_STATES, BenchLog, Workshop, write_days
 from benchmark.patrol import START_NS, STEP_NS
 from benchmark.plain_fold import PlainFold, answer_of, plain_answer
 
 PER_COMMIT = (1, 10, 100)
+YEARS_OF_DAYS = 1825
+"""Five years, a segment a day."""
 MCAP = "mcap + mcap-ros2-support, fold"
 REPLAY_PROMISES = {
     ("live", 1): "≥ 20x", ("live", 10): "≥ 20x", ("live", 100): "≥ 20x",
@@ -60,6 +62,20 @@ def open_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]
         yield Case("open", title, "ms", (ours, mcap), rounds or 5, events=count)
 
 
+def crash_case(shop: Workshop, rounds: int | None) -> Case:
+    """Return: a log of five years opened to go on with, after a crash."""
+    path = shop.folder_for("years") / "log"
+    shop.say(f"writing {YEARS_OF_DAYS:,} segments")
+    write_days(path, YEARS_OF_DAYS)
+    files = tuple(sorted(path.glob("*.mcap")))
+    stored = 1 + (YEARS_OF_DAYS - 1) * len(DAILY_STATES) - 1  # the last one is torn
+    ours = Peer("semmap-log", partial(_append_after_crash, path), stored)
+    mcap = Peer("mcap, all summaries but the last's", partial(_mcap_open, files[:-1]),
+                2 + (YEARS_OF_DAYS - 2) * (1 + len(DAILY_STATES)))  # fmt: skip
+    title = f"After a crash, {YEARS_OF_DAYS:,} segments"
+    return Case("open", title, "ms", (ours, mcap), rounds or 5)
+
+
 def _moments(count: int) -> Iterator[int]:
     """Yield moments between a patrol's start and its end, the same at each run."""
     rng = random.Random(7)
@@ -99,6 +115,32 @@ def _open(path: Path) -> Work:
         lambda _: sl.read(path),
         answer=lambda log: sum(len(segment.chunks) for segment in log.reader.segments),
     )
+
+
+def _append_after_crash(path: Path) -> Work:
+    import semmap_log as sl
+
+    last = max(path.glob("*.mcap"))
+    torn = last.read_bytes()
+    opened: list[sl.DoorLogWriter] = []
+
+    def crashed() -> Iterator[None]:
+        """Put the torn segment back before each turn."""
+        while True:
+            while opened:
+                opened.pop().close()
+            last.unlink()
+            last.write_bytes(torn)
+            yield
+
+    def once(_: None) -> None:
+        opened.append(sl.append(path, compact=False))
+
+    def answer(_: None) -> int:
+        (log,) = opened
+        return log.replay().event + 1
+
+    return Work(once, crashed(), answer)
 
 
 def _mcap_open(files: tuple[Path, ...]) -> Work:

@@ -122,11 +122,12 @@ class _Bench:
         """
 
         def play(tell: Tell) -> None:
-            waits_for = {f"asked {from_wish}"}
+            waited_for = f"asked {from_wish}"
 
             def tell_and_limit(line: str) -> None:
-                if line in waits_for:
-                    waits_for.clear()  # what failed is asked once more, without the limit
+                nonlocal waited_for
+                if line == waited_for:
+                    waited_for = ""  # once: when it is asked again, the limit was lifted
                     limit()
                 tell(line)
 

@@ -76,6 +76,7 @@ class StubbornPlayer(Player):
 
     def _recover(self, error: Exception) -> None:
         """Let go of the log as a program does; check that nothing is written behind its back."""
+        self._after_failure()  # first: what had failed could be written now
         log, self.log, self._waits_for = self.log, None, None
         if log is not None:
             if isinstance(error, LogPoisonedError):
@@ -89,7 +90,6 @@ class StubbornPlayer(Player):
                 self._check_unchanged(before, "garbage collection")
             else:
                 _close(log)
-        self._after_failure()
 
     def _check_refuses(self, log: DoorLogWriter) -> None:
         """Check that a log that has failed acknowledges nothing more."""
