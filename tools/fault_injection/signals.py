@@ -83,15 +83,16 @@ def _in_a_child(
     """Fork a child that works, do something to it, and return what it told before it ended."""
     sl.create(path, tz="UTC", compact=False).close()
     told, tell = os.pipe()
-    child = os.fork()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    child = os.fork()  # which nothing may interrupt before it is in its own code
     if child == 0:
         try:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-            work(
-                Ledger(tell=lambda *said: os.write(tell, "{} {} {}\n".format(*said).encode())), path
-            )
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            work(Ledger(tell=partial(_say, tell)), path)
         finally:
             os._exit(0)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
     os.close(tell)
     ledger = Ledger()
     try:
