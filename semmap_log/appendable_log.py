@@ -18,9 +18,9 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
 from semmap_log.events import Event, RobotPose
 from semmap_log.log.clock import believable_ns
-from semmap_log.log.durability import Promise
-from semmap_log.log.reader import LogReader
-from semmap_log.log.writer import LogWriter
+from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.writing.durability import Promise
+from semmap_log.log.writing.writer import LogWriter
 from semmap_log.projections.door_map import DoorMapState
 
 if TYPE_CHECKING:

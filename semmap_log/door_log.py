@@ -25,9 +25,9 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Event, FloorMap, Retracted
-from semmap_log.log.following import FollowedCommit, follow
 from semmap_log.log.header import LogInfo
-from semmap_log.log.reader import LogReader, Progress
+from semmap_log.log.reading.following import FollowedCommit, follow
+from semmap_log.log.reading.reader import LogReader, Progress
 from semmap_log.moments import Moment, parse_moment, parse_range
 from semmap_log.projections.diff import Diff, diff
 from semmap_log.projections.history import HistoryEntry, history

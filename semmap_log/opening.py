@@ -10,10 +10,10 @@ from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.log.clock import Clock, SystemClock
 from semmap_log.log.commits import Entropy
-from semmap_log.log.durability import Promise
 from semmap_log.log.header import LogInfo
-from semmap_log.log.opening import create_log, open_for_append
-from semmap_log.log.writer import Surroundings
+from semmap_log.log.writing.durability import Promise
+from semmap_log.log.writing.opening import create_log, open_for_append
+from semmap_log.log.writing.writer import Surroundings
 from semmap_log.moments import zone
 
 _LOCALTIME = Path("/etc/localtime")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from semmap_log.event_batch import EventBatch
-from semmap_log.log.reader import LogReader, Progress
+from semmap_log.log.reading.reader import LogReader, Progress
 from semmap_log.projections.door_map import DoorMapState
 
 

@@ -14,8 +14,8 @@ from semmap_log.doors import DoorMap
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import KINDS
 from semmap_log.log.header import LogInfo
-from semmap_log.log.reader import LogReader, Progress
-from semmap_log.log.scan import Segment
+from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.scan import Segment
 from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.projections.door_map import DoorMapState
 

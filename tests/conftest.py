@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import random
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+MEMORY = Path("/dev/shm")
+ROOM_BYTES = 2**30
+"""Enough for two test runs at a time."""
+
+if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
+    # Thousands of small logs are made, synced and broken. What a disk keeps of them at a power cut
+    # is the business of tests/faults, which have disks of their own.
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 

@@ -17,9 +17,9 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.events import DoorAnnotated, DoorObserved
-from semmap_log.log import segment_chain
 from semmap_log.log.compaction import compact
-from semmap_log.log.following import FollowedCommit
+from semmap_log.log.reading.following import FollowedCommit
+from semmap_log.log.writing import segment_chain
 
 
 def _all_there(log: sl.DoorLog, after: int | None = -1) -> list[FollowedCommit]:
@@ -183,7 +183,7 @@ def test_another_log_in_its_place_is_noticed(rolled: Path) -> None:
 WRITER = """
 import sys, itertools
 import semmap_log as sl
-from semmap_log.log import segment_chain
+from semmap_log.log.writing import segment_chain
 segment_chain.ROLL_COMMITS = 7
 log = sl.append(sys.argv[1])
 door = next(iter(log.replay().doors))

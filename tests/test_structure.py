@@ -87,6 +87,40 @@ def test_imports_point_toward_the_nouns(path: Path) -> None:
     assert [] == wrong
 
 
+LOG_ORDER = ["", "reading", "compaction", "writing", "verification", "salvage"]
+"""The rooms inside `log`, in the order in which they are built on each other; "": `log` itself."""
+
+
+def _room_in_log(module: str) -> str:
+    """Return the room of `semmap_log.log.<room>.<file>`; "" for a file in `log` itself."""
+    name = module.split(".")[2] if module.count(".") > 1 else ""
+    return name if name in LOG_ORDER else ""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "log"],
+    ids=lambda path: str(path.relative_to(PACKAGE)),
+)
+def test_inside_the_log_imports_point_one_way_too(path: Path) -> None:
+    """
+    Nothing shared leans on a room; verification leans on none: it believes not even the reader.
+    """
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    room = _room_in_log(".".join(("semmap_log", *parts)))
+    may_use = {"", room} | set(LOG_ORDER[: LOG_ORDER.index(room)])
+    if room == "verification":
+        may_use = {"", room}
+
+    wrong = [
+        f"line {line}: {name}"
+        for line, name in _imports(path)
+        if name.startswith("semmap_log.log") and _room_in_log(name) not in may_use
+    ]
+
+    assert [] == wrong
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_third_parties_stay_at_their_edge(path: Path) -> None:
     """

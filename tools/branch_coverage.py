@@ -18,14 +18,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 MEASURED = (
-    "semmap_log/log/writer.py",
-    "semmap_log/log/durability.py",
-    "semmap_log/log/segment_chain.py",
+    "semmap_log/log/writing/writer.py",
+    "semmap_log/log/writing/durability.py",
+    "semmap_log/log/writing/segment_chain.py",
     "semmap_log/log/segment.py",
     "semmap_log/log/commits.py",
     "semmap_log/log/uniform_commit.py",
-    "semmap_log/log/recovery.py",
-    "semmap_log/log/opening.py",
+    "semmap_log/log/writing/recovery.py",
+    "semmap_log/log/writing/opening.py",
     "semmap_log/log/lock.py",
     "semmap_log/log/disk.py",
     "semmap_log/messages/codec.py",

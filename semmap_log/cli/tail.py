@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
     from semmap_log.doors import DoorId
     from semmap_log.event_batch import RecordedEvent
-    from semmap_log.log.following import FollowedCommit
+    from semmap_log.log.reading.following import FollowedCommit
 
     Told = tuple[RecordedEvent, Note]
     """An event, and what its commit says."""
@@ -64,7 +64,7 @@ def run(
       semmap-log tail office -f --json --after 1234 | my_program
     """
     import semmap_log as sl
-    from semmap_log.log.following import commits_after
+    from semmap_log.log.reading.following import commits_after
 
     opened = sl.read(log)
     wanted = _filter(opened, door, poses=poses or as_json)
@@ -102,7 +102,7 @@ def _last(
     opened: DoorLog, count: int, after: int, wanted: Callable[[RecordedEvent], bool]
 ) -> Iterable[Told]:
     """Return the last events that are wanted, of those behind a number."""
-    from semmap_log.log.following import commits_after
+    from semmap_log.log.reading.following import commits_after
 
     end, back = _end(opened), count
     while count:

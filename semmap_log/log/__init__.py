@@ -1,8 +1,11 @@
 """The log on disk: a folder of MCAP segments. The only room that knows MCAP.
 
-`form` says what lies where; `records`, `chunks` and `commits` make the bytes; `segment` holds a
-file being written. `scan` opens one for reading: a closed one by its summary (`closed_summary`,
-`chunk_table`), a live one by its grammar (`live_scan`, `live_records`, `grammar`, and `resync`
-behind damage); `page_reading` and `segment_reading` read from it, `segment_set` tells which files
-are the log. `writer` and `reader` are the log as a whole.
+Here lies what all of it shares: `form` says what lies where; `records`, `chunks` and `commits` make
+the bytes, `pages` takes them apart; `segment` is a file being written. The rooms inside:
+
+    reading/        segments and the log as a whole, read
+    compaction/     closed segments made small
+    writing/        the one writer
+    verification/   all of it examined, believing nothing, not even what `reading` does
+    salvage/        a damaged log made whole again
 """

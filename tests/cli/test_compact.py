@@ -15,8 +15,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.log import segment_chain
-from semmap_log.log.scan import open_segment
+from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.writing import segment_chain
 from tests.log.logs import digest_of_records, segment_files, write_log
 
 Run = Callable[..., tuple[int, str, str]]

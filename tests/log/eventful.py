@@ -11,7 +11,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.events import FloorMap, Retracted
-from semmap_log.log import segment_chain
+from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock
 
 SEGMENT_COMMITS = 4

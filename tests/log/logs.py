@@ -10,8 +10,8 @@ from typing import Any
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import DoorObserved, Event
-from semmap_log.log.reader import LogReader
-from semmap_log.log.scan import open_segment
+from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.scan import open_segment
 
 
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:

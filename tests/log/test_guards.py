@@ -23,13 +23,13 @@ from semmap_log.log import records as mcap
 from semmap_log.log.chunks import MAX_CHUNK_BYTES, ChunkDamage, build_chunk, read_chunk_head, walk
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
 from semmap_log.log.compaction import compact
-from semmap_log.log.durability import SharedSync
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
-from semmap_log.log.scan import open_segment
+from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_reading import last_commit
+from semmap_log.log.reading.segment_set import check_follows
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.segment_reading import last_commit
-from semmap_log.log.segment_set import check_follows
+from semmap_log.log.writing.durability import SharedSync
 from semmap_log.messages import layout
 from semmap_log.projections.door_map import DoorMapState
 
@@ -299,7 +299,7 @@ def test_a_segment_begins_with_the_event_after_the_last(
     """
     The number in its head counts by itself, also where the hash in it is right.
     """
-    monkeypatch.setattr("semmap_log.log.segment_chain.ROLL_COMMITS", 2)
+    monkeypatch.setattr("semmap_log.log.writing.segment_chain.ROLL_COMMITS", 2)
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         for _ in range(4):
             log.add_door()

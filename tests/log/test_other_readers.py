@@ -35,8 +35,8 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.log import segment_chain
 from semmap_log.log.compaction import compact
+from semmap_log.log.writing import segment_chain
 
 DOOR = DoorId(1)
 

@@ -12,7 +12,7 @@ from fault_injection.fault import Outcome, Plan
 from fault_injection.judging import Judge, Verdict, WrongAnswerError
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
-from semmap_log.log.scan import Segment, open_segment
+from semmap_log.log.reading.scan import Segment, open_segment
 
 MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""

@@ -7,19 +7,19 @@ from mutation.mutant import Mutant
 LOG = "semmap_log/log/"
 DISK = "tests/faults/test_simulated_disk.py"
 ERRORS = "tests/faults/test_syscalls.py"
-DURABILITY = "tests/log/test_durability.py"
+DURABILITY = "tests/log/writing/test_durability.py"
 RIVALS = "tests/faults/test_rivals.py"
 FLIPS = "tests/faults/test_flips.py"
 SEGMENTS = "tests/faults/test_segments.py"
 INSIDE = "tests/faults/test_memory.py"
 INTERRUPTED = "tests/faults/test_interrupted.py"
 CLOCKS = "tests/faults/test_clocks.py"
-RECOVERY = "tests/log/test_recovery.py"
-WRITER = "tests/log/test_writer.py"
-SCAN = "tests/log/test_scan.py"
-SET = "tests/log/test_segment_set.py"
-COMPACTION = "tests/log/test_compaction.py"
-MERGE = "tests/log/test_compaction_merge.py"
+RECOVERY = "tests/log/writing/test_recovery.py"
+WRITER = "tests/log/writing/test_writer.py"
+SCAN = "tests/log/reading/test_scan.py"
+SET = "tests/log/reading/test_segment_set.py"
+COMPACTION = "tests/log/compaction/test_compaction.py"
+MERGE = "tests/log/compaction/test_compaction_merge.py"
 GUARDED = "tests/log/test_guards.py"
 
 
@@ -44,10 +44,10 @@ SYNCS = (
     _without("sync of whole files altogether", "disk.py",
              "os.O_RDONLY | os.O_CLOEXEC)\n    try:\n        os.fsync(fd)", DISK,
              put="os.O_RDONLY | os.O_CLOEXEC)\n    try:\n        pass"),
-    _without("sync of the folder in which a log is made", "opening.py",
+    _without("sync of the folder in which a log is made", "writing/opening.py",
              "            sync_folder(folder.parent)\n            return writer", DISK,
              put="            return writer"),
-    _without("sync of the folder in which half a log was made", "opening.py",
+    _without("sync of the folder in which half a log was made", "writing/opening.py",
              "if _may_be_half_made(reader):", DISK, put="if False:"),
 )  # fmt: skip
 
@@ -60,11 +60,11 @@ LOCKS = (
              "if os.getpid() == self._pid:", RIVALS, put="if True:"),
     _without("unlocking though a child has the file open", "lock.py",
              "fcntl.flock(fd, fcntl.LOCK_UN)", RIVALS),
-    _without("refusal of a forked child's append", "writer.py",
+    _without("refusal of a forked child's append", "writing/writer.py",
              "if os.getpid() != self._pid:", RIVALS, put="if False:"),
-    _without("leaving the segment to the parent when a child closes", "writer.py",
+    _without("leaving the segment to the parent when a child closes", "writing/writer.py",
              "if os.getpid() == self._pid:", RIVALS, put="if True:"),
-    _without("lock before leftovers are removed", "opening.py",
+    _without("lock before leftovers are removed", "writing/opening.py",
              '    with _told_as_access_error(folder, "cannot be opened"), _locked(folder) as lock:'
              "\n        remove_leftovers(folder)", RIVALS,
              put="    remove_leftovers(folder)\n"
@@ -77,7 +77,7 @@ LOCKS = (
 CHECKSUMS = (
     _without("CRC of a chunk", "chunks.py", "    if zlib.crc32(records) != crc:", SCAN, FLIPS,
              put="    if False:"),
-    _without("CRC of a summary", "closed_summary.py",
+    _without("CRC of a summary", "reading/closed_summary.py",
              "if zlib.crc32(file[start : len(file) - len(mcap.MAGIC) - 4]) != crc:", SCAN, FLIPS,
              put="if False:"),
     _without("digest of a segment's head", "header.py",
@@ -85,13 +85,13 @@ CHECKSUMS = (
              put="if entries.pop(DIGEST_KEY, None) is None:"),
     _without("hash of a keyframe's state", "keyframes.py",
              " or bytes(message.state_hash) != _hash(fields)", GUARDED, put=""),
-    _without("hash of the commit before, between commits", "reader.py",
+    _without("hash of the commit before, between commits", "reading/reader.py",
              "if commit.previous_hash != previous:", GUARDED, SCAN,
              put="if False:"),
-    _without("hash of the commit before, in a live segment", "grammar.py",
+    _without("hash of the commit before, in a live segment", "reading/grammar.py",
              'unchained = (commits["previous_hash"] != hashes).any(axis=1)', GUARDED,
              SCAN, put="unchained = np.zeros(len(hashes), np.bool_)"),
-    _without("hash of the commit before, between segments", "segment_set.py",
+    _without("hash of the commit before, between segments", "reading/segment_set.py",
              "if segment.header.hash_so_far != head:", SET, put="if False:"),
     _without("records of a commit in its hash", "commits.py",
              '        whole.update(channel.to_bytes(2, "little") + digest)', GUARDED,
@@ -109,65 +109,68 @@ SIZES = (
     _without("messages that tile a chunk", "chunks.py",
              "if opcode != Opcode.MESSAGE or length < least:", GUARDED,
              put="if False:"),
-    _without("times in a chunk's head", "page_reading.py",
+    _without("times in a chunk's head", "reading/page_reading.py",
              'if first_misfit(page.heads["log_time"], ends, chunks.rows) is not None:', GUARDED,
              put="if False:"),
-    _without("heads of chunks against the summary", "chunk_table.py",
+    _without("heads of chunks against the summary", "reading/chunk_table.py",
              "if _row(chunk) != row.item():", GUARDED, put="if False:"),
-    _without("event numbers without gaps", "reader.py",
+    _without("event numbers without gaps", "reading/reader.py",
              "if batch.number[0] != expected or (np.diff(batch.number) != 1).any():",
              GUARDED, put="if False:"),
-    _without("event numbers without gaps in a live segment", "grammar.py",
+    _without("event numbers without gaps in a live segment", "reading/grammar.py",
              "self._sequence != ((numbers - 1) & _SEQUENCE_MASK).astype(np.uint32)", GUARDED,
              SCAN, put="np.zeros(len(numbers), np.bool_)"),
-    _without("log times that grow in a live segment", "grammar.py",
+    _without("log times that grow in a live segment", "reading/grammar.py",
              "np.diff(self._log_time, prepend=start.log_time_ns) <= 0", GUARDED,
              SCAN, put="np.zeros(len(self._log_time), np.bool_)"),
-    _without("commits that count their events", "grammar.py",
+    _without("commits that count their events", "reading/grammar.py",
              '(commits["count"] != reached - first)', GUARDED, SCAN,
              put='(commits["count"] == 0)'),
 )  # fmt: skip
 
 SEGMENTS_OF_A_LOG = (
-    _without("segments of one log", "segment_set.py", "if len(ids) < 2:", SET, SEGMENTS,
+    _without("segments of one log", "reading/segment_set.py", "if len(ids) < 2:", SET, SEGMENTS,
              put="if True:"),
-    _without("segments without a gap", "segment_set.py",
+    _without("segments without a gap", "reading/segment_set.py",
              "if segment.header.number > expected:", SET, SEGMENTS, put="if False:"),
-    _without("first events that fit", "segment_set.py",
+    _without("first events that fit", "reading/segment_set.py",
              "if segment.header.first_event != next_event:", GUARDED, put="if False:"),
-    _without("a segment that was cut and is not the last", "segment_set.py",
+    _without("a segment that was cut and is not the last", "reading/segment_set.py",
              "if not segment.closed:", SET, SEGMENTS, put="if False:"),
-    _without("a segment that is there twice", "segment_set.py",
+    _without("a segment that is there twice", "reading/segment_set.py",
              "_check_leftover(segment, segments)", SEGMENTS, SET),
-    _without("commits that prove what was durable", "live_scan.py",
+    _without("commits that prove what was durable", "reading/live_scan.py",
              "behind.durable_before > scan.place.committed", SCAN, FLIPS, put="False"),
-    _without("a head that was on the disk", "live_scan.py",
+    _without("a head that was on the disk", "reading/live_scan.py",
              "or not scan.whole  # the head", GUARDED, SCAN,
              put="or False  # the head"),
 )  # fmt: skip
 
 REFUSALS = (
-    _without("poison after a failed write", "writer.py",
+    _without("poison after a failed write", "writing/writer.py",
              "            raise self._poisoned(error.strerror, command_id) from error",
              DURABILITY, WRITER, ERRORS,
              put="            self._in_commit = False\n            raise"),
-    _without("poison after a sync that did not end", "durability.py", "self.is_broken = True",
+    _without("poison after a sync that did not end",
+             "writing/durability.py", "self.is_broken = True",
              DURABILITY),
-    _without("no second try of a sync", "durability.py", "            if self.is_broken:",
+    _without("no second try of a sync", "writing/durability.py", "            if self.is_broken:",
              GUARDED, put="            if False:"),
-    _without("poison after an interrupt in a commit", "writer.py",
+    _without("poison after an interrupt in a commit", "writing/writer.py",
              '            self._poisoned("interrupted in the middle of a commit")',
              INSIDE, WRITER, put="            self._in_commit = False"),
-    _without("a poisoned writer's segment left as it is", "writer.py",
+    _without("a poisoned writer's segment left as it is", "writing/writer.py",
              "if self._poison or self._in_commit or self._syncs.is_broken:", WRITER, INSIDE, ERRORS,
              put="if False:"),
-    _without("no append in an append", "writer.py", "        if self._busy:",
+    _without("no append in an append", "writing/writer.py", "        if self._busy:",
              "tests/test_misuse.py", put="        if False:"),
-    _without("no append after close", "writer.py", "        if not self._open:\n            raise",
+    _without("no append after close",
+             "writing/writer.py", "        if not self._open:\n            raise",
              "tests/test_misuse.py", WRITER, put="        if False:\n            raise"),
     Mutant("what an interrupt left behind", "semmap_log/appendable_log.py",
            "if self._taken_in != self._writer.next_event:", "if False:", (INTERRUPTED,)),
-    _without("recorded times that grow", "writer.py", "max(wall_ns, self.last_ns + 1),", CLOCKS,
+    _without("recorded times that grow",
+             "writing/writer.py", "max(wall_ns, self.last_ns + 1),", CLOCKS,
              WRITER, put="wall_ns,"),
     _without("clocks before 1970", "clock.py", "min(max(clock.wall_ns(), 0), _LATEST_NS)", CLOCKS,
              put="min(clock.wall_ns(), _LATEST_NS)"),
@@ -176,9 +179,11 @@ REFUSALS = (
     _without("whole writes", "disk.py",
              "    while view:\n        view = view[os.write(fd, view) :]", ERRORS, DURABILITY,
              put="    pass"),
-    _without("a torn tail that is kept", "recovery.py", "        keep_torn_tail(segment)", RECOVERY,
+    _without("a torn tail that is kept",
+             "writing/recovery.py", "        keep_torn_tail(segment)", RECOVERY,
              put="        pass"),
-    _without("a compacted copy that is compared", "rechunk.py", "if whole.digest() != digest:",
+    _without("a compacted copy that is compared",
+             "compaction/rechunk.py", "if whole.digest() != digest:",
              COMPACTION, MERGE, put="if False:"),
 )  # fmt: skip
 

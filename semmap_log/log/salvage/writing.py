@@ -17,7 +17,7 @@ from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.salvage.rewriting import Rewriter, chunks_of
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.verification import WholeCommit
-from semmap_log.log.written_state import WrittenState
+from semmap_log.log.writing.written_state import WrittenState
 from semmap_log.projections.door_map import DoorMapState
 
 ACTOR = "semmap-log recover"

@@ -1,0 +1,171 @@
+"""Closed segments written anew in large zstd chunks: the same records, a fraction of the bytes.
+
+Records keep their bytes and their order. The copy lies beside the old file until it has been
+compared with it, and is synced; only then may it take a name. Memory: about one chunk.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from semmap_log.errors import CorruptLogError
+from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
+from semmap_log.log.chunks import BuiltChunk, build_chunk
+from semmap_log.log.compaction.repaging import Pause, no_pause, pages
+from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_CHANNEL
+from semmap_log.log.pages import Page
+from semmap_log.log.reading.grammar import Place, place_behind
+from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.segment_reading import page_at, pages_of
+from semmap_log.log.segment import SegmentWriter
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from semmap_log.log.header import SegmentHeader
+
+
+@contextmanager
+def rechunked(sources: Sequence[Segment], pause: Pause = no_pause) -> Iterator[SegmentWriter]:
+    """Hand out the closed, synced and compared copy of adjacent segments, as one segment.
+
+    It has the first one's path; `install` puts it there. If that is not called, or on any error,
+    nothing is left of it.
+
+    Args:
+        sources: Closed segments that follow each other; often only one.
+        pause: Called between chunks.
+
+    Raises:
+        CorruptLogError: One is damaged, or does not follow the one before.
+        OSError: As the file system says.
+    """
+    writer = SegmentWriter(sources[0].path, merged_header(sources))
+    try:
+        digest = _write(writer, sources, pause)
+        assert writer.temporary is not None
+        _compare(sources, digest, writer, pause)
+        yield writer
+    finally:
+        writer.abandon()
+
+
+def merged_header(sources: Sequence[Segment]) -> SegmentHeader:
+    """Return the header of the segment that stands for all of these."""
+    return replace(sources[0].header, last_number=sources[-1].header.last_number)
+
+
+def needs_compaction(segment: Segment) -> bool:
+    """Tell whether compaction would make a closed segment smaller or its chunks fewer.
+
+    Reads a few chunks at most: the first that gives a reason ends the search, and of a segment
+    that was compacted only those that are small, or not compressed, have to be looked at.
+    """
+    rows = segment.chunks.rows
+    small = np.flatnonzero(rows["size"][:-1] < CHUNK_BYTES).tolist()
+    plain = np.flatnonzero(rows["compression"] != b"zstd").tolist()
+    return any(_can_join(segment, i) for i in small) or any(_shrinks(segment, i) for i in plain)
+
+
+def _can_join(segment: Segment, i: int) -> bool:
+    """Tell whether a small chunk and the next one would be put into one."""
+    return not (_is_keyframe(page_at(segment, i)) or _is_keyframe(page_at(segment, i + 1)))
+
+
+def _shrinks(segment: Segment, i: int) -> bool:
+    return _smallest(page_at(segment, i)).facts.compression == "zstd"
+
+
+def _is_keyframe(page: Page) -> bool:
+    """Tell whether a chunk's first record is a Keyframe: then it is its only one."""
+    return bool(page.heads["channel_id"][0] == KEYFRAME_CHANNEL)
+
+
+def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> bytes:
+    """Write and close the copy; return the digest of all records of the old segments."""
+    whole = hashlib.sha256()
+    place = _start_of(sources[0])
+    for segment in sources:
+        place = _go_on(place, segment)
+        for page in pages(segment, pause):
+            place = place_behind(page, place)
+            pause(0)  # after each step that keeps the interpreter
+            chunk = _smallest(page)
+            pause(0)
+            writer.add(chunk, levels=page.levels)
+            whole.update(page.records)
+            pause(len(page.records))
+    writer.close()
+    return whole.digest()
+
+
+def _start_of(segment: Segment) -> Place:
+    """Return where the log stands before a segment, as its head says."""
+    first = segment.header.first_event
+    return Place(first, first, segment.header.hash_so_far)
+
+
+def _go_on(place: Place, segment: Segment) -> Place:
+    """Return the place if a segment begins there.
+
+    Raises:
+        CorruptLogError: Its head says something else.
+    """
+    said = _start_of(segment)
+    if (said.next_event, said.hash) != (place.next_event, place.hash):
+        problem = f"expected event {place.next_event} next, got {said.next_event}"
+        if said.next_event == place.next_event:
+            problem = "it does not follow the segment before: another hash so far"
+        raise CorruptLogError(segment.path, segment.head_end, problem)
+    return place
+
+
+def _smallest(page: Page) -> BuiltChunk:
+    """Return the chunk of these records: compressed, unless that makes it no smaller."""
+    records = bytes(page.records)
+    built = build_chunk(records, page.offsets, compression="zstd")
+    if built.facts.stored_size < built.facts.size:
+        return built
+    return build_chunk(records, page.offsets, compression="")
+
+
+def _compare(
+    sources: Sequence[Segment], digest: bytes, writer: SegmentWriter, pause: Pause
+) -> None:
+    """Read the copy from its file and compare head, statistics and every record with the old."""
+    assert writer.temporary is not None
+    copy = open_segment(writer.temporary)
+    if copy.header != writer.header:
+        raise _differs(sources[0].path, "its head")
+    said = [statistics_of(segment.path, segment.file) for segment in sources]
+    if _contents(said) != _contents([statistics_of(writer.temporary, copy.file)]):
+        raise _differs(sources[0].path, "the number or the time of its messages")
+    whole = hashlib.sha256()
+    for page in pages_of(copy):
+        whole.update(page.records)
+        pause(len(page.records))
+    if whole.digest() != digest:
+        raise _differs(sources[0].path, "its records")
+
+
+def _contents(segments: Sequence[ClosedSegment]) -> tuple[dict[int, int], int, int]:
+    """Return messages by channel, and the first and last log time, of segments together."""
+    counts: Counter[int] = Counter()
+    for segment in segments:
+        counts.update(segment.counts)
+    return (
+        dict(counts),
+        min(segment.start_ns for segment in segments),
+        max(segment.end_ns for segment in segments),
+    )
+
+
+def _differs(path: Path, what: str) -> CorruptLogError:
+    return CorruptLogError(path, 0, f"its compacted copy differs in {what}; the old one is kept")

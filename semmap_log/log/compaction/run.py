@@ -1,0 +1,175 @@
+"""A log made small: closed segments in large compressed chunks, small ones merged."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
+from semmap_log.log.bag_metadata import statistics_of, write_bag_metadata
+from semmap_log.log.compaction.merge import Step, plan, remove_merged
+from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
+from semmap_log.log.compaction.repaging import Pause, no_pause
+from semmap_log.log.disk import remove_leftovers
+from semmap_log.log.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL
+from semmap_log.log.lock import WriterLock
+from semmap_log.log.reading.reader import LogReader, Progress, check_is_log
+from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.segment import SegmentWriter
+
+
+@dataclass(frozen=True, slots=True)
+class Compacted:
+    """What a compaction did to the closed segments, or would do."""
+
+    segments_before: int
+    segments_after: int
+    bytes_before: int
+    bytes_after: int | None
+    """None where it was only planned."""
+    events: int
+    """In all closed segments."""
+    steps: tuple[tuple[Path, ...], ...]
+    """For each file that was written: what it was made of; it has the first one's name."""
+
+
+def compact(folder: Path, *, merge: bool = True, progress: Progress | None = None) -> Compacted:
+    """Rechunk the closed segments of a log, and merge small ones that follow each other.
+
+    The live segment is not touched. Stopped at any point, by whatever, the folder holds the log.
+
+    Args:
+        folder: The log.
+        merge: Merge small segments, up to 64 MiB of records in a file.
+        progress: Told how far the work is.
+
+    Raises:
+        LogLockedError: Somebody is writing.
+        LogAccessError: The file system says no; what was done until then stays done.
+        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+    """
+    check_is_log(folder)
+    lock = WriterLock(folder)
+    try:
+        remove_leftovers(folder)
+        remove_merged(LogReader(folder))
+        return _compact(folder, merge=merge, progress=progress)
+    except OSError as error:
+        problem = f"{folder}: cannot be compacted: {error.strerror or error}. The log is whole."
+        raise LogAccessError(problem) from error
+    finally:
+        lock.release()
+
+
+def plan_compaction(folder: Path, *, merge: bool = True) -> Compacted:
+    """Return what `compact` would do; needs no lock and no write access."""
+    closed = _closed(folder)
+    steps = plan(closed, merge=merge)
+    merged_away = sum(len(step.sources) - 1 for step in steps)
+    return _summary(closed, steps, len(closed) - merged_away, None)
+
+
+def _compact(folder: Path, *, merge: bool, progress: Progress | None) -> Compacted:
+    before = _closed(folder)
+    steps = plan(before, merge=merge)
+    pause = _told(progress, sum(2 * step.size for step in steps)) if progress else no_pause
+    listed = {segment.path: statistics_of(segment.path, segment.file) for segment in before}
+    try:
+        for step in steps:
+            listed = step.run(folder, listed, pause)
+    except BaseException:
+        with suppress(SemmapError, OSError):
+            _list_closed(folder)  # leftovers wait for the next time: see `remove_merged`
+        raise
+    after = _list_closed(folder)
+    return _summary(before, steps, len(after), sum(len(segment.file) for segment in after))
+
+
+def _told(progress: Progress, total: int) -> Pause:
+    done = 0
+
+    def pause(more: int) -> None:
+        nonlocal done
+        done += more
+        progress(done, total)
+
+    return pause
+
+
+def _closed(folder: Path) -> list[Segment]:
+    return [segment for segment in LogReader(folder).segments if segment.closed]
+
+
+def _list_closed(folder: Path) -> list[Segment]:
+    """Bring metadata.yaml up to date; return what it lists."""
+    closed = _closed(folder)
+    write_bag_metadata(folder, [statistics_of(s.path, s.file) for s in closed])
+    return closed
+
+
+def _summary(
+    before: Sequence[Segment], steps: Sequence[Step], segments_after: int, bytes_after: int | None
+) -> Compacted:
+    return Compacted(
+        segments_before=len(before),
+        segments_after=segments_after,
+        bytes_before=sum(len(segment.file) for segment in before),
+        bytes_after=bytes_after,
+        events=sum(_events(segment) for segment in before),
+        steps=tuple(tuple(source.path for source in step.sources) for step in steps),
+    )
+
+
+def _events(segment: Segment) -> int:
+    counts = statistics_of(segment.path, segment.file).counts
+    return sum(
+        count
+        for channel, count in counts.items()
+        if channel <= LAST_EVENT_CHANNEL or channel >= FLOOR_MAP_CHANNEL
+    )
+
+
+def compact_segment(
+    path: Path,
+    *,
+    pause: Pause = no_pause,
+    install: Callable[[SegmentWriter], None] = SegmentWriter.install,
+) -> bool:
+    """Replace a closed segment by its compacted copy; at every instant one of both is there.
+
+    Args:
+        path: Its file.
+        pause: Called between chunks; what it raises stops the work, and the old segment stays.
+        install: Called with the copy, closed, synced and compared: to put it in place.
+
+    Returns:
+        Whether it was replaced; False where there is nothing to gain.
+
+    Raises:
+        CorruptLogError: It is damaged, or not closed; it stays as it is.
+        OSError: As the file system says; it stays as it is.
+    """
+    _read_through(path, pause)
+    segment = open_segment(path)
+    if not segment.closed:
+        raise CorruptLogError(path, segment.whole_end, "not closed, so it cannot be compacted")
+    if not needs_compaction(segment):
+        return False
+    with rechunked([segment], pause) as copy:
+        install(copy)
+    return True
+
+
+def _read_through(path: Path, pause: Pause) -> None:
+    """Read a file once, by calls: a sector that cannot be read is then an error.
+
+    Met through a mapped file, it would end the process: a robot's recorder, with its writer.
+    """
+    with path.open("rb", buffering=0) as file:
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_SEQUENTIAL)
+        block = bytearray(CHUNK_BYTES)
+        while file.readinto(block):
+            pause(0)

@@ -1,0 +1,212 @@
+"""Which files of a folder are the log: all of one, none missing, in the order of their heads."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from semmap_log.commits import Commit
+from semmap_log.errors import CorruptLogError
+from semmap_log.log.form import kind_of_channel
+from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_reading import commit_of, last_commit
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentSet:
+    """The segments of a log, by the order of their events."""
+
+    segments: list[Segment]
+    leftovers: list[Path]
+    """Files whose segments were merged into another: no part of the log any more."""
+
+
+def arrange(folder: Path, found: Sequence[Segment]) -> SegmentSet:
+    """Return which of the segments found in a folder are the log. File names do not matter.
+
+    Raises:
+        CorruptLogError: Names the file at which something is wrong: it is of another log, or
+            there twice, or was cut; or the number of the one that is missing.
+    """
+    _check_one_log(found)
+    segments: list[Segment] = []
+    leftovers: list[Path] = []
+    expected = 0
+    for segment in sorted(found, key=lambda s: (s.header.number, -s.header.last_number)):
+        if segment.header.number < expected:
+            _check_leftover(segment, segments)
+            leftovers.append(segment.path)
+            continue
+        if segment.header.number > expected:
+            raise _missing(folder, segment, expected)
+        segments.append(segment)
+        expected = segment.header.last_number + 1
+    for segment, following in pairwise(segments):
+        _check_before(segment, following)
+    return SegmentSet(segments, leftovers)
+
+
+def check_follows(segment: Segment, last: Commit | None, before: Segment) -> None:
+    """Check that a segment begins where the one before it ends.
+
+    Args:
+        segment: One segment.
+        last: The last commit of the segment before it; None: it has none.
+        before: That segment.
+
+    Raises:
+        CorruptLogError: It does not: one of the two was swapped, or cut.
+    """
+    next_event = before.header.first_event if last is None else last.last_event + 1
+    head = before.header.hash_so_far if last is None else last.hash
+    if segment.header.first_event != next_event:
+        raise CorruptLogError(
+            segment.path,
+            0,
+            f"it begins with event {segment.header.first_event}, but {before.path.name} before it "
+            f"ends before event {next_event}; one of the two is not what it was",
+        )
+    if segment.header.hash_so_far != head:
+        raise CorruptLogError(
+            segment.path,
+            0,
+            f"it follows the commit {segment.header.hash_so_far.hex()[:12]}…, but "
+            f"{before.path.name} before it ends with {head.hex()[:12]}…; "
+            "one of the two is of another copy of this log",
+        )
+
+
+def check_adjoins(segment: Segment, before: Segment) -> None:
+    """Check that a segment begins where the one before it ends, as far as their summaries tell.
+
+    No chunk is read: for questions that look at a few places of a long log. The hashes are
+    compared where the log is read in order: `check_follows`.
+
+    Raises:
+        CorruptLogError: Events are missing between them, or their order is not that of their times.
+    """
+    check_counts(segment, before)
+    ends, starts = before.chunks.rows["end_ns"], segment.chunks.rows["start_ns"]
+    if len(ends) and len(starts) and starts[0] <= ends[-1]:
+        problem = f"its first log time {starts[0]} is not after the last of {before.path.name}"
+        raise CorruptLogError(segment.path, 0, f"{problem}, {ends[-1]}, which its head says")
+
+
+def check_counts(segment: Segment, before: Segment) -> None:
+    """Check that the segment before holds all events up to the first of a segment.
+
+    Raises:
+        CorruptLogError: Not as many as it counts itself.
+    """
+    if before.counts is None:
+        return
+    counted = sum(count for channel, count in before.counts.items() if kind_of_channel(channel))
+    end = before.header.first_event + counted
+    if end != segment.header.first_event:
+        problem = f"it begins with event {segment.header.first_event}, but {before.path.name}"
+        raise CorruptLogError(
+            segment.path,
+            0,
+            f"{problem} before it ends before event {end}; one of the two is not what it was",
+        )
+
+
+def _check_one_log(found: Sequence[Segment]) -> None:
+    ids = Counter(segment.header.info.log_id for segment in found)
+    if len(ids) < 2:
+        return
+    ours = ids.most_common(1)[0][0]
+    foreign = next(s for s in found if s.header.info.log_id != ours)
+    raise CorruptLogError(
+        foreign.path,
+        0,
+        f"a segment of another log (id {foreign.header.info.log_id}); "
+        f"segments of {len(ids)} logs lie in one folder; most are of the log {ours}",
+    )
+
+
+def _missing(folder: Path, segment: Segment, expected: int) -> CorruptLogError:
+    last = segment.header.number - 1
+    names = f"segment {expected} is" if last == expected else f"segments {expected} to {last} are"
+    return CorruptLogError(
+        segment.path,
+        0,
+        f"expected segment {expected} of the log next, got segment {segment.header.number}: "
+        f"one is missing; {names} not in {folder}",
+    )
+
+
+def _check_before(segment: Segment, following: Segment) -> None:
+    """Check what the heads of two neighbours tell without a look at the data between them."""
+    if not segment.closed:
+        problem = (
+            f"not closed, and {following.path.name} follows it: it was cut; "
+            f"events before {following.header.first_event} are affected"
+        )
+        raise CorruptLogError(segment.path, segment.whole_end, problem)
+    if following.header.first_event < segment.header.first_event:
+        problem = (
+            f"it begins with event {following.header.first_event}, before {segment.path.name} does"
+        )
+        raise CorruptLogError(following.path, 0, problem)
+
+
+def _check_leftover(segment: Segment, before: Sequence[Segment]) -> None:
+    """Check that a segment holds nothing that a merged one does not hold, with the same hashes.
+
+    Raises:
+        CorruptLogError: It does.
+    """
+    header = segment.header
+    whole = before[-1]
+    for other in before:
+        if other.header.number <= header.number <= other.header.last_number:
+            whole = other
+    merged = (whole.header.number, whole.header.last_number)
+    if merged == (header.number, header.last_number):
+        raise CorruptLogError(
+            segment.path,
+            0,
+            f"segment {header.number} of the log is there twice; the other is {whole.path.name}",
+        )
+    if header.last_number > whole.header.last_number:
+        raise CorruptLogError(
+            segment.path,
+            0,
+            f"segments {header.number} to {header.last_number}, and {whole.path.name} "
+            f"holds {merged[0]} to {merged[1]}: they overlap",
+        )
+    if not _is_part(segment, whole):
+        raise CorruptLogError(
+            segment.path,
+            0,
+            f"its segment {header.number} is a part of {whole.path.name}, "
+            "which has other commits there",
+        )
+
+
+def _is_part(segment: Segment, whole: Segment) -> bool:
+    """Tell whether the commits before and at the end of a segment are the same in a larger one."""
+    header = segment.header
+    if header.first_event == whole.header.first_event:
+        before = whole.header.hash_so_far
+    else:
+        commit = commit_of(whole, header.first_event - 1)
+        if commit is None or commit.last_event != header.first_event - 1:
+            return False
+        before = commit.hash
+    if before != header.hash_so_far:
+        return False
+    return _ends_alike(segment, whole)
+
+
+def _ends_alike(segment: Segment, whole: Segment) -> bool:
+    """Tell whether a segment's last commit is in a larger one, too."""
+    last = last_commit(segment)
+    if last is None:
+        return True
+    found = commit_of(whole, last.last_event)
+    return found is not None and found.hash == last.hash

@@ -1,0 +1,89 @@
+"""How a writer gets hold of a log: made anew, or taken up where it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from semmap_log.errors import LogAccessError, LogExistsError
+from semmap_log.log.commits import NO_HASH
+from semmap_log.log.compaction.merge import remove_merged
+from semmap_log.log.disk import is_empty, remove_leftovers, sync_folder
+from semmap_log.log.header import LogInfo, SegmentHeader
+from semmap_log.log.lock import WriterLock
+from semmap_log.log.reading.reader import LogReader, check_is_log
+from semmap_log.log.writing.writer import LogWriter, Surroundings
+from semmap_log.log.writing.written_state import state_at_end
+from semmap_log.projections.door_map import DoorMapState
+
+
+def create_log(
+    folder: Path, info: LogInfo, surroundings: Surroundings = Surroundings()
+) -> LogWriter:
+    """Make a new log in a folder that does not exist, or is empty, and open it.
+
+    Raises:
+        LogExistsError: Something is there already.
+        LogAccessError: The folder cannot be made.
+    """
+    with _told_as_access_error(folder, "no log can be made here"):
+        if folder.exists() and not is_empty(folder):
+            raise LogExistsError(
+                f"{folder}: there is something here already; "
+                "a new log wants a new or an empty folder."
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        with _locked(folder) as lock:
+            remove_leftovers(folder)
+            writer = LogWriter(folder, lock, DoorMapState(), surroundings)
+            writer.begin(SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH))
+            sync_folder(folder.parent)
+            return writer
+
+
+def open_for_append(folder: Path, surroundings: Surroundings = Surroundings()) -> LogWriter:
+    """Open a log for writing; a last segment that a crash left torn is made whole first.
+
+    Raises:
+        NotALogError: There is none.
+        LogLockedError: Somebody else is writing.
+        LogAccessError: The file system does not let us.
+        CorruptLogError: Commits that were acknowledged are damaged.
+    """
+    check_is_log(folder)  # before a lock file is put into somebody else's folder
+    with _told_as_access_error(folder, "cannot be opened"), _locked(folder) as lock:
+        remove_leftovers(folder)
+        reader = LogReader(folder)
+        remove_merged(reader)
+        writer = LogWriter(folder, lock, state_at_end(reader), surroundings)
+        writer.go_on(reader)
+        if _may_be_half_made(reader):
+            sync_folder(folder.parent)
+        return writer
+
+
+def _may_be_half_made(reader: LogReader) -> bool:
+    """Tell whether who made the log may have been killed before the folder's name was synced."""
+    return len(reader.segments) == 1 and not reader.segments[0].closed
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[WriterLock]:
+    """Take the lock; let it go again if what follows fails."""
+    lock = WriterLock(folder)
+    try:
+        yield lock
+    except BaseException:
+        lock.release()
+        raise
+
+
+@contextmanager
+def _told_as_access_error(folder: Path, problem: str) -> Iterator[None]:
+    try:
+        yield
+    except LogAccessError:
+        raise
+    except OSError as error:
+        raise LogAccessError(f"{folder}: {problem}: {error.strerror}.") from error

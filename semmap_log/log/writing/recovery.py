@@ -1,0 +1,44 @@
+"""A segment made writable again: a copy of its whole commits, the torn tail kept beside it.
+
+Nothing is ever cut in place: a reader may have the old file mapped, and a power cut may come at
+any moment. Chunk times and message indexes are made anew from the messages, never copied.
+"""
+
+from __future__ import annotations
+
+from semmap_log.log.chunks import build_chunk
+from semmap_log.log.disk import replace_file
+from semmap_log.log.form import TORN_SUFFIX
+from semmap_log.log.pages import Page
+from semmap_log.log.reading.reader import read_chunk
+from semmap_log.log.reading.scan import Segment
+from semmap_log.log.segment import SegmentWriter
+
+
+def reopened(segment: Segment) -> SegmentWriter:
+    """Return a writer that holds the segment's whole commits, not yet installed."""
+    if segment.torn_bytes:
+        keep_torn_tail(segment)
+    writer = SegmentWriter(segment.path, segment.header)
+    try:
+        for chunk in segment.chunks:
+            records = bytes(read_chunk(segment, chunk))
+            page = Page(records, segment.header.first_event, segment.path, chunk.offset)
+            built = build_chunk(records, page.offsets, compression=chunk.compression)
+            writer.add(built, levels=page.levels)
+    except BaseException:
+        writer.abandon()
+        raise
+    return writer
+
+
+def keep_torn_tail(segment: Segment) -> None:
+    """Put what lies behind the last whole commit beside the segment, named by where it lay."""
+    tail = bytes(segment.file[segment.whole_end :])
+    name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
+    kept = segment.path.with_name(name)
+    more = 1
+    while kept.exists() and kept.read_bytes() != tail:
+        more += 1
+        kept = segment.path.with_name(f"{name}-{more}")
+    replace_file(kept, tail)

@@ -1,0 +1,177 @@
+"""The segments of a log that is being written: which one takes the next commit, and what of others.
+
+One segment is live. When it is full it is closed, and another begins; a background thread then
+puts the closed one into large compressed chunks. A small closed segment is continued in a copy,
+so that a thousand commands of one line do not make a thousand files.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from semmap_log.errors import CorruptLogError
+from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
+from semmap_log.log.chunks import BuiltChunk
+from semmap_log.log.compaction.background import BackgroundCompactor
+from semmap_log.log.compaction.rechunk import needs_compaction
+from semmap_log.log.disk import sync_file
+from semmap_log.log.form import (
+    CONTINUE_BELOW_BYTES,
+    ROLL_AGE_NS,
+    ROLL_BYTES,
+    ROLL_COMMITS,
+    segment_name,
+)
+from semmap_log.log.header import SegmentHeader
+from semmap_log.log.reading.scan import Segment
+from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.writing.recovery import reopened
+
+MOST_LEFT = 16
+"""So many segments are looked at, when a log is opened, for compaction that was left undone."""
+
+
+class SegmentChain:
+    """Used by one thread at a time, but for what the background thread reports.
+
+    Every method may raise OSError; after that the live segment must only be abandoned.
+    """
+
+    def __init__(self, folder: Path, *, compacts: bool) -> None:
+        """Prepare.
+
+        Args:
+            folder: The log's.
+            compacts: Whether full segments are compacted in the background.
+        """
+        self.folder = folder
+        self.live: SegmentWriter | None = None
+        self._header: SegmentHeader
+        """Of the last segment, live or not."""
+        self._small: Segment | None = None
+        """The last segment if it is closed and nothing was written yet: perhaps to continue."""
+        self._older: Sequence[Segment] = ()
+        """Closed segments whose statistics nobody has needed yet."""
+        self._closed: dict[str, ClosedSegment] = {}
+        self._listing = threading.Lock()
+        """Held while metadata.yaml is made: the background thread changes it, too."""
+        self._compacts = compacts
+        self._compactor = BackgroundCompactor(self._compacted)
+
+    def begin(self, header: SegmentHeader, keyframe: BuiltChunk) -> None:
+        """Start a segment: head, keyframe, its name on disk."""
+        segment = SegmentWriter(self.folder / segment_name(self.folder, header.number), header)
+        try:
+            segment.add(keyframe)
+            segment.install()
+        except BaseException:
+            segment.abandon()
+            raise
+        self._header, self.live, self._small = header, segment, None
+
+    def begin_next(self, first_event: int, hash_so_far: bytes, keyframe: BuiltChunk) -> None:
+        """Start the segment after the last."""
+        self.begin(self._header.next(first_event, hash_so_far), keyframe)
+
+    def take_up(self, segments: Sequence[Segment]) -> None:
+        """Go on behind these: a live segment is repaired now, a closed one when it is needed."""
+        *older, last = segments
+        self._older, self._header, self._small = older, last.header, last
+        if last.closed:
+            sync_file(last.path)  # who closed it may have been killed before it had done that
+        else:
+            self.continue_last()
+        for segment in reversed(_left_to_compact(older)):
+            self._compact(segment.path)
+
+    def continue_last(self) -> None:
+        """Make the last segment live again, in a copy, if it is small; else close it."""
+        last, self._small = self._small, None
+        if last is None:
+            return
+        if last.closed and len(last.file) >= CONTINUE_BELOW_BYTES:
+            self._older = (*self._older, last)
+            return
+        segment = reopened(last)
+        self._list()  # rosbag2's tools must not meet a live segment
+        segment.install()
+        self.live = segment
+        if segment.size >= CONTINUE_BELOW_BYTES:
+            self.roll()
+
+    def is_full(self, now_ns: int) -> bool:
+        """Tell whether the live segment wants another after it."""
+        live = self.live
+        return live is not None and (
+            live.size >= ROLL_BYTES
+            or live.commits >= ROLL_COMMITS
+            or now_ns - live.start_ns >= ROLL_AGE_NS
+        )
+
+    def roll(self) -> None:
+        """Close the live segment, since another will follow, and have it compacted."""
+        segment = self.live
+        self.close_live()
+        if segment is not None:
+            self._compact(segment.path)
+
+    def close_live(self) -> None:
+        """Give the live segment its index and footer, so that every tool reads it."""
+        segment, self.live = self.live, None
+        if segment is not None:
+            try:
+                segment.close()
+            except BaseException:
+                segment.abandon()
+                raise
+            self._list(ClosedSegment.of(segment.path, segment.statistics()))
+
+    def abandon(self) -> None:
+        """Let go of the live segment as it is."""
+        if self.live is not None:
+            self.live.abandon()
+            self.live = None
+
+    def rest(self, *, wait: bool) -> None:
+        """End the background thread; what it has not done is left to the next writer.
+
+        Args:
+            wait: Let it finish the segment that it is at.
+        """
+        self._compactor.close(wait=wait)
+
+    def _compact(self, path: Path) -> None:
+        if self._compacts:
+            self._compactor.add(path)
+
+    def _compacted(self, path: Path, closed: ClosedSegment) -> None:
+        """Take in that a segment was replaced; called by the background thread."""
+        with self._listing:
+            self._closed[path.name] = closed
+            if not self._older:
+                write_bag_metadata(self.folder, self._closed.values())
+
+    def _list(self, *closed: ClosedSegment) -> None:
+        """Write metadata.yaml anew, with what was closed."""
+        with self._listing:
+            older, self._older = self._older, ()
+            for segment in older:
+                with suppress(CorruptLogError):  # who reads it is told
+                    self._closed[segment.path.name] = statistics_of(segment.path, segment.file)
+            for one in closed:
+                self._closed[one.name] = one
+            write_bag_metadata(self.folder, self._closed.values())
+
+
+def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
+    """Return the last segments that the writers before did not get to, the last first."""
+    found = []
+    with suppress(CorruptLogError):  # who reads it is told
+        for segment in reversed(closed[-MOST_LEFT:]):
+            if not needs_compaction(segment):
+                break
+            found.append(segment)
+    return found

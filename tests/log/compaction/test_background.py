@@ -1,0 +1,392 @@
+"""Compaction in a thread beside the writer: it does its work, and never becomes the writer's."""
+
+from __future__ import annotations
+
+import logging
+import os
+import resource
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.errors import LogError
+from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
+from semmap_log.log.compaction import background, compact_segment
+from semmap_log.log.compaction.background import BackgroundCompactor
+from semmap_log.log.compaction.rechunk import needs_compaction
+from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.writing import segment_chain
+from tests.log.logs import digest_of_records, segment_files, write_log
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A log of three closed segments of many small chunks."""
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 100)
+    return write_log(tmp_path / "log", 250)
+
+
+class Installed:
+    """Remembers what was installed, and lets a test wait for it."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Path, ClosedSegment, str]] = []
+        self._more = threading.Condition()
+
+    def __call__(self, path: Path, segment: ClosedSegment) -> None:
+        with self._more:
+            self.calls.append((path, segment, threading.current_thread().name))
+            self._more.notify_all()
+
+    def wait_for(self, count: int) -> None:
+        with self._more:
+            assert self._more.wait_for(lambda: len(self.calls) >= count, timeout=20)
+
+
+@pytest.fixture
+def installed() -> Installed:
+    return Installed()
+
+
+@pytest.fixture
+def compactor(installed: Installed) -> Iterator[BackgroundCompactor]:
+    compactor = BackgroundCompactor(installed)
+    yield compactor
+    compactor.close(wait=False)
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    """Return once something is true."""
+    deadline = time.monotonic() + 20
+    while not true():
+        assert time.monotonic() < deadline, "waited 20 s in vain"
+        time.sleep(0.001)
+
+
+def compaction_threads() -> list[threading.Thread]:
+    return [t for t in threading.enumerate() if t.name == "semmap_log compaction"]
+
+
+def temporaries(log: Path) -> list[str]:
+    return [path.name for path in log.iterdir() if path.name.endswith(".tmp")]
+
+
+def test_segments_are_compacted_one_after_the_other(
+    log: Path, compactor: BackgroundCompactor, installed: Installed
+) -> None:
+    """
+    Each that is added becomes smaller, holds the same records, and is reported in the thread.
+    """
+    files, before = segment_files(log), digest_of_records(log)
+    sizes = [path.stat().st_size for path in files]
+
+    for path in files:
+        compactor.add(path)
+    installed.wait_for(3)
+
+    assert files == [path for path, *_ in installed.calls]
+    assert {"semmap_log compaction"} == {thread for *_, thread in installed.calls}
+    assert before == digest_of_records(log)
+    assert all(path.stat().st_size < size for path, size in zip(files, sizes, strict=True))
+    for path, said, _ in installed.calls:
+        assert statistics_of(path, open_segment(path).file) == said
+
+
+def test_no_thread_before_there_is_work(log: Path, compactor: BackgroundCompactor) -> None:
+    """
+    A writer that never rolls pays for no thread; one that does has one, a daemon.
+    """
+    assert [] == compaction_threads()
+
+    compactor.add(segment_files(log)[0])
+
+    assert [True] == [thread.daemon for thread in compaction_threads()]
+
+
+def test_close_finishes_what_is_under_way_and_drops_the_rest(
+    log: Path, compactor: BackgroundCompactor, installed: Installed
+) -> None:
+    """
+    The first is done, the two that wait stay as they are, the thread is gone.
+    """
+    files = segment_files(log)
+    for path in files:
+        compactor.add(path)
+    wait_until(lambda: bool(temporaries(log)) or bool(installed.calls))
+
+    compactor.close()
+
+    assert [] == compaction_threads()
+    done = [path for path, *_ in installed.calls]
+    assert 1 <= len(done) < 3
+    assert [path not in done for path in files] == [
+        needs_compaction(open_segment(path)) for path in files
+    ]
+    assert [] == temporaries(log)
+
+
+def test_abandoned_at_once(
+    log: Path,
+    compactor: BackgroundCompactor,
+    installed: Installed,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """
+    In the middle of a segment: nothing is replaced, no temporary file stays, the thread is gone.
+    """
+    monkeypatch.setattr(background, "PAUSE_S", 0.2)
+    before = [path.read_bytes() for path in segment_files(log)]
+    compactor.add(segment_files(log)[0])
+    wait_until(lambda: bool(temporaries(log)))
+
+    compactor.close(wait=False)
+
+    assert [] == compaction_threads()
+    assert [] == temporaries(log)
+    assert [] == installed.calls
+    assert before == [path.read_bytes() for path in segment_files(log)]
+
+
+def test_an_interrupted_close_replaces_nothing_afterwards(
+    log: Path,
+    compactor: BackgroundCompactor,
+    installed: Installed,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """
+    Ctrl-C while `close` waits: the lock will be let go, so the segment must stay as it is.
+    """
+    monkeypatch.setattr(background, "PAUSE_S", 0.3)
+    before = segment_files(log)[0].read_bytes()
+    compactor.add(segment_files(log)[0])
+    wait_until(lambda: bool(temporaries(log)))
+    main = threading.main_thread().ident
+    assert main is not None
+    threading.Timer(0.05, signal.pthread_kill, (main, signal.SIGINT)).start()
+
+    with pytest.raises(KeyboardInterrupt):
+        compactor.close()
+    wait_until(lambda: not temporaries(log))
+    time.sleep(0.1)
+
+    assert [] == installed.calls
+    assert before == segment_files(log)[0].read_bytes()
+
+
+def test_an_append_does_not_wait(
+    log: Path, compactor: BackgroundCompactor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    While a compaction stands still, a writer appends, rolls and syncs; nothing is shared.
+    """
+    monkeypatch.setattr(background, "PAUSE_S", 60)
+    before = segment_files(log)[0].read_bytes()
+    compactor.add(segment_files(log)[0])
+    wait_until(lambda: bool(compaction_threads()))
+
+    write_log(log.parent / "other", 350)
+    with sl.append(log, compact=False) as opened:
+        for _ in range(30):
+            opened.observe(sl.DoorId(1), "open")
+
+    assert before == segment_files(log)[0].read_bytes()
+    assert 4 == len(segment_files(log.parent / "other"))
+
+
+def test_damage_is_logged_and_the_next_is_done(
+    log: Path,
+    compactor: BackgroundCompactor,
+    installed: Installed,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """
+    A flipped bit: the segment stays byte for byte, a warning names it, the next is compacted.
+    """
+    broken, sound = segment_files(log)[:2]
+    data = bytearray(broken.read_bytes())
+    data[open_segment(broken).chunks[50].data_offset + 40] ^= 1
+    broken.write_bytes(data)
+
+    with caplog.at_level(logging.WARNING, "semmap_log"):
+        compactor.add(broken)
+        compactor.add(sound)
+        installed.wait_for(1)
+
+    assert [sound] == [path for path, *_ in installed.calls]
+    assert bytes(data) == broken.read_bytes()
+    (record,) = caplog.records
+    assert ("semmap_log", "WARNING") == (record.name, record.levelname)
+    assert f"{broken}: not compacted" in record.getMessage()
+    assert "damaged at byte" in record.getMessage()
+
+
+def test_a_full_disk_is_logged(
+    log: Path,
+    compactor: BackgroundCompactor,
+    installed: Installed,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """
+    No room for the copy (here: a limit on the size of files): all stays, nothing is left behind.
+    """
+    path = segment_files(log)[0]
+    before = path.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+        compactor.add(path)
+        wait_until(lambda: bool(caplog.records))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    assert "File too large" in caplog.text
+    assert before == path.read_bytes()
+    assert [] == temporaries(log)
+    assert [] == installed.calls
+
+
+def test_a_callback_that_fails_is_logged(log: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """
+    The segment is replaced, what went wrong afterwards is said, the thread goes on.
+    """
+    listed: list[Path] = []
+
+    def refuse_the_first(path: Path, _: ClosedSegment) -> None:
+        listed.append(path)
+        if len(listed) == 1:
+            raise OSError(28, "No space left on device")
+
+    compactor = BackgroundCompactor(refuse_the_first)
+    for path in segment_files(log)[:2]:
+        compactor.add(path)
+    wait_until(lambda: len(listed) == 2)
+    compactor.close()
+
+    assert segment_files(log)[:2] == listed
+    assert "compacted, but not listed" in caplog.text
+    assert not any(needs_compaction(open_segment(path)) for path in listed)
+
+
+def test_what_is_compacted_already_is_left_alone(
+    log: Path, compactor: BackgroundCompactor, installed: Installed
+) -> None:
+    """
+    Added twice, replaced once.
+    """
+    first, second = segment_files(log)[:2]
+
+    compactor.add(first)
+    compactor.add(first)
+    compactor.add(second)
+    installed.wait_for(2)
+
+    assert [first, second] == [path for path, *_ in installed.calls]
+
+
+def test_a_forked_child_cannot_use_it(log: Path, compactor: BackgroundCompactor) -> None:
+    """
+    In the child `add` is refused, and `close` neither waits nor takes the parent's file away.
+    """
+    compactor.add(segment_files(log)[0])
+
+    pid = os.fork()
+    if pid == 0:
+        status = 1
+        try:
+            compactor.close()
+            compactor.add(segment_files(log)[1])
+        except LogError as error:
+            status = 0 if "forked child" in str(error) else 2
+        finally:
+            os._exit(status)
+    _, status = os.waitpid(pid, 0)
+
+    assert 0 == os.waitstatus_to_exitcode(status)
+
+
+def test_what_a_child_sees(log: Path, compactor: BackgroundCompactor) -> None:
+    """
+    The same without a fork: another process id than that of whoever made it.
+    """
+    compactor._pid += 1
+    compactor.close()
+
+    with pytest.raises(LogError, match="a forked child cannot go on"):
+        compactor.add(segment_files(log)[0])
+
+    compactor._pid -= 1
+    compactor.add(segment_files(log)[0])
+
+
+def test_abandoned_before_the_swap(
+    log: Path,
+    compactor: BackgroundCompactor,
+    installed: Installed,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """
+    The copy is whole and compared: it is thrown away all the same, since the lock may be gone.
+    """
+    path = segment_files(log)[0]
+    before = path.read_bytes()
+    ready, go_on = threading.Event(), threading.Event()
+
+    def held_up(path: Path, *, pause: Any, install: Any) -> bool:
+        def late(copy: SegmentWriter) -> None:
+            ready.set()
+            assert go_on.wait(20)
+            install(copy)
+
+        return compact_segment(path, pause=pause, install=late)
+
+    monkeypatch.setattr(background, "compact_segment", held_up)
+    compactor.add(path)
+    assert ready.wait(20)
+    closing = threading.Thread(target=compactor.close, kwargs={"wait": False})
+    closing.start()
+    wait_until(compactor._abandoned.is_set)
+    go_on.set()
+    closing.join()
+
+    assert [] == installed.calls
+    assert [] == temporaries(log)
+    assert before == path.read_bytes()
+
+
+def test_without_a_thread_the_writer_goes_on(
+    log: Path,
+    compactor: BackgroundCompactor,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """
+    A machine that gives no more threads: said once a segment, nothing else.
+    """
+
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    compactor.add(segment_files(log)[0])
+    compactor.close()
+
+    assert "can't start new thread" in caplog.text
+
+
+def test_closed_it_takes_nothing_more(log: Path, compactor: BackgroundCompactor) -> None:
+    """
+    Closing twice is no error; adding afterwards is one.
+    """
+    compactor.close()
+    compactor.close()
+
+    with pytest.raises(LogError, match="compactor was closed"):
+        compactor.add(segment_files(log)[0])
