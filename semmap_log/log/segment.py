@@ -247,16 +247,15 @@ class SegmentWriter:
             (Opcode.METADATA_INDEX, list(self._metadata)),
         ]
         summary, offsets = b"", b""
-        for opcode, group in groups:
-            if group:
-                data = mcap.record(*group)
-                offset = SummaryOffset(
-                    group_opcode=opcode,
-                    group_start=self.size + len(summary),
-                    group_length=len(data),
-                )
-                summary += data
-                offsets += mcap.record(offset)
+        for opcode, group in groups:  # none is empty: each segment begins with a keyframe
+            data = mcap.record(*group)
+            offset = SummaryOffset(
+                group_opcode=opcode,
+                group_start=self.size + len(summary),
+                group_length=len(data),
+            )
+            summary += data
+            offsets += mcap.record(offset)
         footer = Footer(
             summary_start=self.size, summary_offset_start=self.size + len(summary), summary_crc=0
         )

@@ -105,11 +105,11 @@ class BatchTimer:
         """Stop counting; what was appended is not synced by this."""
         self._closed.set()
         self._appended.set()
-        if self._thread is not None and self._thread is not threading.current_thread():
+        if self._thread is not None:
             self._thread.join()
 
     def _run(self) -> None:
-        while not self._closed.is_set():
+        while True:
             self._appended.wait()
             if self._closed.wait(self._seconds):
                 return

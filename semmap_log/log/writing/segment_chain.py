@@ -91,7 +91,7 @@ class SegmentChain:
         """Make the last segment live again, in a copy, if it is small; else close it."""
         last, self._small = self._small, None
         if last is None:
-            return
+            return  # a crash left a large one: it was made whole, and closed
         if last.closed and len(last.file) >= CONTINUE_BELOW_BYTES:
             self._older = (*self._older, last)
             return

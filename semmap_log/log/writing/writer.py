@@ -205,11 +205,11 @@ class LogWriter:
             raise LogPoisonedError(self._poison)
         self._check_process()
         written, segment = self.next_event, self._chain.live
-        if segment is not None:
-            try:
-                segment.sync()
-            except OSError as error:
-                raise self._poisoned(error.strerror) from error
+        assert segment is not None  # what is closed is synced
+        try:
+            segment.sync()
+        except OSError as error:
+            raise self._poisoned(error.strerror) from error
         return written
 
     def flush(self) -> None:
