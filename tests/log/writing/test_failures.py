@@ -23,7 +23,7 @@ from semmap_log.errors import (
     LogLockedError,
     LogPoisonedError,
 )
-from semmap_log.events import DoorObserved, Event, FloorMap
+from semmap_log.events import DoorObserved, Event, FloorMap, LevelAdded
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.writing import segment_chain
 
@@ -211,6 +211,19 @@ def test_a_large_last_segment_is_not_continued(
 
     assert [0, 1] == [s.header.number for s in sl.read(path).reader.segments]
     assert 4 == _count(path)
+
+
+def test_a_level_by_name_and_what_is_durable_already(tmp_path: Path) -> None:
+    """
+    A command that comes again after its batch was synced waits for nothing.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", durability="batch", batch_s=3000) as log:
+        named = [LevelAdded(level=1, name="first floor", elevation=3.5)]
+        log.append(named, command_id=bytes(16))
+        log.sync()
+
+        assert log.append(named, command_id=bytes(16)).repeated
+        assert 1 == log.durable_before
 
 
 def test_a_floor_map_of_another_level_brings_its_channel(tmp_path: Path) -> None:
