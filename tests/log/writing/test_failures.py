@@ -299,6 +299,11 @@ def test_a_lock_that_cannot_be_taken(tmp_path: Path) -> None:
     with pytest.raises(LogAccessError, match="cannot be opened for writing"):
         WriterLock(tmp_path / "log")
     (tmp_path / "log" / ".lock").rmdir()
+    path = _crashed(tmp_path / "other")
+    (path / ".lock").unlink()
+    (path / ".lock").mkdir()
+    with pytest.raises(LogAccessError, match="cannot be opened for writing"):
+        sl.append(path)
 
     lock = WriterLock(tmp_path / "log")
     (tmp_path / "log" / ".lock").unlink()
