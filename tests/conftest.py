@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from steady_clock import SteadyClock
 
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
@@ -28,24 +29,6 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the real data (../shared/data) is not beside this checkout")
     return SHARED
-
-
-class SteadyClock:
-    """A clock that ticks a millisecond at each look, from a given moment on."""
-
-    boot_id = bytes(range(16))
-
-    def __init__(self, start_ns: int = 1_772_400_000 * 10**9) -> None:
-        self.now_ns = start_ns
-        self.ticks_ns = 0
-
-    def wall_ns(self) -> int:
-        self.now_ns += 10**6
-        return self.now_ns
-
-    def monotonic_ns(self) -> int:
-        self.ticks_ns += 10**6
-        return self.ticks_ns
 
 
 @pytest.fixture

@@ -10,13 +10,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from benchmark.case import Case, Peer, Work
+from benchmark.worker import PeerFailedError, measure
 
 TOOLS = Path(__file__).parents[1] / "tools"
-sys.path.insert(0, str(TOOLS))
-
-from benchmark.case import Case, Peer, Work  # noqa: E402 - tools are no package
-from benchmark.worker import PeerFailedError, measure  # noqa: E402
-
 ROWS = {"append": 3, "replay": 6, "import": 1, "moment": 1, "open": 3, "start": 2}
 MIB = 2**20
 

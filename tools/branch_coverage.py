@@ -23,7 +23,7 @@ MEASURED = (
     "semmap_log/log/writing/segment_chain.py",
     "semmap_log/log/segment.py",
     "semmap_log/log/commits.py",
-    "semmap_log/log/uniform_commit.py",
+    "semmap_log/log/writing/uniform_commit.py",
     "semmap_log/log/writing/recovery.py",
     "semmap_log/log/writing/opening.py",
     "semmap_log/log/lock.py",
@@ -34,7 +34,6 @@ TESTS = (
     "tests/log/writing",
     "tests/log/test_disk.py",
     "tests/log/test_guards.py",
-    "tests/log/test_uniform_commit.py",
     "tests/messages",
     "tests/test_command_content.py",
 )

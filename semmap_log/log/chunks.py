@@ -14,7 +14,12 @@ from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
 from semmap_log.log import records as mcap
-from semmap_log.log.form import COMPRESS_FROM_BYTES, FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL
+from semmap_log.log.form import (
+    COMPRESS_FROM_BYTES,
+    FLOOR_MAP_CHANNEL,
+    LAST_EVENT_CHANNEL,
+    ZSTD_LEVEL,
+)
 
 _BODY = struct.Struct("<QQQI")
 """Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
@@ -354,7 +359,7 @@ def _compress(records: bytes) -> bytes:
     import zstandard
 
     if not hasattr(_local, "compressor"):
-        _local.compressor = zstandard.ZstdCompressor(level=3)
+        _local.compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
     return bytes(_local.compressor.compress(records))
 
 

@@ -43,6 +43,8 @@ CHUNK_BYTES = 2**20
 COMPRESS_FROM_BYTES = 2**16
 """Chunks from this size on (imports, floor maps) are written with zstd; small ones as they are."""
 
+ZSTD_LEVEL = 3
+
 MOST_NAME_BYTES = 200
 
 ROLL_BYTES = 64 * 2**20

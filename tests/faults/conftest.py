@@ -1,20 +1,15 @@
-"""What the short forms share: the tools on the path, and the small log that all of them damage."""
+"""What the short forms share: the small log that all of them damage, and where they work."""
 
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-TOOLS = Path(__file__).parents[2] / "tools"
-sys.path.insert(0, str(TOOLS))  # tools are no package
-
-from fault_injection.fault import Plan  # noqa: E402
-from fault_injection.sample import Sample, make_sample  # noqa: E402
+from fault_injection.fault import Plan
+from fault_injection.sample import Sample, make_sample
 
 
 @pytest.fixture(scope="session")

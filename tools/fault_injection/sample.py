@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
+from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.commits import Commit, Note
@@ -36,24 +37,6 @@ NAME = "log"
 COMMITS_A_SEGMENT = 5
 LONG_COMMIT = 9
 """So many sightings make a commit of several chunks, once `CHUNK_BYTES` is small."""
-
-
-class SteadyClock:
-    """A clock that ticks a millisecond at each look, from a given moment on."""
-
-    boot_id = bytes(range(16))
-
-    def __init__(self, start_ns: int = 1_772_400_000 * 10**9) -> None:
-        self.now_ns = start_ns
-        self.ticks_ns = 0
-
-    def wall_ns(self) -> int:
-        self.now_ns += 10**6
-        return self.now_ns
-
-    def monotonic_ns(self) -> int:
-        self.ticks_ns += 10**6
-        return self.ticks_ns
 
 
 class About(TypedDict):

@@ -34,11 +34,6 @@ class ClosedSummary:
     groups: Mapping[int, tuple[int, int]]
     """Opcode -> where the records of that kind begin and end."""
 
-    @property
-    def data_crc(self) -> int:
-        """CRC of everything before `data_end`."""
-        return int(struct.unpack_from("<I", self.file, self.data_end + mcap.FRAME.size)[0])
-
     def chunks(self, data_start: int) -> ChunkTable:
         """Return the segment's chunks.
 

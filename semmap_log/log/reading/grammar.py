@@ -98,7 +98,6 @@ class Reading:
             ends: How many messages there are to the end of each chunk; each has at least one.
             rows: What the chunks' heads say: `start_ns` and `end_ns`; None: not looked at.
         """
-        self._page = page
         self._ends = ends
         self._rows = rows
         heads = page.heads

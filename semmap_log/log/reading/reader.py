@@ -17,8 +17,8 @@ from semmap_log.events import Retracted
 from semmap_log.log import keyframes
 from semmap_log.log.chunks import ChunkDamage, StoredChunk
 from semmap_log.log.header import LogInfo
-from semmap_log.log.mapping import map_file
 from semmap_log.log.pages import Page
+from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.scan import Segment, open_segment, read_head
 from semmap_log.log.reading.segment_folder import SegmentFolder, list_segments
 from semmap_log.log.reading.segment_reading import (

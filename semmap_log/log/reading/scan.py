@@ -17,10 +17,10 @@ from semmap_log.log import records as mcap
 from semmap_log.log.chunks import frames
 from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
-from semmap_log.log.mapping import MappedFile, map_file
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.closed_summary import FOOTER_BYTES, ClosedSummary, read_summary
 from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
+from semmap_log.log.reading.mapping import MappedFile, map_file
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,8 +40,3 @@ class Renumbering:
         """Return the new first and last number of those of a range that survive; None: none."""
         new_first, behind = self.below(first), self.below(last + 1)
         return (new_first, behind - 1) if behind > new_first else None
-
-    @property
-    def is_identity(self) -> bool:
-        """Tell whether every event keeps its number."""
-        return self._old in ([], [0])

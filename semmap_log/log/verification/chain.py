@@ -115,11 +115,6 @@ class Chain:
         self._open: list[Finding] = []
         self._path = Path()
 
-    @property
-    def is_inside_commit(self) -> bool:
-        """Tell whether records of an unfinished commit have come."""
-        return self._pending is not None
-
     def start_at(self, header: SegmentHeader) -> None:
         """Begin in the middle of a log, as the first segment's header says."""
         self.next_event, self.head = header.first_event, header.hash_so_far

@@ -17,17 +17,10 @@ from mcap.records import ChunkIndex
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import NO_SPAN, ChunkDamage, StoredChunk, read_chunk_head
 from semmap_log.log.form import (
-    COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
-    KEYFRAME_CHANNEL,
     LAST_EVENT_CHANNEL,
-    NOTE_CHANNEL,
+    ZSTD_LEVEL,
 )
-
-CARE_CHANNELS = (COMMIT_CHANNEL, NOTE_CHANNEL, KEYFRAME_CHANNEL)
-
-ZSTD_LEVEL = 3
-"""With which chunks are written."""
 
 Message = tuple[int, int, int, int, int, int]
 """Channel, sequence, log time, publish time, start and end in the chunk's records."""

@@ -16,10 +16,10 @@ from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.uniform_commit import uniform_commit
 from semmap_log.log.writing.command_memory import CommandMemory
 from semmap_log.log.writing.durability import SYNC_FAILED, BatchTimer, Promise, SharedSync
 from semmap_log.log.writing.segment_chain import SegmentChain
+from semmap_log.log.writing.uniform_commit import uniform_commit
 from semmap_log.log.writing.written_state import WrittenState
 from semmap_log.projections.door_map import DoorMapState
 

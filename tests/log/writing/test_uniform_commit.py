@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from semmap_log.commits import Durability, Note
 from semmap_log.log.commits import CommitBuilder, Stamp
-from semmap_log.log.uniform_commit import FEW, MOST, uniform_commit
+from semmap_log.log.writing.uniform_commit import FEW, MOST, uniform_commit
 from semmap_log.messages import OBJECT_KINDS
 from tests.strategies import events, fixed_size
 
