@@ -15,6 +15,7 @@ adds Metadata `semmap_index`, DataEnd with the data's CRC, the summary and the F
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -113,6 +114,11 @@ def kind_of_channel(channel_id: int) -> int | None:
     if channel_id >= FLOOR_MAP_CHANNEL:
         return FloorMap.kind
     return channel_id if 1 <= channel_id <= LAST_EVENT_CHANNEL else None
+
+
+def count_events(counts: Mapping[int, int]) -> int:
+    """Return how many events there are among so many messages on each channel."""
+    return sum(count for channel, count in counts.items() if kind_of_channel(channel))
 
 
 def segment_name(log: Path, number: int) -> str:
