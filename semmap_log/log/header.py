@@ -74,7 +74,8 @@ class SegmentHeader:
         entries = _checked(metadata)
         version = entries.get("format_version", "")
         if version != FORMAT_VERSION:
-            wanted = "the semmap-log that made it" if version == "1" else "a newer semmap-log"
+            older = version in ("1", "2")  # never released
+            wanted = "the semmap-log that made it" if older else "a newer semmap-log"
             raise ValueError(
                 f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
                 f"install {wanted}"
