@@ -118,15 +118,18 @@ class DoorMapState:
         """The latest happened time of all events folded in; 0 if there are none."""
         return self.latest[0]
 
-    def rests_on(self, ranges: Sequence[tuple[int, int]]) -> bool:
-        """Tell whether it would be another without these events.
+    def first_among(self, ranges: Sequence[tuple[int, int]]) -> int | None:
+        """Return the first of these events without which it would be another; None: there is none.
 
         A register that another event has written since is the same whether they came or not.
 
         Args:
             ranges: First and last event number of each.
         """
-        return bool(ranges) and bool(in_ranges(self._winners(), ranges).any())
+        if not ranges:
+            return None
+        numbers = self._winners()
+        return min(numbers[in_ranges(numbers, ranges)].tolist(), default=None)
 
     def _winners(self) -> NDArray[np.int64]:
         """Return the numbers of the events whose values it holds."""
