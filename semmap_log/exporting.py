@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
 from semmap_log.errors import CommandError, FormatError, OutputError
+from semmap_log.event_batch import EventBatch
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import whole_file
+from semmap_log.log.reading.reader import Progress
 from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches
 
-WRITABLE = ".yaml (the thesis's door database), .csv (states), .jsonl (events), .rrd (rerun)"
+WRITABLE = (
+    ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +35,12 @@ class Exported:
 
 
 def export(
-    log: DoorLog, out: Path, scope: Scope = Scope(), *, default_prob: float | None = None
+    log: DoorLog,
+    out: Path,
+    scope: Scope = Scope(),
+    *,
+    default_prob: float | None = None,
+    progress: Progress | None = None,
 ) -> Exported:
     """Write a file whose name tells its format; an old file of that name is replaced at once.
 
@@ -40,9 +49,11 @@ def export(
         out: The file.
         scope: The moment of the state, or up to which events count.
         default_prob: Thesis YAML: for doors without probabilities.
+        progress: Told how far the reading is, where events are written.
 
     Raises:
         FormatError: The name tells no format.
+        MissingExtraError: The format needs a package that is not installed.
         CommandError: The format cannot hold a door; the message says what to do.
         OutputError: The file cannot be written; what was there is whole.
     """
@@ -50,7 +61,8 @@ def export(
         ".yaml": lambda path: _thesis_yaml(log, path, scope, default_prob),
         ".yml": lambda path: _thesis_yaml(log, path, scope, default_prob),
         ".csv": lambda path: _csv(log, path, scope),
-        ".jsonl": lambda path: _event_lines(log, path, scope),
+        ".jsonl": lambda path: _event_lines(log, path, scope, progress),
+        ".parquet": lambda path: _parquet(log, path, scope, progress),
         ".rrd": lambda path: _rrd(log, path, scope),
     }
     if out.parent.resolve() == log.path.resolve():
@@ -75,8 +87,8 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
     return Exported(f"{len(door_map.doors) - len(left_out)} doors", tuple(left_out))
 
 
-def _event_lines(log: DoorLog, path: Path, scope: Scope) -> Exported:
-    batches = visible_batches(log.reader, scope)
+def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
+    batches = visible_batches(log.reader, scope, progress=progress)
     count = 0
     with path.open("w", encoding="utf-8") as file:
         for entry in history(batches, log.commits(), log.reader.retractions()):
@@ -86,6 +98,39 @@ def _event_lines(log: DoorLog, path: Path, scope: Scope) -> Exported:
             file.write(json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n")
             count += 1
     return Exported(f"{count} events")
+
+
+def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
+    from semmap_log.arrow.history_table import HISTORY_SCHEMA, HistoryTables
+    from semmap_log.arrow.parquet import write_parquet
+
+    retractions = log.reader.retractions(limit=scope.limit(log.reader))
+    tables = HistoryTables(log.commits())
+    said = {
+        "semmap_log.log_id": log.info.log_id,
+        "semmap_log.timezone": log.info.timezone,
+        "semmap_log.building": log.info.building,
+        "semmap_log.robot": log.info.robot,
+    }
+    batches = _all_batches(log, scope, progress)
+    rows = write_parquet(
+        path,
+        (tables.table(batch, retractions.hidden(batch)) for batch in batches),
+        HISTORY_SCHEMA,
+        said,
+    )
+    return Exported(f"{rows:,} events")
+
+
+def _all_batches(log: DoorLog, scope: Scope, progress: Progress | None) -> Iterator[EventBatch]:
+    """Yield the events of a scope, those that were taken back, too."""
+    limit = scope.limit(log.reader)
+    if limit is not None and limit < 0:
+        return
+    for batch in log.reader.batches(limit=limit, progress=progress):
+        by_then = batch if scope.at_ns is None else batch.select(batch.folds_ns <= scope.at_ns)
+        if len(by_then):
+            yield by_then
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
