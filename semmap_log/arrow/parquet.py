@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from semmap_log.arrow.sdk import pa, pq
@@ -31,7 +31,6 @@ def write_parquet(
     Raises:
         OSError: It cannot be written.
     """
-    rows = 0
     schema = schema.with_metadata({**schema.metadata, **said})
     with pq.ParquetWriter(
         path,
@@ -40,25 +39,40 @@ def write_parquet(
         use_dictionary=[name for name in schema.names if name not in RISING],
         column_encoding=dict.fromkeys(RISING, "DELTA_BINARY_PACKED"),
     ) as writer:
-        for group in _groups(tables):
-            writer.write_table(group.replace_schema_metadata(schema.metadata))
-            rows += group.num_rows
-    return rows
+        groups = _Groups(writer)
+        for table in tables:
+            groups.add(table.replace_schema_metadata(schema.metadata))
+        groups.flush()
+    return groups.rows
 
 
-def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
-    """Yield the same rows in tables of `GROUP_ROWS`, however they were cut before."""
-    waiting: list[pa.Table] = []
-    for table in tables:
-        waiting.append(table)
-        if sum(part.num_rows for part in waiting) >= GROUP_ROWS:
-            joined = pa.concat_tables(waiting)
-            whole = joined.num_rows - joined.num_rows % GROUP_ROWS
-            for start in range(0, whole, GROUP_ROWS):
-                yield joined.slice(start, GROUP_ROWS).combine_chunks()
-            waiting = [joined.slice(whole)]
-        elif sum(part.nbytes for part in waiting) > GROUP_BYTES:
-            yield pa.concat_tables(waiting)
-            waiting = []
-    if sum(part.num_rows for part in waiting):
-        yield pa.concat_tables(waiting).combine_chunks()
+class _Groups:
+    """Writes the same groups of `GROUP_ROWS`, however the rows are cut into tables."""
+
+    def __init__(self, writer: pq.ParquetWriter) -> None:
+        self.rows = 0
+        """Rows that were taken so far."""
+        self._writer = writer
+        self._waiting: list[pa.Table] = []
+        self._free = GROUP_ROWS
+        """Rows that the group can still take."""
+
+    def add(self, table: pa.Table) -> None:
+        self.rows += table.num_rows
+        while table.num_rows:
+            part = table.slice(0, self._free)
+            self._waiting.append(part)
+            self._free -= part.num_rows
+            table = table.slice(part.num_rows)
+            if not self._free or sum(part.nbytes for part in self._waiting) > GROUP_BYTES:
+                self.flush()
+
+    def flush(self) -> None:
+        """Write what waits as one group: in one piece, or its pages would show how it was cut."""
+        if not self._waiting:
+            return
+        joined = pa.concat_tables(self._waiting)
+        self._waiting, self._free = [], GROUP_ROWS
+        self._writer.write_table(joined.combine_chunks())
+        del joined
+        pa.default_memory_pool().release_unused()

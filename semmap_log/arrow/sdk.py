@@ -13,9 +13,9 @@ except ImportError:
     raise MissingExtraError("pyarrow", "arrow") from None
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from pandas import DataFrame as DataFrame  # noqa: PLC0414 - for the hints of others
 
-__all__ = ["DataFrame", "frame_of", "pa", "pq"]
+__all__ = ["frame_of", "pa", "pq"]
 
 
 def frame_of(table: pa.Table) -> DataFrame:

@@ -54,8 +54,8 @@ def table_of(events: Events) -> pa.Table:
     heads = {
         "event": pa.array(events.number),
         "kind": _dictionary(KIND, events.kind - 1),
-        "happened": _times(events.happened_ns),
-        "recorded": _times(events.recorded_ns),
+        "happened": times_array(events.happened_ns),
+        "recorded": times_array(events.recorded_ns),
     }
     arrays = [heads.get(c.name) if c.name in heads else _field(c, events, where) for c in COLUMNS]
     return pa.Table.from_arrays(arrays, schema=SCHEMA)
@@ -91,15 +91,14 @@ def _is_set(field: str, kind: int, rows: NDArray[np.void]) -> Array | bool:
 
 def _array(column: Column, values: Array, given: NDArray[np.bool_]) -> pa.Array:
     if column.type == STATE:
-        values = np.where(values < len(DoorState), values, np.uint8(DoorState.UNKNOWN))
-        return _dictionary(STATE, values, ~given)
+        return states_array(values, ~given)
     if column.type == CHANGED:
         bits = values & int(ALL_CHANGED)
         return _dictionary(CHANGED, bits - 1, ~given | (bits == 0))
     if values.dtype.kind == "f":
         given &= ~np.isnan(values)
     missing = None if given.all() else ~given
-    return _times(values, missing) if column.type == TIME else pa.array(values, mask=missing)
+    return times_array(values, missing) if column.type == TIME else pa.array(values, mask=missing)
 
 
 def _of_objects(
@@ -129,7 +128,14 @@ def _value(column: Column, event: Event) -> Any:
             return value
 
 
-def _times(ns: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+def states_array(states: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+    """Return numbers of states as their names; one that only a later version knows is UNKNOWN."""
+    known = np.where(states < len(DoorState), states, np.uint8(DoorState.UNKNOWN))
+    return _dictionary(STATE, known, missing)
+
+
+def times_array(ns: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+    """Return nanoseconds since the Unix epoch as instants, in the same memory."""
     return pa.array(ns, mask=missing).view(pa.timestamp("ns", "UTC"))
 
 
