@@ -65,7 +65,7 @@ def _field(column: Column, events: Events, where: Mapping[int, NDArray[np.intp]]
     """Return one field of all kinds that have it; null for the others."""
     kinds = [kind for kind in column.kinds if kind in where]
     if not kinds:
-        return pa.nulls(len(events.number), type_of(column))
+        return _nulls(column, len(events.number))
     if column.type in {"str", CELLS}:
         return _of_objects(column, events, kinds, where)
     values = np.zeros(len(events.number), _STORED.get(column.type, column.type))
@@ -79,6 +79,12 @@ def _field(column: Column, events: Events, where: Mapping[int, NDArray[np.intp]]
             values[where[kind]] = [_value(column, event) for event in events.objects[kind]]
             given[where[kind]] = True
     return _array(column, values, given)
+
+
+def _nulls(column: Column, count: int) -> pa.Array:
+    if column.type in DICTIONARIES:  # Arrow's own nulls would bring a dictionary without words
+        return _dictionary(column.type, np.zeros(count, np.int8), np.ones(count, np.bool_))
+    return pa.nulls(count, type_of(column))
 
 
 def _is_set(field: str, kind: int, rows: NDArray[np.void]) -> Array | bool:
