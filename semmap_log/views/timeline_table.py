@@ -41,18 +41,18 @@ def timeline_totals(timeline: Timeline, *, tz: str) -> Text:
     said = "never known to be open or closed for any time"
     if known:
         said = (
-            f"open {opened / known:.1%}, closed {closed / known:.1%} of the {duration(known)} "
-            "in which that was known"
+            f"open {opened / known:.1%}, closed {closed / known:.1%} "
+            f"of the {duration(known)} in which that was known"
         )
         if whole > known:
-            said += f"; known {known / whole:.1%} of {duration(whole)}"
+            said += f" ({known / whole:.1%})"
     end = format_local(int(timeline.end_ns[-1]), tz)
     ending = "removed at" if timeline.removed else "up to"
-    return Text(f"{said}; {ending} {end} ({tz})", style="dim")
+    return Text(f"{said}\n{ending} {end} ({tz})", style="dim")
 
 
 def duration(ns: int) -> str:
-    """Return a length of time in its two largest units: `2 d 3 h`, `5 min 20 s`, `0.250 s`."""
+    """Return a length of time in its largest unit and the next: `2 d 3 h`, `5 min`, `0.250 s`."""
     if ns < 10 * SECOND_NS:
         return f"{ns / SECOND_NS:.3f} s" if ns % SECOND_NS else f"{ns // SECOND_NS} s"
     place = next(i for i, (unit_ns, _) in enumerate(UNITS) if ns >= unit_ns)
