@@ -25,6 +25,8 @@ _BIT_OF = {
 }  # fmt: skip
 """Field of a DoorUpdated -> the bit that says that it is set."""
 
+_WORDS = {name: pa.array(words) for name, words in DICTIONARIES.items()}
+
 _STORED = {TIME: "int64", STATE: "uint8", CHANGED: "uint8"}
 """Type -> how its values wait in numpy."""
 
@@ -147,4 +149,4 @@ def times_array(ns: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array
 
 def _dictionary(type_: str, places: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
     indices = pa.array(places.astype(np.int8), mask=missing)
-    return pa.DictionaryArray.from_arrays(indices, pa.array(DICTIONARIES[type_]))
+    return pa.DictionaryArray.from_arrays(indices, _WORDS[type_])
