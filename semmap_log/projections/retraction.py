@@ -43,7 +43,9 @@ class Retractions:
         return batch.select(~self.hidden(batch)) if self.ranges else batch
 
 
-def in_ranges(numbers: NDArray[np.int64], ranges: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
+def in_ranges(
+    numbers: NDArray[np.int64], ranges: Sequence[tuple[int, int]]
+) -> NDArray[np.bool_]:
     """Return, for each number, whether it lies in one of the ranges, ends included."""
     if not ranges:
         return np.zeros(len(numbers), np.bool_)
