@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
@@ -28,7 +28,7 @@ from semmap_log.events import (
 )
 from semmap_log.messages import batch_of, layout
 from semmap_log.projections.timeline import Interval, Timeline, timeline
-from semmap_log.replay import visible_batches
+from tests.conftest import SteadyClock
 from tests.projections.dictionary_model import Told, model
 from tests.test_replay import random_log
 
@@ -97,41 +97,86 @@ def test_at_every_moment_the_interval_is_what_a_replay_says(seed: int) -> None:
                     assert expected == (doors[door].state if door in doors else None)
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32))
-def test_intervals_are_joined_and_count_the_events_that_say_so(seed: int) -> None:
+stamps = st.integers(0, 6)
+states = st.sampled_from([UNKNOWN, OPEN, CLOSED])
+of_the_door = st.one_of(
+    st.builds(DoorObserved, door_id=st.sampled_from([1, 2]), happened_ns=stamps, state=states),
+    st.builds(DoorPassed, door_id=st.just(1), happened_ns=stamps, passed=st.booleans()),
+    st.builds(
+        DoorUpdated,
+        door_id=st.just(1),
+        happened_ns=stamps,
+        changed=st.sampled_from([Changed.STATE, Changed.PROB_OPEN]),
+        state=states,
+    ),
+)
+
+
+@st.composite
+def lives(draw: st.DrawFn) -> list[Told]:
+    """A door's events in a few instants: the adding anywhere among them, a removal perhaps."""
+    events: list[Event] = draw(st.lists(of_the_door, max_size=12))
+    born = draw(st.integers(0, len(events)))
+    events.insert(born, draw(st.builds(DoorAdded, door_id=st.just(1), happened_ns=stamps,
+                                       state=states)))  # fmt: skip
+    if draw(st.booleans()):
+        dead = draw(st.integers(born + 1, len(events)))
+        events.insert(dead, DoorRemoved(door_id=DOOR, happened_ns=draw(stamps)))
+    recorded = draw(st.lists(stamps, min_size=len(events), max_size=len(events)))
+    told = [
+        (number, event.happened_ns or 0, then, then, event)
+        for number, (event, then) in enumerate(zip(events, recorded, strict=True))
+    ]
+    ends = [min(h, r) for _, h, r, _, e in told if isinstance(e, (DoorAdded, DoorRemoved))]
+    assume(ends == sorted(ends))  # a door that is removed before it is added is refused
+    return told
+
+
+def timeline_of(told: list[Told]) -> Timeline:
+    """Return the timeline of what was told, each event in a batch of its own, the last first."""
+    batches = [batch_of([e], first_number=n, recorded_ns=[r]) for n, _, r, _, e in told]
+    return timeline(reversed(batches), DOOR)
+
+
+@settings(max_examples=200, deadline=None)
+@given(lives())
+def test_events_at_equal_times_count_in_the_order_of_their_numbers(told: list[Told]) -> None:
+    """
+    Also those of other kinds, those that were told before the door was, and wrong clocks.
+    """
+    found = timeline_of(told)
+
+    for at in range(8 if found.removed else 1 + max(min(h, r) for _, h, r, _, _ in told)):
+        replayed = model(told, at).get(DOOR)
+        assert (None if replayed is None else replayed["state"]) == state_at(found, at)
+
+
+@settings(max_examples=200, deadline=None)
+@given(lives())
+def test_intervals_are_joined_and_count_the_events_that_say_so(told: list[Told]) -> None:
     """
     Each ends where the next begins, in another state; its event and its count are of that state.
     """
-    dice = random.Random(seed)
-    with tempfile.TemporaryDirectory() as folder:
-        random_log(Path(folder) / "log", dice, commits=25)
-        log = sl.read(Path(folder) / "log")
-        visible = [
-            (min(event.happened_ns, event.recorded_ns), event)
-            for batch in visible_batches(log.reader)
-            for event in batch
-        ]
-        doors = sorted({e.event.door_id for _, e in visible if isinstance(e.event, DoorAdded)})
-        found = {door: log.timeline(door) for door in doors}
-    visible.sort(key=lambda one: (one[0], one[1].number))
+    found = timeline_of(told)
 
-    for door, intervals in found.items():
-        about = [(ns, e) for ns, e in visible if getattr(e.event, "door_id", 0) == door]
-        born = next(i for i, (_, e) in enumerate(about) if isinstance(e.event, DoorAdded))
-        rows = list(intervals)
-        for before, after in pairwise(rows):
-            assert before.end_ns == after.start_ns > before.start_ns
-            assert before.state != after.state
-        for i, row in enumerate(rows):
-            to_the_end = i == len(rows) - 1 and not intervals.removed
-            agree = [
-                e.number
-                for ns, e in about[born:]
-                if row.start_ns <= ns and (ns < row.end_ns or to_the_end)
-                if sets(e.event) == row.state
-            ]
-            assert (agree[0], len(agree)) == (row.event, row.sightings)
+    about = sorted(
+        ((min(h, r), n, e) for n, h, r, _, e in told if e.door_id == DOOR), key=lambda one: one[:2]
+    )
+    born = next(i for i, (*_, e) in enumerate(about) if isinstance(e, DoorAdded))
+    rows = list(found)
+    for before, after in pairwise(rows):
+        assert before.end_ns == after.start_ns
+        assert before.state != after.state
+    for i, row in enumerate(rows):
+        goes_on = i == len(rows) - 1 and not found.removed
+        agree = [
+            number
+            for ns, number, event in about[born:]
+            if row.start_ns <= ns and (ns < row.end_ns or goes_on) and sets(event) == row.state
+        ]
+        assert (agree[0], len(agree)) == (row.event, row.sightings)
+        assert row.start_ns < row.end_ns or goes_on
+        assert row.start_ns <= row.end_ns
 
 
 def seen(*states: tuple[int, DoorState]) -> EventBatch:
@@ -181,6 +226,23 @@ def test_the_order_of_batches_does_not_matter() -> None:
     pieces = [batch.select(batch.number == n) for n in (3, 0, 2, 1)]
 
     assert repr(timeline([batch], DOOR)) == repr(timeline(pieces, DOOR))
+
+
+def test_the_last_interval_never_ends_before_it_begins(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    Of a commit that is known at its first nanosecond, the others lie behind the moment asked for.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.add_door()
+        late = clock.now_ns + 10**12
+        commit = log.append(
+            [DoorObserved(door_id=DOOR, state=state, happened_ns=late) for state in (OPEN, CLOSED)]
+        ).commit
+
+        found = log.timeline(DOOR, known_at=commit.recorded_ns)
+
+    assert [UNKNOWN, OPEN, CLOSED] == [interval.state for interval in found]
+    assert commit.recorded_ns + 1 == found.start_ns[-1] == found.end_ns[-1]
 
 
 def test_a_removal_ends_the_last_interval() -> None:
