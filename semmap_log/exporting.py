@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
 from semmap_log.errors import CommandError, FormatError, OutputError
-from semmap_log.event_batch import EventBatch
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import whole_file
 from semmap_log.log.reading.reader import Progress
+from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches
 
@@ -104,33 +104,24 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
     from semmap_log.arrow.history_table import HISTORY_SCHEMA, HistoryTables
     from semmap_log.arrow.parquet import write_parquet
 
-    retractions = log.reader.retractions(limit=scope.limit(log.reader))
-    tables = HistoryTables(log.commits())
+    limit = scope.limit(log.reader)
+    window = Window(
+        happened_before_ns=None if scope.at_ns is None else scope.at_ns + 1,
+        before_event=None if limit is None else limit + 1,
+    )
+    retractions = log.reader.retractions(limit=limit)
+    joined = HistoryTables(log.commits())
+    tables = (
+        joined.table(batch, retractions.hidden(batch))
+        for batch in log.reader.batches(window, progress=progress)
+    )
     said = {
         "semmap_log.log_id": log.info.log_id,
         "semmap_log.timezone": log.info.timezone,
         "semmap_log.building": log.info.building,
         "semmap_log.robot": log.info.robot,
     }
-    batches = _all_batches(log, scope, progress)
-    rows = write_parquet(
-        path,
-        (tables.table(batch, retractions.hidden(batch)) for batch in batches),
-        HISTORY_SCHEMA,
-        said,
-    )
-    return Exported(f"{rows:,} events")
-
-
-def _all_batches(log: DoorLog, scope: Scope, progress: Progress | None) -> Iterator[EventBatch]:
-    """Yield the events of a scope, those that were taken back, too."""
-    limit = scope.limit(log.reader)
-    if limit is not None and limit < 0:
-        return
-    for batch in log.reader.batches(limit=limit, progress=progress):
-        by_then = batch if scope.at_ns is None else batch.select(batch.folds_ns <= scope.at_ns)
-        if len(by_then):
-            yield by_then
+    return Exported(f"{write_parquet(path, tables, HISTORY_SCHEMA, said):,} events")
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
