@@ -352,3 +352,17 @@ def test_a_door_that_never_was_is_an_error(tmp_path: Path) -> None:
                 log.timeline(name)
         with pytest.raises(MomentError, match="swap"):
             log.timeline(door, since="2026-03-02", until="2026-03-01")
+
+
+def test_since_an_event_whose_clock_was_wrong(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    It counts from when it was recorded, and so does the cut.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        door = log.add_door()
+        log.append([DoorObserved(door_id=door, state=OPEN, happened_ns=2**62)])
+        recorded_ns = log.event(1).recorded_ns
+
+        found = log.timeline(door, since="event:1")
+
+    assert [(recorded_ns, OPEN)] == [(i.start_ns, i.state) for i in found]
