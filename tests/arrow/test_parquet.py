@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -45,6 +46,24 @@ def test_equal_rows_give_equal_bytes_however_they_are_cut(
     assert list(range(1000)) == pq.read_table(tmp_path / "x").column("event").to_pylist()
     assert (tmp_path / "whole").read_bytes() == (tmp_path / "x").read_bytes()
     assert (b"b", b"d") == (found.metadata[b"a"], found.metadata[b"c"])
+
+
+def test_pages_of_long_texts_do_not_show_how_they_were_cut(tmp_path: Path) -> None:
+    """
+    A page ends where it is full, not where a table ended.
+    """
+    dice = random.Random(3)
+    texts = pa.array([dice.randbytes(2000).hex() for _ in range(1000)])
+    schema = pa.schema({**dict.fromkeys(SCHEMA.names, pa.int64()), "text": pa.string()})
+    schema = schema.with_metadata({})
+    whole = pa.table([*table(0, 1000).columns, texts], schema=schema)
+
+    write_parquet(tmp_path / "x", (whole.slice(i, 300) for i in range(0, 1000, 300)), schema, {})
+    write_parquet(tmp_path / "whole", iter([whole]), schema, {})
+
+    found = pq.read_metadata(tmp_path / "x").row_group(0).column(4)
+    assert (tmp_path / "whole").read_bytes() == (tmp_path / "x").read_bytes()
+    assert "ZSTD" == found.compression
 
 
 def test_a_file_of_no_rows_has_its_columns(tmp_path: Path) -> None:
