@@ -34,7 +34,8 @@ from semmap_log.moments import Moment, parse_moment, parse_range
 from semmap_log.projections.diff import Diff, diff
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.projections.retraction import Retractions
-from semmap_log.replay import Projection, Scope, fold, replay
+from semmap_log.projections.timeline import Timeline, timeline
+from semmap_log.replay import Projection, Scope, fold, replay, visible_batches
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -249,6 +250,53 @@ class DoorLog:
         finder = CommitFinder(reader)
         batches = (about(b, doors) for b in reader.batches(window, on_page=finder.look_at))
         return history(batches, finder.commit_at, reader.retractions())
+
+    def timeline(
+        self,
+        door: DoorId | str,
+        at: Time = None,
+        known_at: Time = None,
+        *,
+        since: Time = None,
+        until: Time = None,
+        progress: Progress | None = None,
+    ) -> Timeline:
+        """Return when a door was in which state, as numpy columns; empty while it was not there.
+
+        At each time t of an interval, `replay(at=t, known_at=known_at)` shows its state. The last
+        interval ends at the moment asked for, else at the log's end.
+
+        Args:
+            door: Its id, name, or level/name; a removed one, too.
+            at: What was true up to then, with all that is known today.
+            known_at: Only what had been recorded by then, whole commits.
+            since: Only from then on: an interval is cut there.
+            until: Only before then.
+            progress: Told how far the reading is.
+
+        Raises:
+            UnknownDoorError: There is no such door, and never was.
+            MomentError: `since` comes after `until`.
+        """
+        door_id = self.resolve_ever(door) if isinstance(door, str) else DoorId(int(door))
+        scope = self.scope(at, known_at)
+        since_ns, until_ns = self._instant(since), self._instant(until)
+        if since_ns is not None and until_ns is not None and since_ns > until_ns:
+            raise MomentError("the first moment lies after the second; swap them.")
+        asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
+        batches = visible_batches(self.reader, scope, progress=progress)
+        found = timeline(batches, door_id, end_ns=asked_ns)
+        if not len(found):
+            self.resolve_ever(door_id)
+        return found.between(since_ns, until_ns)
+
+    def _instant(self, time: Time) -> int | None:
+        """Return a time in nanoseconds; of an event, the time from which it counts."""
+        moment = self.moment(time)
+        if moment.event is None:
+            return moment.ns
+        event = self.event(moment.event)
+        return min(event.happened_ns, event.recorded_ns)
 
     def floor_map(self, level: int = 0, at: Time = None) -> FloorMap | None:
         """Return a level's floor plan; None if it has none."""

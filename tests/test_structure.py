@@ -16,6 +16,7 @@ ORDER = [
     {"doors"},
     {"commits"},
     {"events"},
+    {"arrow"},
     {"event_batch"},
     {"moments"},
     {"messages", "projections"},
@@ -43,6 +44,8 @@ EDGES = {
     "rerun_cli": "views",
     "yaml": "formats",
     "PIL": "formats",
+    "pyarrow": "arrow",
+    "pandas": "arrow",
     "mcap": "log",
     "zstandard": "log",
     "lz4": "log",
@@ -143,7 +146,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     """
     code = (
         "import sys, semmap_log\n"
-        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich')\n"
+        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
 

@@ -25,6 +25,7 @@ from semmap_log.cli import (
     replay,
     show,
     tail,
+    timeline,
     update,
     verify,
     view,
@@ -86,6 +87,7 @@ app.command("log", hidden=True)(history.run)
 app.command("tail", short_help="Show the last events, and those to come.")(tail.run)
 app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
+app.command("timeline", short_help="Show when a door was open, when closed.")(timeline.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
 app.command("verify", short_help="Check that a log is as it was written.")(verify.run)

@@ -32,6 +32,7 @@ VERBS = [
     "tail",
     "show",
     "diff",
+    "timeline",
     "export",
     "info",
     "verify",
