@@ -21,6 +21,7 @@ ORDER = [
     {"messages", "projections"},
     {"log"},
     {"replay", "commands", "command_content"},
+    {"folding"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},
