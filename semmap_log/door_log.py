@@ -24,7 +24,7 @@ from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import Event, FloorMap, Retracted
+from semmap_log.events import DoorAdded, DoorAnnotated, Event, FloorMap, Retracted
 from semmap_log.folding.fold import SAVE_EVERY_S, fold
 from semmap_log.folding.live import LiveState, fold_live
 from semmap_log.log.header import LogInfo
@@ -32,6 +32,7 @@ from semmap_log.log.reading.following import FollowedCommit, follow
 from semmap_log.log.reading.reader import LogReader, Progress
 from semmap_log.moments import Moment, parse_moment, parse_range
 from semmap_log.projections.diff import Diff, diff
+from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.projections.projection import Projection
 from semmap_log.replay import Scope, replay, visible_batches
@@ -339,7 +340,7 @@ class DoorLog:
         return replay(self.reader).names()
 
     def resolve_ever(self, door: str | int) -> DoorId:
-        """Return the door of that id, name, or level/name; a removed one, too.
+        """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
 
         Raises:
             UnknownDoorError: There is none, and never was.
@@ -348,12 +349,20 @@ class DoorLog:
         try:
             return resolve_door(door, state.door_map())
         except UnknownDoorError:
-            names = state.names()
-            gone = (i for i in sorted(state.used_door_ids) if not state.is_present(i))
-            for door_id in map(DoorId, gone):
-                if str(door) in (str(door_id), names.get(door_id)):
-                    return door_id
+            for ever in (state, self._ever_said()):
+                names = ever.names()
+                for door_id in map(DoorId, sorted(ever.used_door_ids)):
+                    is_meant = str(door) in (str(door_id), names.get(door_id))
+                    if is_meant and not state.is_present(door_id):
+                        return door_id
             raise
+
+    def _ever_said(self) -> DoorMapState:
+        """Return all doors and names that ever were, as if nothing had been retracted."""
+        state = DoorMapState()
+        for batch in self.batches(kinds=[DoorAdded, DoorAnnotated], retracted=True):
+            state.apply(batch)
+        return state
 
     def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
         """Return what a time means in this log.
