@@ -22,6 +22,7 @@ ORDER = [
     {"log"},
     {"replay", "commands", "command_content"},
     {"folding"},
+    {"retracting"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},
