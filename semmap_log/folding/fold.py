@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from pathlib import Path
 from typing import TypeVar
 
@@ -44,6 +45,7 @@ def fold(
         OutputError: It cannot be written.
         CorruptLogError: The log is damaged.
     """
+    reader = copy(reader)  # as it is now, whatever another thread has it take in meanwhile
     if checkpoint is None:
         return _from_the_start(reader, projection, scope, progress)
     file = Checkpoint(checkpoint, projection, reader.info.log_id)

@@ -6,14 +6,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from semmap_log.commits import Commit
-from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Retracted
+from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.log.reading.reader import LogReader, Progress
-from semmap_log.log.reading.segment_reading import chunk_of, commit_of, pages_of
+from semmap_log.log.reading.segment_reading import commit_of
+from semmap_log.log.reading.window import Window
 from semmap_log.projections.retraction import Retractions
 
 NO_EVENT = -1
@@ -77,32 +76,19 @@ def retractions_behind(
     reader: LogReader, event: int, limit: int | None = None
 ) -> tuple[Retraction, ...]:
     """Return the retractions with numbers behind `event`, and up to `limit`."""
-    found: list[Retraction] = []
-    for place, first_chunk in _places_behind(reader, event):
-        segment = reader.segments[place]
-        if segment.counts is not None and not segment.counts.get(Retracted.kind):
-            continue
-        for page in pages_of(segment, first_chunk):
-            if not (page.heads["channel_id"] == Retracted.kind).any():
-                continue
-            batch = page.events()
-            numbers = batch.number[batch.where(Retracted)].tolist()
-            rows = batch[Retracted]
-            ranges = zip(
-                numbers, rows["first_event"].tolist(), rows["last_event"].tolist(), strict=True
-            )
-            found += [
-                Retraction(*one)
-                for one in ranges
-                if event < one[0] and (limit is None or one[0] <= limit)
-            ]
-    return tuple(found)
+    found = Retractions()
+    for batch in reader.batches(_behind(event, limit, bits_of_kinds([Retracted]))):
+        found.apply(batch)
+    pairs = zip(found.numbers, found.ranges, strict=True)
+    return tuple(Retraction(number, *hidden) for number, hidden in pairs)
 
 
 def hiding(retractions: Iterable[Retraction]) -> Retractions:
     """Return what leaves out the events that these retractions hide."""
     hidden = Retractions()
-    hidden.ranges = [(one.first_event, one.last_event) for one in retractions]
+    for one in retractions:
+        hidden.numbers.append(one.number)
+        hidden.ranges.append((one.first_event, one.last_event))
     return hidden
 
 
@@ -114,40 +100,10 @@ def events_behind(
     Raises:
         CorruptLogError: A chunk is not what was written, or events are missing.
     """
-    place, first_chunk = next(_places_behind(reader, event), (None, 0))
-    if place is None:
-        return
-    expected = max(event + 1, reader.segments[0].header.first_event)
-    for segment, page in reader.pages(place, progress, first_chunk=first_chunk):
-        batch = page.events()
-        batch = batch.select(batch.number >= expected)
-        if not len(batch):
-            continue
-        if batch.number[0] != expected or (np.diff(batch.number) != 1).any():
-            problem = f"expected event {expected} next, got {int(batch.number[0])} or a later gap"
-            raise CorruptLogError(segment.path, page.offset, problem)
-        expected += len(batch)
-        if limit is not None and expected > limit:
-            batch = batch.select(batch.number <= limit)
-            if len(batch):
-                yield batch
-            return
-        yield batch
+    return reader.batches(_behind(event, limit), progress=progress)
 
 
-def _places_behind(reader: LogReader, event: int) -> Iterator[tuple[int, int]]:
-    """Yield the places of the segments with events behind a number, and of their chunks to begin.
-
-    None if no event is behind it.
-    """
-    place = reader.segment_of(event + 1)
-    if place is None:  # the log begins later
-        place, chunk = 0, 0
-    else:
-        found = chunk_of(reader.segments[place], event + 1)
-        if found is None:
-            return
-        chunk = found
-    yield place, chunk
-    for later in range(place + 1, len(reader.segments)):
-        yield later, 0
+def _behind(event: int, limit: int | None, kinds: int = EVENT_BITS) -> Window:
+    return Window(
+        first_event=event + 1, before_event=None if limit is None else limit + 1, kinds=kinds
+    )

@@ -49,6 +49,7 @@ class RunningFold(Generic[S]):
         self._event = self.position.event
         self._latest_ns = self.position.latest_ns
         self._retractions = self.position.retractions
+        self._hidden = hiding(self._retractions)
         self._commit_ends = NO_EVENT
         """No commit ends between the last event taken in and this one."""
         self._is_at_position = True
@@ -78,11 +79,13 @@ class RunningFold(Generic[S]):
             self._begin_anew()
             later = retractions_behind(reader, NO_EVENT, limit)
         self._retractions = (*self._retractions, *later)
+        self._hidden = hiding(self._retractions)
         for batch in events_behind(reader, self._event, limit, progress):
             can_save = at_ns is None and self._is_due()
             rest = self._save_on_the_way(reader, batch) if can_save else batch
             self._apply(rest, at_ns)
-        commit = commit_at(reader, self._event) if at_ns is None else None
+        is_further = at_ns is None and self._event != self.position.event
+        commit = commit_at(reader, self._event) if is_further else None
         if commit is not None and commit.last_event == self._event:
             self._settle(commit.last_event, commit.hash)
         return begins_anew
@@ -116,7 +119,7 @@ class RunningFold(Generic[S]):
         if not len(batch):
             return
         self._is_at_position = False
-        visible = hiding(self._retractions).visible(batch)
+        visible = self._hidden.visible(batch)
         if at_ns is not None:
             visible = visible.select(visible.folds_ns <= at_ns)
         if len(visible):

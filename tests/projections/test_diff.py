@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.commands import Gatekeeper
-from semmap_log.doors import DoorId
+from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.events import Changed, DoorAdded, DoorUpdated, Event, FloorMap, LevelAdded
 from semmap_log.formats.door_json import diff_to_json, door_map_to_json
@@ -94,10 +94,15 @@ def test_applied_to_the_first_state_it_gives_the_second(seed: int) -> None:
             before, after = log.replay(first), log.replay(second)
             found = log.diff(first, second)
 
-            assert repr(after) == repr(found.applied_to(before))
+            assert _said(after) == _said(found.applied_to(before))
             assert door_map_to_json(after) == _patched(
                 door_map_to_json(before), json.loads(json.dumps(diff_to_json(found)))
             )
+
+
+def _said(door_map: DoorMap) -> str:
+    """Return all that a door map says, in a form in which NaN is equal to itself."""
+    return repr(replace(door_map, doors=dict(door_map.doors), levels=dict(door_map.levels)))
 
 
 def _patched(before: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
@@ -223,4 +228,4 @@ def test_another_value_is_refused(log: sl.DoorLogWriter) -> None:
             found.applied_to(other)
     with pytest.raises(CommandError, match="door 3: expected none before the change, got Door"):
         back.applied_to(replace(found.after, doors=doors))
-    assert repr(found.before) == repr(back.applied_to(found.after))
+    assert _said(found.before) == _said(back.applied_to(found.after))
