@@ -111,8 +111,7 @@ class RunningFold(Generic[S]):
 
     def _begin_anew(self) -> None:
         self.position, self.state = Position(), self._projection.initial()
-        self._event = self._saved_event = NO_EVENT
-        self._latest_ns, self._retractions = 0, ()
+        self._event, self._latest_ns, self._retractions = NO_EVENT, 0, ()
 
     def _apply(self, batch: EventBatch, at_ns: int | None = None) -> None:
         """Take in the next events, but for those that are hidden, or happened too late."""

@@ -254,6 +254,31 @@ def test_a_fold_that_is_torn_off_goes_on_from_the_way(
     assert not saved & set(range(15, 23))
 
 
+@pytest.mark.parametrize("checkpoint", [None, "checkpoint"])
+def test_what_is_written_meanwhile_does_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, checkpoint: str | None
+) -> None:
+    """
+    Another thread writes, retracts and asks while a fold is under way: it is of its beginning.
+    """
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 4)
+    with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
+        door = log.add_door()
+        for _ in range(20):
+            log.observe(door, "open")
+
+        class Disturbed(Numbers):
+            def apply(self, state: list[int], batch: Any) -> list[int]:
+                log.retract(log.observe(door, "closed").first_event)
+                log.append([Retracted(first_event=1, last_event=2)])
+                log.refresh()
+                return super().apply(state, batch)
+
+        kept = None if checkpoint is None else tmp_path / checkpoint
+
+        assert list(range(21)) == log.fold(Disturbed(), checkpoint=kept)
+
+
 class _FailingAt(Numbers):
     """Numbers that stumbles when it sees an event behind a number, its state half made."""
 

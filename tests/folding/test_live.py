@@ -128,24 +128,53 @@ def test_the_checkpoint_is_saved_when_the_loop_is_left(path: Path, tmp_path: Pat
     assert b'"event": 3,' in checkpoint.read_bytes()
 
 
+def test_it_is_saved_while_nothing_comes(path: Path, tmp_path: Path) -> None:
+    """
+    What came last would otherwise be folded again after a kill, hours later.
+    """
+    found: list[bool] = []
+
+    def has_been_saved() -> bool:
+        found.append((tmp_path / "checkpoint").exists())
+        return found[-1] or len(found) > 1000
+
+    live = sl.read(path).fold_live(
+        Numbers(),
+        checkpoint=tmp_path / "checkpoint",
+        save_every_s=0.1,
+        poll_s=0.01,
+        stop=has_been_saved,
+    )
+
+    assert 1 == len(list(live))
+    assert [False, True] == [found[0], found[-1]]
+
+
 def test_a_state_left_half_made_is_not_kept(path: Path, tmp_path: Path) -> None:
     """
-    The projection fails in the middle of its own state: the checkpoint stays where it was.
+    The projection fails in the middle of its own state, behind a step that was not saved yet.
     """
 
-    class Failing(Numbers):
+    class HalfMade(Numbers):
         name = "Numbers"
 
         def apply(self, state: list[int], batch: Any) -> list[int]:
             state.append(-1)
-            raise ZeroDivisionError
+            if 3 in batch.number:
+                raise ZeroDivisionError
+            state.pop()
+            return super().apply(state, batch)
 
     _now(path, tmp_path / "checkpoint")
+    live = sl.read(path).fold_live(HalfMade(), checkpoint=tmp_path / "checkpoint", poll_s=0)
+    next(live)
+    _observe(path)
+    assert [0, 1, 2] == next(live).state
     _observe(path)
     with pytest.raises(ZeroDivisionError):
-        next(sl.read(path).fold_live(Failing(), checkpoint=tmp_path / "checkpoint"))
+        next(live)
 
-    assert [([0, 1, 2], 2, False)] == _now(path, tmp_path / "checkpoint")
+    assert [([0, 1, 2, 3], 3, False)] == _now(path, tmp_path / "checkpoint")
 
 
 def test_a_log_that_is_put_back_meanwhile_is_an_error(path: Path, tmp_path: Path) -> None:
