@@ -9,11 +9,12 @@ from semmap_log.events import Retracted
 from semmap_log.folding.position import (
     NO_EVENT,
     Retraction,
-    events_behind,
     hiding,
     retractions_behind,
 )
+from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import HistoryEntry, history
 
 
@@ -60,9 +61,11 @@ def newly_hidden(reader: LogReader, number: int) -> Iterator[HistoryEntry]:
     known = retractions_behind(reader, NO_EVENT, number)
     earlier = tuple(one for one in known if one.number < number)
     hidden = hiding(known)
+    finder = CommitFinder(reader)
     for first, last in _newly_hidden(event.first_event, event.last_event, earlier, known):
-        commits = reader.commits(reader.segment_of(first) or 0)
-        yield from history(events_behind(reader, first - 1, last), commits, hidden)
+        window = Window(first_event=first, before_event=last + 1)
+        batches = reader.batches(window, on_page=finder.look_at)
+        yield from history(batches, finder.commit_at, hidden)
 
 
 def _newly_hidden(

@@ -37,6 +37,9 @@ from semmap_log.projections.retraction import Retractions
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in all)."""
 
+OnPage = Callable[[Segment, Page], None]
+"""Called with the records in which the events of the next batch lie."""
+
 
 @dataclass(frozen=True, slots=True)
 class Position:
@@ -124,7 +127,7 @@ class LogReader:
         *,
         start: Position = BEGINNING,
         progress: Progress | None = None,
-        on_page: Callable[[Segment, Page], None] | None = None,
+        on_page: OnPage | None = None,
     ) -> Iterator[EventBatch]:
         """Yield the events of a window, numbers ascending, retracted ones included.
 
