@@ -24,7 +24,7 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import LogError, MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import DoorAdded, DoorAnnotated, Event, FloorMap
-from semmap_log.folding.fold import SAVE_EVERY_S, fold
+from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live import LiveState, fold_live
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
@@ -133,6 +133,14 @@ class DoorLog:
             save_every_s=save_every_s,
             progress=progress,
         )
+
+    def fold_part(self, projection: Projection[S], first: int, last: int) -> S:
+        """Return the state that a part of the log makes: events `first` to `last`, inclusive.
+
+        Retractions count as they are known now. Where the projection can `merge`, the states of
+        parts, made by as many processes, make that of the whole log.
+        """
+        return fold_part(self.reader, projection, first, last)
 
     def fold_live(
         self,

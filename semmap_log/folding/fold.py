@@ -10,6 +10,7 @@ from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.position import Position
 from semmap_log.folding.running import RunningFold
 from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.window import Window
 from semmap_log.projections.projection import Projection
 from semmap_log.replay import Scope, visible_batches
 
@@ -57,6 +58,22 @@ def fold(
     running.advance(reader, limit, at_ns=scope.at_ns, progress=progress)
     running.save()
     return running.state
+
+
+def fold_part(reader: LogReader, projection: Projection[S], first: int, last: int) -> S:
+    """Return the state that the events `first` to `last`, inclusive, make of `initial()`.
+
+    Retractions count as they are known now, wherever in the log they are: so the states of parts
+    that follow each other, merged, are that of the whole log.
+    """
+    reader = copy(reader)
+    hidden = reader.retractions()
+    state = projection.initial()
+    for batch in reader.batches(Window(first_event=first, before_event=last + 1)):
+        visible = hidden.visible(batch)
+        if len(visible):
+            state = projection.apply(state, visible)
+    return state
 
 
 def _from_the_start(

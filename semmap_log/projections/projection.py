@@ -36,10 +36,10 @@ class Projection(Protocol[S]):
 
     Batches come in the order of event numbers, of any size, retracted events left out. That is the
     order in which the log learnt of the events, not in which they happened: `batch.folds_ns` says
-    when that was. Further methods and attributes may be there, and are used then:
+    when that was. Further methods and attributes may be there:
 
-    - `merge`: see `Mergeable`;
-    - `dump` and `load`: see `Dumping`;
+    - `merge`, where the fold allows it, for who folds a log in parts: see `Mergeable`;
+    - `dump` and `load`, for states of any type in checkpoints: see `Dumping`;
     - `name` and `version`: what a checkpoint calls the projection, by default the name of its class
       and 1. Whatever decides on the state (a bin's width, a list of doors) belongs into one of
       them: a checkpoint of another version is not used.
@@ -54,7 +54,10 @@ class Projection(Protocol[S]):
 
 @runtime_checkable
 class Mergeable(Protocol[S]):
-    """A projection whose states of two parts of a log make the state of both."""
+    """A projection whose states of two parts of a log make the state of both.
+
+    `log.fold_part` gives the states of parts, in as many processes as one likes.
+    """
 
     def merge(self, earlier: S, later: S, /) -> S:
         """Return the state of all events.

@@ -7,6 +7,10 @@ import random
 import re
 import textwrap
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import reduce
+from itertools import repeat
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -144,21 +148,33 @@ def test_an_earlier_question_leaves_a_later_checkpoint_alone(
 
 def test_states_of_two_parts_make_that_of_both(log: sl.DoorLog) -> None:
     """
-    What `merge` promises, for every cut between two batches.
+    What `merge` promises, for every cut, though the retractions of the first part may lie in the
+    second.
     """
-    projection = Numbers()
-    batches = list(log.batches())
-    pieces = [b.select(b.number == n) for b in batches for n in b.number]
+    projection, last = Numbers(), log.reader.last_commit().last_event
+    whole = log.fold(projection)
 
-    for cut in range(len(pieces) + 1):
-        parts = []
-        for part in (pieces[:cut], pieces[cut:]):
-            state = projection.initial()
-            for piece in part:
-                state = projection.apply(state, piece)
-            parts.append(state)
+    for cut in range(-1, last + 1):
+        earlier = log.fold_part(projection, 0, cut)
+        later = log.fold_part(projection, cut + 1, last)
 
-        assert log.fold(projection) == projection.merge(*parts)
+        assert whole == projection.merge(earlier, later)
+
+
+def test_parts_may_be_made_by_several_processes(log: sl.DoorLog) -> None:
+    """
+    Each opens the log by itself; the parts come back in order.
+    """
+    last = log.reader.last_commit().last_event
+    cuts = [0, last // 3, 2 * last // 3, last + 1]
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
+        parts = processes.map(_part, repeat(log.path), cuts, cuts[1:])
+
+    assert log.fold(Numbers()) == reduce(Numbers().merge, parts)
+
+
+def _part(path: Path, first: int, behind: int) -> list[int]:
+    return sl.read(path).fold_part(Numbers(), first, behind - 1)
 
 
 def test_what_a_projection_offers_is_seen() -> None:
