@@ -47,19 +47,22 @@ class CheckpointWarning(UserWarning):
 class Checkpoint(Generic[S]):
     """The file that keeps a projection's state in one log."""
 
-    def __init__(self, path: Path, projection: Projection[S], log_id: str) -> None:
+    def __init__(self, path: Path, projection: Projection[S], reader: LogReader) -> None:
         """Name the file; nothing is read or written yet.
 
         Raises:
-            OutputError: There is no folder to write it to.
+            OutputError: It cannot lie there.
         """
-        if not path.absolute().parent.is_dir():
+        folder = path.absolute().parent
+        if not folder.is_dir():
             raise OutputError(f"{path}: there is no such folder; make it first.")
+        if folder.resolve() == reader.folder.resolve():
+            raise OutputError(f"{path}: lies in the log's own folder; choose another place.")
         self.path = path
         self._projection = projection
         self._of = {
             "form": FORM,
-            "log_id": log_id,
+            "log_id": reader.info.log_id,
             "projection": name_of(projection),
             "version": version_of(projection),
         }

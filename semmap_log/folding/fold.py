@@ -49,7 +49,7 @@ def fold(
     reader = copy(reader)  # as it is now, whatever another thread has it take in meanwhile
     if checkpoint is None:
         return _from_the_start(reader, projection, scope, progress)
-    file = Checkpoint(checkpoint, projection, reader.info.log_id)
+    file = Checkpoint(checkpoint, projection, reader)
     limit = scope.limit(reader)
     saved = file.load(reader)
     if saved is not None and not _is_earlier(saved[0], scope, limit):

@@ -60,7 +60,7 @@ def fold_live(
         LogError: Another log lies there now.
     """
     log_id = reader.info.log_id
-    file = None if checkpoint is None else Checkpoint(checkpoint, projection, log_id)
+    file = None if checkpoint is None else Checkpoint(checkpoint, projection, reader)
     saved = None if file is None else file.load(reader)
     running = RunningFold(projection, saved, file, save_every_s=save_every_s)
     seen: list[Segment] = []

@@ -246,6 +246,8 @@ def test_places_that_cannot_be_written_to_are_said_at_once(log_path: Path, tmp_p
     """
     with pytest.raises(OutputError, match="there is no such folder"):
         sl.read(log_path).fold(Numbers(), checkpoint=tmp_path / "nowhere" / "checkpoint")
+    with pytest.raises(OutputError, match="lies in the log's own folder"):
+        sl.read(log_path).fold(Numbers(), checkpoint=log_path / "log_000001.mcap")
     with pytest.raises(CheckpointError, match="cannot be read: Is a directory"):
         sl.read(log_path).fold(Numbers(), checkpoint=tmp_path)
 

@@ -260,7 +260,7 @@ def test_a_fold_that_is_torn_off_goes_on_from_the_way(
             log.fold(_FailingAt(bad), checkpoint=path, save_every_s=0)
         if path.exists():
             saved.add(event := int(re.search(rb'"event": (\d+)', path.read_bytes())[1]))
-            kept = Checkpoint(path, Numbers(), log.info.log_id).load(log.reader)
+            kept = Checkpoint(path, Numbers(), log.reader).load(log.reader)
             assert kept is not None
             assert log.fold(Numbers(), event=event) == kept[1]
 
