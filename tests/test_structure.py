@@ -22,6 +22,8 @@ ORDER = [
     {"messages", "projections"},
     {"log"},
     {"replay", "commands", "command_content"},
+    {"folding"},
+    {"retracting"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},

@@ -23,6 +23,7 @@ from semmap_log.cli import (
     recover,
     remove,
     replay,
+    retract,
     show,
     tail,
     timeline,
@@ -78,6 +79,7 @@ app.command("update", short_help="Set fields of a door.")(update.run)
 app.command("remove", short_help="Take a door out of the map.")(remove.run)
 app.command("observe", short_help="Record that a sensor saw a door.")(observe.run)
 app.command("annotate", short_help="Say something about a door in words.")(annotate.run)
+app.command("retract", short_help="Take events back.")(retract.run)
 app.command("patrol", short_help="Mark the start or end of a round.")(patrol.run)
 app.command("record", short_help="Record events from standard input.")(record.run)
 app.command("replay", short_help="Show the doors at a moment.")(replay.run)

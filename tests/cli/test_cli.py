@@ -25,6 +25,7 @@ VERBS = [
     "remove",
     "observe",
     "annotate",
+    "retract",
     "patrol",
     "record",
     "replay",
