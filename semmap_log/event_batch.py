@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from semmap_log.errors import InvalidEventError
+from semmap_log.event_columns import (
+    NO_TIME,
+    as_type,
+    check_rows,
+    check_times,
+    common_length,
+    rows_of,
+)
 from semmap_log.events import KINDS, DoorEvent, Event, event_of
+from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +44,9 @@ class EventBatch:
 
     `batch[DoorObserved]` gives that kind's own fields, `batch.where(DoorObserved)` the positions
     of its rows among `number`, `happened_ns`, `recorded_ns`.
+
+    A log gives batches, and `append` takes them: `of` makes one from columns, `from_events` from
+    events. On the way in `number` and `recorded_ns` do not count, since the log gives its own.
     """
 
     number: NDArray[np.int64]
@@ -41,15 +54,75 @@ class EventBatch:
     kind: NDArray[np.uint8]
     """`Event.kind` of each."""
     happened_ns: NDArray[np.int64]
-    """As given; one later than recorded folds as the recorded time: see `folds_ns`."""
+    """As given; one later than recorded folds as the recorded time: see `folds_ns`. On the way in
+    -1 stands for one that was not given: the log's clock says it."""
     recorded_ns: NDArray[np.int64]
     columns: Mapping[int, NDArray[np.void]]
     """Kind number -> structured array, for the kinds of fixed size."""
     objects: Mapping[int, Sequence[Event]]
     """Kind number -> events, for the kinds with text or arrays."""
 
+    @classmethod
+    def of(
+        cls, kind: type[Event], *, happened_ns: ArrayLike | None = None, **fields: ArrayLike
+    ) -> EventBatch:
+        """Return events of one kind from columns, to append them.
+
+            EventBatch.of(DoorObserved, door_id=ids, state=states, accuracy_open=0.9)
+
+        Args:
+            kind: Of fixed size.
+            happened_ns: When each happened, int64; default: when the log records them.
+            **fields: The kind's own fields; those left out have the defaults of the event. One
+                value stands for all rows.
+
+        Raises:
+            InvalidEventError: Columns of different lengths, a value that no event can have, or
+                that its type does not hold: nothing is wrapped or cut.
+        """
+        times = np.asarray(NO_TIME if happened_ns is None else happened_ns)
+        times = as_type(f"{kind.__name__}.happened_ns", times, np.dtype(np.int64))
+        if happened_ns is not None and (times < 0).any():
+            raise InvalidEventError("happened_ns", "nanoseconds since 1970", int(times.min()))
+        given = {name: np.asarray(column) for name, column in fields.items()}
+        count = common_length(kind.__name__, {"happened_ns": times, **given})
+        full = {n: c if c.ndim else np.broadcast_to(c, count) for n, c in given.items()}
+        kinds = np.full(count, kind.kind, np.uint8)
+        rows = rows_of(kind, full)
+        return cls._of_rows({kind.kind: rows}, {}, kinds, np.broadcast_to(times, count))
+
+    @classmethod
+    def from_events(cls, events: Iterable[Event]) -> EventBatch:
+        """Return events as columns, in their order, numbered from 0 on."""
+        listed = list(events)
+        kinds = np.array([event.kind for event in listed], np.uint8)
+        columns: dict[int, NDArray[np.void]] = {}
+        objects: dict[int, Sequence[Event]] = {}
+        for kind in np.unique(kinds).tolist():
+            chosen = [event for event in listed if event.kind == kind]
+            if kind in OBJECT_KINDS:
+                objects[kind] = chosen
+            else:
+                data = b"".join([encode(event, 0) for event in chosen])
+                columns[kind] = np.frombuffer(data, fixed_layout(kind).dtype)
+        happened = [NO_TIME if e.happened_ns is None else e.happened_ns for e in listed]
+        return cls._of_rows(columns, objects, kinds, np.array(happened, np.int64))
+
+    @classmethod
+    def _of_rows(
+        cls,
+        columns: Mapping[int, NDArray[np.void]],
+        objects: Mapping[int, Sequence[Event]],
+        kinds: NDArray[Any],
+        happened_ns: NDArray[np.int64],
+    ) -> EventBatch:
+        numbers = np.arange(len(kinds), dtype=np.int64)
+        return cls(
+            numbers, kinds.astype(np.uint8, copy=False), happened_ns, happened_ns, columns, objects
+        )
+
     def __len__(self) -> int:
-        return len(self.number)
+        return len(self.kind)
 
     def __getitem__(self, kind: type[Event]) -> NDArray[np.void]:
         """Return the fields of that fixed-size kind, one row an event (KeyError: none here)."""
@@ -77,6 +150,62 @@ class EventBatch:
     def folds_ns(self) -> NDArray[np.int64]:
         """The time by which each event is ordered: when it happened, but never after recording."""
         return np.minimum(self.happened_ns, self.recorded_ns)
+
+    def check(self) -> None:
+        """Return if these are events that a log can take; where they come from does not count.
+
+        Raises:
+            InvalidEventError: Columns that do not fit each other, or a value that no event can
+                have: the row is named.
+        """
+        if self.happened_ns.dtype != np.int64 or self.happened_ns.shape != self.kind.shape:
+            got = f"{self.happened_ns.dtype} {self.happened_ns.shape}"
+            raise InvalidEventError("happened_ns", f"int64 ({len(self)},)", got)
+        check_times(self.happened_ns)
+        there = {kind: len(rows) for kind, rows in self.columns.items()}
+        there |= {kind: len(events) for kind, events in self.objects.items()}
+        if sum(there.values()) != len(self) or any(
+            np.count_nonzero(self.kind == kind) != count for kind, count in there.items()
+        ):
+            raise InvalidEventError("kind", f"rows as in the columns, {there}", self.kind)
+        for number, rows in self.columns.items():
+            check_rows(KINDS[number - 1], rows)
+        for number, events in self.objects.items():
+            strangers = [event for event in events if event.kind != number]
+            if strangers or number not in OBJECT_KINDS:
+                raise InvalidEventError("objects", KINDS[number - 1].__name__, strangers[:1])
+
+    def parts(self, rows: int) -> Iterator[EventBatch]:
+        """Yield the events in batches of at most so many rows, which share these columns."""
+        if len(self) <= rows:
+            yield self
+            return
+        done = dict.fromkeys((*self.columns, *self.objects), 0)
+        for start in range(0, len(self), rows):
+            yield self._part(slice(start, start + rows), done)
+
+    def split(self, at: int) -> tuple[EventBatch, EventBatch]:
+        """Return the events before a position, and the others; they share these columns."""
+        done = dict.fromkeys((*self.columns, *self.objects), 0)
+        return self._part(slice(at), done), self._part(slice(at, None), done)
+
+    def _part(self, inside: slice, done: dict[int, int]) -> EventBatch:
+        """Return the events of a slice; `done` counts those of each kind before it, and in it."""
+        kinds = self.kind[inside]
+        spans = {}
+        for kind, first in done.items():
+            count = len(kinds) if len(done) == 1 else int(np.count_nonzero(kinds == kind))
+            if count:
+                spans[kind] = slice(first, first + count)
+                done[kind] = first + count
+        return EventBatch(
+            self.number[inside],
+            kinds,
+            self.happened_ns[inside],
+            self.recorded_ns[inside],
+            {kind: rows[spans[kind]] for kind, rows in self.columns.items() if kind in spans},
+            {kind: found[spans[kind]] for kind, found in self.objects.items() if kind in spans},
+        )
 
     def select(self, keep: NDArray[np.bool_]) -> EventBatch:
         """Return the events where `keep`, one bool an event, is true."""
@@ -119,5 +248,6 @@ class EventBatch:
                 event = next(sources[kind])
             else:
                 values = dict(zip(names[kind], next(rows[kind]), strict=True))
-                event = event_of(kind, values, happened_ns)
+                known_ns = None if happened_ns == NO_TIME else happened_ns
+                event = event_of(kind, values, known_ns)
             yield RecordedEvent(number, recorded_ns, event)
