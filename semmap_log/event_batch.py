@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,8 @@ class EventBatch:
     """Kind number -> structured array, for the kinds of fixed size."""
     objects: Mapping[int, Sequence[Event]]
     """Kind number -> events, for the kinds with text or arrays."""
+    _is_checked: bool = field(default=False, init=False, repr=False, compare=False)
+    """Its columns were checked, and cannot be written to any more."""
 
     @classmethod
     def of(
@@ -89,11 +91,14 @@ class EventBatch:
         full = {n: c if c.ndim else np.broadcast_to(c, count) for n, c in given.items()}
         kinds = np.full(count, kind.kind, np.uint8)
         rows = rows_of(kind, full)
-        return cls._of_rows({kind.kind: rows}, {}, kinds, np.broadcast_to(times, count))
+        return cls._of_rows({kind.kind: rows}, {}, kinds, np.array(np.broadcast_to(times, count)))
 
     @classmethod
     def from_events(cls, events: Iterable[Event]) -> EventBatch:
-        """Return events as columns, in their order, numbered from 0 on."""
+        """Return events as columns, in their order, numbered from 0 on.
+
+        The columns of a batch that was made so, or by `of`, cannot be written to.
+        """
         listed = list(events)
         kinds = np.array([event.kind for event in listed], np.uint8)
         columns: dict[int, NDArray[np.void]] = {}
@@ -113,13 +118,15 @@ class EventBatch:
         cls,
         columns: Mapping[int, NDArray[np.void]],
         objects: Mapping[int, Sequence[Event]],
-        kinds: NDArray[Any],
+        kinds: NDArray[np.uint8],
         happened_ns: NDArray[np.int64],
     ) -> EventBatch:
         numbers = np.arange(len(kinds), dtype=np.int64)
-        return cls(
-            numbers, kinds.astype(np.uint8, copy=False), happened_ns, happened_ns, columns, objects
-        )
+        batch = cls(numbers, kinds, happened_ns, happened_ns, columns, objects)
+        for column in (numbers, kinds, happened_ns, *columns.values()):
+            column.flags.writeable = False
+        object.__setattr__(batch, "_is_checked", True)
+        return batch
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -158,6 +165,8 @@ class EventBatch:
             InvalidEventError: Columns that do not fit each other, or a value that no event can
                 have: the row is named.
         """
+        if self._is_checked:
+            return
         if self.happened_ns.dtype != np.int64 or self.happened_ns.shape != self.kind.shape:
             got = f"{self.happened_ns.dtype} {self.happened_ns.shape}"
             raise InvalidEventError("happened_ns", f"int64 ({len(self)},)", got)

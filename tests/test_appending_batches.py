@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -209,11 +210,15 @@ def test_what_changes_the_roster_counts_for_the_rows_behind_it(log: sl.DoorLogWr
 
 def test_values_are_checked_whoever_made_the_batch(log: sl.DoorLogWriter) -> None:
     """
-    Columns can be written to after a batch was made.
+    One that `of` made cannot be written to; one that was put together by hand is looked at.
     """
-    batch = EventBatch.of(DoorObserved, door_id=[1, 2], state=1)
-    batch[DoorObserved]["state"][1] = 9
+    made = EventBatch.of(DoorObserved, door_id=[1, 2], state=1)
+    rows = made[DoorObserved].copy()
+    rows["state"][1] = 9
+    batch = replace(made, columns={DoorObserved.kind: rows})
 
+    with pytest.raises(ValueError, match="read-only"):
+        made[DoorObserved]["state"][1] = 9
     with pytest.raises(InvalidEventError, match=r"row 1: DoorObserved.state: .* got 9"):
         log.append(batch)
 

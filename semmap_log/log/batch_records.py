@@ -36,13 +36,15 @@ class Block:
     """Channel id -> its records, one behind the other."""
     places: Mapping[int, tuple[NDArray[np.int64], NDArray[np.int64]]]
     """Channel id -> of each of its records: how many stand before it, and where it begins."""
+    sizes: NDArray[np.int64]
+    """Bytes of each record, in order."""
     span: tuple[int, int]
     """Least and greatest happened time; one later than its record counts as that."""
 
     @property
     def count(self) -> int:
         """How many records it has."""
-        return sum(len(steps) for steps, _ in self.places.values())
+        return len(self.sizes)
 
 
 def is_columns(batch: EventBatch) -> bool:
@@ -72,15 +74,13 @@ def block_of(batch: EventBatch, start: Start, wall_ns: int) -> Block:
     steps = np.arange(len(batch), dtype=np.int64)
     happened = happened_times(batch, wall_ns)
     span = span_of(happened, start.recorded_ns, steps)
-    if len(batch.columns) == 1:
-        (kind,) = batch.columns
-        rows = packed_rows(kind, batch.columns[kind], steps, happened, start)
-        data: bytes = rows.tobytes()
-        offsets = steps * rows.dtype.itemsize
-        return Block(data, {kind: data}, {kind: (steps, offsets)}, span)
     sizes = sizes_of(batch)
     ends = np.cumsum(sizes)
     offsets = ends - sizes
+    if len(batch.columns) == 1:
+        (kind,) = batch.columns
+        data = packed_rows(kind, batch.columns[kind], steps, happened, start).tobytes()
+        return Block(data, {kind: data}, {kind: (steps, offsets)}, sizes, span)
     records = np.empty(int(ends[-1]), np.uint8)
     of_channel, places = {}, {}
     for kind, fields in sorted(batch.columns.items()):
@@ -89,7 +89,7 @@ def block_of(batch: EventBatch, start: Start, wall_ns: int) -> Block:
         _put(records, offsets[mine], rows)
         of_channel[kind] = rows.tobytes()
         places[kind] = (mine, offsets[mine])
-    return Block(records.tobytes(), of_channel, places, span)
+    return Block(records.tobytes(), of_channel, places, sizes, span)
 
 
 def packed_rows(

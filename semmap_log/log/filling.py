@@ -9,6 +9,7 @@ from itertools import accumulate, count
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.log.batch_records import Block
 from semmap_log.log.chunks import NO_SPAN, BuiltChunk, assemble_chunk
@@ -58,12 +59,15 @@ class Filling:
 
     def chunk(self) -> BuiltChunk:
         """Return the chunk."""
-        return assemble_chunk(
+        built = assemble_chunk(
             b"".join([*(block.records for block in self._blocks), *self._records]),
             dict(sorted(self._entries().items())),
             times=(self.start_ns, self.time - 1),
             happened=self.span,
         )
+        if self._blocks:
+            built.offsets = self._offsets()
+        return built
 
     def _by_channel(self) -> list[tuple[int, bytes]]:
         """Return (channel, records in order) of its blocks, and of the records behind them."""
@@ -85,6 +89,14 @@ class Filling:
             entries.setdefault(channel, []).append(struct.pack(f"<{len(known)}Q", *known))
         return {channel: b"".join(parts) for channel, parts in entries.items()}
 
+    def _offsets(self) -> NDArray[np.int64]:
+        """Return where each record begins."""
+        sizes = [block.sizes for block in self._blocks]
+        sizes.append(np.fromiter(map(len, self._records), np.int64))
+        joined = np.concatenate(sizes)
+        offsets: NDArray[np.int64] = np.cumsum(joined) - joined
+        return offsets
+
     def _close_block(self) -> None:
         """Make the records that came one by one a block, since another will follow."""
         if not self._records:
@@ -96,6 +108,7 @@ class Filling:
                 b"".join(self._records),
                 _of_channels(self._records, self._channels),
                 {channel: (rows[:, 0], rows[:, 1]) for channel, rows in pairs.items()},
+                np.fromiter(map(len, self._records), np.int64),
                 self.span,
             )
         )

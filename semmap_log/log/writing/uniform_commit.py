@@ -96,6 +96,8 @@ class _Template:
         self._steps = np.arange(count, dtype=np.int64)
         self._entries = np.zeros((count, 2), "<i8")
         self._entries[:, 1] = self._steps * record.size
+        self._offsets = np.append(self._entries[:, 1], self._end)
+        """Of the events and of the Commit."""
         self._rows = np.zeros(count, fixed.behind(mcap.MESSAGE_DTYPE))
         self._rows["opcode"], self._rows["length"] = _MESSAGE, self._length
         self._rows["channel_id"] = kind
@@ -149,7 +151,7 @@ class _Template:
             stamp.monotonic_clock_ns, stamp.boot_id, stamp.previous_hash, hashed,
             stamp.durability, stamp.durable_before, stamp.content, note,
         )  # fmt: skip
-        return BuiltChunk(records, data, facts), commit
+        return BuiltChunk(records, data, facts, self._offsets if count > FEW else None), commit
 
     def _packed_few(self, stamp: Stamp, happened: list[int], events: Sequence[Event]) -> bytes:
         """Return the events' records."""
