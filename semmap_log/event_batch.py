@@ -123,7 +123,8 @@ class EventBatch:
     ) -> EventBatch:
         numbers = np.arange(len(kinds), dtype=np.int64)
         batch = cls(numbers, kinds, happened_ns, happened_ns, columns, objects)
-        for column in (numbers, kinds, happened_ns, *columns.values()):
+        written: list[NDArray[Any]] = [numbers, kinds, happened_ns, *columns.values()]
+        for column in written:
             column.flags.writeable = False
         object.__setattr__(batch, "_is_checked", True)
         return batch
