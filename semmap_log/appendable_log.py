@@ -16,7 +16,7 @@ from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
-from semmap_log.event_batch import EventBatch
+from semmap_log.event_batch import EventBatch, one_by_one
 from semmap_log.events import Event, RobotPose
 from semmap_log.log.clock import believable_ns
 from semmap_log.log.reading.reader import LogReader
@@ -175,7 +175,7 @@ class AppendableLog(DoorLog):
         def is_stored(commit: Commit) -> bool:
             if not compares:
                 return commit.content == content
-            wanted = list(_one_by_one(given))
+            wanted = list(one_by_one(given))
             stored = self._stored(commit)[-len(wanted) :]
             return note == commit.note and are_same(wanted, stored)
 
@@ -384,12 +384,3 @@ def _checked(
         else:
             gatekeeper.check(event)
         yield event
-
-
-def _one_by_one(events: Iterable[Event | EventBatch]) -> Iterator[Event]:
-    """Yield events, those of batches, too."""
-    for event in events:
-        if isinstance(event, EventBatch):
-            yield from (recorded.event for recorded in event)
-        else:
-            yield event

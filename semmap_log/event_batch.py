@@ -114,6 +114,31 @@ class EventBatch:
         return cls._of_rows(columns, objects, kinds, np.array(happened, np.int64))
 
     @classmethod
+    def mixed(cls, kinds: ArrayLike, *batches: EventBatch) -> EventBatch:
+        """Return batches of one kind each as one.
+
+        Args:
+            kinds: `Event.kind` of each event: which of the batches gives the next.
+            *batches: Of different kinds, made by `of`.
+
+        Raises:
+            InvalidEventError: `kinds` asks for more events of a batch, or for fewer, than it has.
+        """
+        wanted = np.asarray(kinds).astype(np.uint8)
+        happened_ns = np.full(len(wanted), NO_TIME, np.int64)
+        columns: dict[int, NDArray[np.void]] = {}
+        for batch in batches:
+            ((kind, rows),) = batch.columns.items()
+            where = np.flatnonzero(wanted == kind)
+            if len(where) != len(rows) or kind in columns:
+                expected = f"{len(rows)} events of kind {kind}"
+                raise InvalidEventError("kinds", expected, len(where))
+            happened_ns[where], columns[kind] = batch.happened_ns, rows
+        if sum(map(len, batches)) != len(wanted):
+            raise InvalidEventError("kinds", f"{sum(map(len, batches))} events", len(wanted))
+        return cls._of_rows(columns, {}, wanted, happened_ns)
+
+    @classmethod
     def _of_rows(
         cls,
         columns: Mapping[int, NDArray[np.void]],
@@ -261,3 +286,12 @@ class EventBatch:
                 known_ns = None if happened_ns == NO_TIME else happened_ns
                 event = event_of(kind, values, known_ns)
             yield RecordedEvent(number, recorded_ns, event)
+
+
+def one_by_one(events: Iterable[Event | EventBatch]) -> Iterator[Event]:
+    """Yield events, those of batches, too, as objects."""
+    for event in events:
+        if isinstance(event, EventBatch):
+            yield from (recorded.event for recorded in event)
+        else:
+            yield event
