@@ -207,7 +207,8 @@ class DoorLog:
             LogError: There is no such event.
         """
         recorded = self.event(number)
-        note, command_id = self.reader.said_about(number)
+        commit = self.reader.commit_at(number)
+        note, command_id = commit.note, commit.command_id
         hidden = any(first <= number <= last for first, last in self.reader.retractions().ranges)
         return HistoryEntry(
             number,

@@ -8,6 +8,8 @@ from typing import Protocol, TypeVar
 
 from semmap_log.event_batch import EventBatch
 from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.state import state_at
+from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState
 
 
@@ -52,8 +54,8 @@ def fold(
 def replay(
     reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None
 ) -> DoorMapState:
-    """Return the door map of a scope."""
-    return fold(reader, DoorMapState(), scope, progress=progress)
+    """Return the door map of a scope, from the nearest keyframe."""
+    return state_at(reader, at_ns=scope.at_ns, limit=scope.limit(reader), progress=progress)
 
 
 def visible_batches(
@@ -64,9 +66,11 @@ def visible_batches(
     if limit is not None and limit < 0:
         return
     retractions = reader.retractions(limit=limit)
-    for batch in reader.batches(limit=limit, progress=progress):
+    window = Window(
+        happened_before_ns=None if scope.at_ns is None else scope.at_ns + 1,
+        before_event=None if limit is None else limit + 1,
+    )
+    for batch in reader.batches(window, progress=progress):
         visible = retractions.visible(batch)
-        if scope.at_ns is not None:
-            visible = visible.select(visible.folds_ns <= scope.at_ns)
         if len(visible):
             yield visible

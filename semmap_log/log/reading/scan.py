@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Header, Metadata
+from mcap.records import Header, Metadata, Statistics
+from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError, NotALogError
 from semmap_log.log import records as mcap
@@ -19,6 +21,7 @@ from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.closed_summary import FOOTER_BYTES, ClosedSummary, read_summary
+from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
 from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
 from semmap_log.log.reading.mapping import MappedFile, map_file
 
@@ -65,8 +68,24 @@ class Segment:
         """
         if self.live is not None:
             return None
-        counts: Mapping[int, int] = self.summary.statistics().channel_message_counts
+        counts: Mapping[int, int] = self._statistics.channel_message_counts
         return counts
+
+    @property
+    def recorded(self) -> tuple[int, int]:
+        """The least and the greatest log time in it; (0, 0) if there is no record.
+
+        Raises:
+            CorruptLogError: The summary is damaged.
+        """
+        if self.live is None:
+            return self._statistics.message_start_time, self._statistics.message_end_time
+        rows = self.chunks.rows
+        return (int(rows["start_ns"][0]), int(rows["end_ns"].max())) if len(rows) else (0, 0)
+
+    @cached_property
+    def _statistics(self) -> Statistics:
+        return self.summary.statistics()
 
     @property
     def chunks(self) -> ChunkTable:
@@ -79,8 +98,37 @@ class Segment:
 
     @cached_property
     def _table(self) -> ChunkTable:
-        _keep_table_of(self)
+        _keep_tables_of(self)
         return self.summary.chunks(self.head_end)
+
+    @property
+    def spans(self) -> NDArray[np.void]:
+        """How many events each of its chunks has, and when they happened, as `SPAN`.
+
+        Raises:
+            CorruptLogError: The index of a closed segment is damaged.
+        """
+        spans = self._spans if self.live is None else self.live.spans[: self.live.whole]
+        if len(spans) != len(self.chunks):
+            problem = f"its index tells of {len(spans)} chunks; there are {len(self.chunks)}"
+            raise CorruptLogError(self.path, self.whole_end, problem)
+        return spans
+
+    @cached_property
+    def _spans(self) -> NDArray[np.void]:
+        _keep_tables_of(self)
+        return spans_of_summary(self.summary)
+
+    @cached_property
+    def span(self) -> tuple[int, int]:
+        """When its events happened, at the earliest and at the latest; (-1, -1) without any.
+
+        Raises:
+            CorruptLogError: The index of a closed segment is damaged.
+        """
+        if self.live is None and "_spans" not in vars(self):
+            return total_span(spans_of_summary(self.summary))  # of a long log's every segment
+        return total_span(self.spans)
 
     @property
     def whole_end(self) -> int:
@@ -104,13 +152,14 @@ _with_tables: deque[weakref.ref[Segment]] = deque()
 _MOST_TABLES = 64
 
 
-def _keep_table_of(segment: Segment) -> None:
-    """Let go of the table of the segment that has had one longest: a long log has many."""
+def _keep_tables_of(segment: Segment) -> None:
+    """Let go of the tables of the segment that has had some longest: a long log has many."""
     _with_tables.append(weakref.ref(segment))
     if len(_with_tables) > _MOST_TABLES:
         oldest = _with_tables.popleft()()
         if oldest is not None:
             vars(oldest).pop("_table", None)
+            vars(oldest).pop("_spans", None)
 
 
 def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:

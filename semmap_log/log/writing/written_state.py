@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from semmap_log.events import Retracted
 from semmap_log.log.chunks import BuiltChunk
-from semmap_log.log.form import CHUNK_BYTES
+from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY
+from semmap_log.log.keyframes import keyframe_chunk
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.state import state_at
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.retraction import Retractions
 
 
 class WrittenState:
@@ -32,21 +33,47 @@ class WrittenState:
         self._first_event = state.event + 1
         """A number below those that wait, and less than 2^32 away from them."""
         self._needs_reading = False
+        self._since_keyframe = 0
+        """Bytes of records behind the last keyframe."""
+        self._keyframe_size = 0
+        """Of the last keyframe's record."""
 
     def add(self, chunk: BuiltChunk) -> None:
         """Remember a chunk that was written."""
         self._unfolded.append(chunk.records)
         self._offsets.append(chunk.offsets)
         self._unfolded_size += len(chunk.records)
+        self._since_keyframe += len(chunk.records)
         if self._unfolded_size >= CHUNK_BYTES:
             self._fold()
+
+    def keyframe(self, log_time_ns: int) -> BuiltChunk:
+        """Return the keyframe that is written now.
+
+        Args:
+            log_time_ns: Of the record before it, or later.
+        """
+        chunk = keyframe_chunk(self.get(), log_time_ns)
+        self._since_keyframe, self._keyframe_size = 0, len(chunk.records)
+        return chunk
+
+    def wants_keyframe(self, *, is_commit_begun: bool) -> bool:
+        """Tell whether a keyframe should stand before what is written next.
+
+        In the middle of a commit none can be made if a retraction came before it.
+        """
+        wanted = max(KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY * self._keyframe_size)
+        if self._since_keyframe < wanted:
+            return False
+        self._fold()
+        return not (is_commit_begun and self._needs_reading)
 
     def get(self) -> DoorMapState:
         """Return the state after the last commit."""
         self._fold()
         if self._needs_reading:
             self._flush()
-            self._state, self._needs_reading = state_at_end(LogReader(self._folder)), False
+            self._state, self._needs_reading = state_at(LogReader(self._folder)), False
         return self._state
 
     def _fold(self) -> None:
@@ -77,18 +104,3 @@ def _joined(
         found.append(its_offsets + start)
         start += len(its_records)
     return np.concatenate(found)
-
-
-def state_at_end(reader: LogReader) -> DoorMapState:
-    """Return the state at a log's end: from its last keyframe, unless a retraction touches it."""
-    last = len(reader.segments) - 1
-    state = reader.keyframe(reader.segments[last])
-    retractions = Retractions()
-    for batch in reader.batches(first_segment=last):
-        retractions.apply(batch)
-    if state is None or (retractions and retractions.first_event <= state.event):
-        last, state, retractions = 0, DoorMapState(), reader.retractions()
-    for batch in reader.batches(first_segment=last):
-        state.note_used_ids(batch)
-        state.apply(retractions.visible(batch))
-    return state
