@@ -84,14 +84,14 @@ class EventBatch:
         """
         times = np.asarray(NO_TIME if happened_ns is None else happened_ns)
         times = as_type(f"{kind.__name__}.happened_ns", times, np.dtype(np.int64))
-        if happened_ns is not None and (times < 0).any():
+        if happened_ns is not None and times.size and times.min() < 0:
             raise InvalidEventError("happened_ns", "nanoseconds since 1970", int(times.min()))
         given = {name: np.asarray(column) for name, column in fields.items()}
         count = common_length(kind.__name__, {"happened_ns": times, **given})
-        full = {n: c if c.ndim else np.broadcast_to(c, count) for n, c in given.items()}
+        happened = np.empty(count, np.int64)
+        happened[:] = times
         kinds = np.full(count, kind.kind, np.uint8)
-        rows = rows_of(kind, full)
-        return cls._of_rows({kind.kind: rows}, {}, kinds, np.array(np.broadcast_to(times, count)))
+        return cls._of_rows({kind.kind: rows_of(kind, given, count)}, {}, kinds, happened)
 
     @classmethod
     def from_events(cls, events: Iterable[Event]) -> EventBatch:
@@ -262,6 +262,10 @@ class EventBatch:
             objects,
         )
 
+    def to_events(self) -> Iterator[Event]:
+        """Yield the events as objects, without what a log knows of them."""
+        return (recorded.event for recorded in self)
+
     def __iter__(self) -> Iterator[RecordedEvent]:
         """Yield the events one by one, as objects."""
         sources: dict[int, Iterator[Event]] = {
@@ -292,6 +296,6 @@ def one_by_one(events: Iterable[Event | EventBatch]) -> Iterator[Event]:
     """Yield events, those of batches, too, as objects."""
     for event in events:
         if isinstance(event, EventBatch):
-            yield from (recorded.event for recorded in event)
+            yield from event.to_events()
         else:
             yield event

@@ -11,12 +11,13 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from semmap_log.doors import MAX_LEVEL, DoorState
 from semmap_log.errors import InvalidEventError
 from semmap_log.events import (
     ALL_CHANGED,
+    KINDS,
     MAX_EVENT,
     MAX_TIME_NS,
     Changed,
@@ -79,31 +80,41 @@ _RANGES: Mapping[str, _Range] = {
 """Field -> what its values lie between, of whatever kind; the others have none, or `_misfits`."""
 
 
-def rows_of(kind: type[Event], fields: Mapping[str, ArrayLike]) -> Rows:
-    """Return columns as rows of a kind; one value stands for all rows.
+def rows_of(kind: type[Event], fields: Mapping[str, NDArray[Any]], count: int) -> Rows:
+    """Return columns as rows of a kind.
 
     Args:
         kind: Of fixed size.
-        fields: Its own fields; those left out have the defaults of the event.
+        fields: Its own fields, each with so many values or one that stands for all; those left
+            out have the defaults of the event.
+        count: How many rows.
 
     Raises:
-        InvalidEventError: A field that the kind has not, one that is missing, columns of different
-            lengths, or a value that is no such number or that no event can have.
+        InvalidEventError: A field that the kind has not, one that is missing, or a value that is
+            no such number or that no event can have.
     """
     if kind.kind in OBJECT_KINDS:
         raise InvalidEventError(kind.__name__, "a kind without texts and maps", kind.__name__)
-    fixed = fixed_layout(kind.kind)
-    given = {**defaults_of(kind), **fields}
-    if given.keys() != set(fixed.fields):
-        wrong = sorted(given.keys() ^ set(fixed.fields))
-        raise InvalidEventError(kind.__name__, f"the columns {' '.join(fixed.fields)}", wrong)
-    columns = {name: np.asarray(given[name]) for name in fixed.fields}
-    count = common_length(kind.__name__, columns)
-    rows = np.zeros(count, fixed.dtype)
-    for name, column in columns.items():
-        rows[name] = as_type(f"{kind.__name__}.{name}", column, fixed.dtype[name])
+    dtype = fixed_layout(kind.kind).dtype
+    defaults, names = _defaults(kind.kind)
+    if not (names - defaults.keys() <= fields.keys() <= names):
+        wrong = sorted((fields.keys() - names) | (names - defaults.keys() - fields.keys()))
+        expected = f"the columns {' '.join(dtype.names or ())}"
+        raise InvalidEventError(kind.__name__, expected, wrong)
+    rows = np.zeros(count, dtype)
+    for name, column in {**defaults, **fields}.items():
+        rows[name] = as_type(f"{kind.__name__}.{name}", column, dtype[name])
     check_rows(kind, rows)
     return rows
+
+
+@cache
+def _defaults(kind: int) -> tuple[dict[str, NDArray[Any]], frozenset[str]]:
+    """Return the defaults of a kind's fields as they are stored, and the names of all fields."""
+    dtype = fixed_layout(kind).dtype
+    defaults = defaults_of(KINDS[kind - 1])
+    known = {name: np.array(value, dtype[name]) for name, value in defaults.items()}
+    return known, frozenset(dtype.names or ())
 
 
 def common_length(where: str, columns: Mapping[str, NDArray[Any]]) -> int:
@@ -112,10 +123,12 @@ def common_length(where: str, columns: Mapping[str, NDArray[Any]]) -> int:
     Raises:
         InvalidEventError: Their lengths differ, or one is no column.
     """
-    lengths = {name: column.shape for name, column in columns.items() if column.ndim}
-    if len(set(lengths.values())) > 1 or any(len(shape) > 1 for shape in lengths.values()):
+    shapes = {column.shape for column in columns.values()} - {()}
+    (count, *other) = shapes.pop() if shapes else (1,)
+    if shapes or other:
+        lengths = {name: column.shape for name, column in columns.items() if column.ndim}
         raise InvalidEventError(where, "columns of one length", lengths)
-    return next(iter(lengths.values()))[0] if lengths else 1
+    return int(count)
 
 
 def as_type(where: str, values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -15,7 +15,6 @@ from mcap.opcode import Opcode
 from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.errors import CommandError
 from semmap_log.event_batch import EventBatch
-from semmap_log.event_columns import NO_TIME
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.log import records as mcap
 from semmap_log.log.batch_records import Start, block_of, is_columns, record_size, sizes_of
@@ -110,34 +109,33 @@ class CommitBuilder:
         Args:
             events: Events, and batches of them, whose numbers and recorded times do not count.
         """
-        number, wall_ns = self._stamp.first_event, self._stamp.wall_clock_ns
         filling = Filling(self._stamp.recorded_ns)
-        for event in events:
-            if isinstance(event, EventBatch):
-                for part in event.parts(ROWS_AT_A_TIME):
-                    rest = part
-                    while len(rest):
-                        if filling.size >= CHUNK_BYTES:
-                            yield self._chunk(filling)
-                            filling = Filling(filling.time)
-                        fits, rest = _split(rest, CHUNK_BYTES - filling.size)
-                        self._add_batch(filling, fits, number)
-                        number += len(fits)
-                continue
-            if filling.size >= CHUNK_BYTES:
-                yield self._chunk(filling)
-                filling = Filling(filling.time)
-            self._add(
-                filling, event, number, wall_ns if event.happened_ns is None else event.happened_ns
-            )
-            number += 1
-        if number == self._stamp.first_event:
+        for part in _parts(events):
+            rest: Event | EventBatch | None = part
+            while rest is not None:
+                if filling.size >= CHUNK_BYTES:
+                    yield self._full(filling)
+                    filling = Filling(filling.time)
+                rest = self._fill(filling, rest)
+        if self._end_event == self._stamp.first_event:
             raise CommandError("a commit wants at least one event.")
-        self._end_event = number
         if self._note:
             filling.add(NOTE_CHANNEL, self._note_record(filling.time))
         self._end_ns = filling.time
         yield self._last_chunk(filling)
+
+    def _fill(self, filling: Filling, events: Event | EventBatch) -> EventBatch | None:
+        """Add an event, or as many of a batch as there is room for; return those that are left."""
+        number, wall_ns = self._end_event, self._stamp.wall_clock_ns
+        if not isinstance(events, EventBatch):
+            happened = wall_ns if events.happened_ns is None else events.happened_ns
+            self._add(filling, events, number, happened)
+            self._end_event = number + 1
+            return None
+        fits, rest = _split(events, CHUNK_BYTES - filling.size)
+        filling.add_block(block_of(fits, Start(number, filling.time), wall_ns))
+        self._end_event = number + len(fits)
+        return rest if len(rest) else None
 
     def _add(self, filling: Filling, event: Event, number: int, happened: int) -> None:
         kind, time = event.kind, filling.time
@@ -152,17 +150,6 @@ class CommitBuilder:
             )  # fmt: skip
         filling.add(channel, record)
         filling.span = wider(filling.span, min(time, happened))
-
-    def _add_batch(self, filling: Filling, batch: EventBatch, number: int) -> None:
-        wall_ns = self._stamp.wall_clock_ns
-        if is_columns(batch):
-            filling.add_block(block_of(batch, Start(number, filling.time), wall_ns))
-            return
-        for i, recorded in enumerate(batch):
-            happened = int(batch.happened_ns[i])
-            self._add(
-                filling, recorded.event, number + i, wall_ns if happened == NO_TIME else happened
-            )
 
     @property
     def commit(self) -> Commit:
@@ -220,9 +207,25 @@ class CommitBuilder:
         filling.add(COMMIT_CHANNEL, record)
         return filling.chunk()
 
-    def _chunk(self, filling: Filling) -> BuiltChunk:
+    def _full(self, filling: Filling) -> BuiltChunk:
         filling.hash_into(self._digests)
         return filling.chunk()
+
+
+def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
+    """Yield events, and of batches parts that can be made records at once.
+
+    What has texts or maps comes one by one, and so does a batch in which there are such.
+    """
+    for event in events:
+        if not isinstance(event, EventBatch):
+            yield event
+            continue
+        for part in event.parts(ROWS_AT_A_TIME):
+            if len(part) and is_columns(part):
+                yield part
+            else:
+                yield from part.to_events()
 
 
 def _split(batch: EventBatch, room: int) -> tuple[EventBatch, EventBatch]:
@@ -230,8 +233,6 @@ def _split(batch: EventBatch, room: int) -> tuple[EventBatch, EventBatch]:
 
     A chunk takes one more as long as it has any room: it may become longer than it should.
     """
-    if not is_columns(batch):
-        return batch.split(1)  # few, and of any size
     if len(batch.columns) == 1:
         (kind,) = batch.columns
         return batch.split(-(-room // record_size(kind)))
