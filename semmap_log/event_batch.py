@@ -117,6 +117,8 @@ class EventBatch:
     def mixed(cls, kinds: ArrayLike, *batches: EventBatch) -> EventBatch:
         """Return batches of one kind each as one.
 
+            EventBatch.mixed([DoorObserved.kind, DoorPassed.kind, DoorObserved.kind], seen, passed)
+
         Args:
             kinds: `Event.kind` of each event: which of the batches gives the next.
             *batches: Of different kinds, made by `of`.
@@ -203,11 +205,15 @@ class EventBatch:
             np.count_nonzero(self.kind == kind) != count for kind, count in there.items()
         ):
             raise InvalidEventError("kind", f"rows as in the columns, {there}", self.kind)
+        fixed = {kind.kind for kind in KINDS} - OBJECT_KINDS
+        if not (self.columns.keys() <= fixed and self.objects.keys() <= OBJECT_KINDS):
+            expected = "kinds of fixed size as columns, others as objects"
+            raise InvalidEventError("kind", expected, sorted(there))
         for number, rows in self.columns.items():
             check_rows(KINDS[number - 1], rows)
         for number, events in self.objects.items():
             strangers = [event for event in events if event.kind != number]
-            if strangers or number not in OBJECT_KINDS:
+            if strangers:
                 raise InvalidEventError("objects", KINDS[number - 1].__name__, strangers[:1])
 
     def parts(self, rows: int) -> Iterator[EventBatch]:

@@ -63,6 +63,7 @@ def test_single_values_are_one_event() -> None:
     assert 0 == len(EventBatch.of(DoorRequested, door_id=[], state=[]))
 
 
+@settings(deadline=None)
 @given(st.lists(events, max_size=20), st.data())
 def test_events_become_columns_and_events_again(drawn: list[Event], data: st.DataObject) -> None:
     """
@@ -158,7 +159,7 @@ def _refusal(kind: type[Event], row: Any) -> str:
     return ""
 
 
-@settings(max_examples=400)
+@settings(max_examples=400, deadline=None)
 @given(st.sampled_from(FIXED), st.integers(1, 3), st.data())
 def test_rows_are_refused_as_events_are(kind: type[Event], count: int, data: st.DataObject) -> None:
     """
@@ -192,7 +193,10 @@ def _batch(**other: Any) -> EventBatch:
         (_batch(happened_ns=np.array([1.0, 2.0])), "happened_ns: expected int64"),
         (_batch(happened_ns=np.array([1, -2])), "row 1: happened_ns: .* got -2"),
         (_batch(columns={4: np.zeros(2, [("door_id", "u8")])}), "expected rows of"),
-        (_batch(columns={}, objects={4: [REQUESTED] * 2}), "objects: expected DoorObserved"),
+        (_batch(columns={}, objects={4: [REQUESTED] * 2}), "kind: expected kinds of fixed size"),
+        (_batch(columns={99: np.zeros(2)}, kind=np.full(2, 99, np.uint8)), r"got \[99\]"),
+        (_batch(columns={}, objects={11: [REQUESTED] * 2}, kind=np.full(2, 11, np.uint8)),
+         "objects: expected DoorAnnotated"),
     ],
 )  # fmt: skip
 def test_columns_that_do_not_fit_each_other_are_refused(batch: EventBatch, message: str) -> None:
@@ -213,3 +217,28 @@ def test_defaults_are_those_of_the_event() -> None:
     expected = DoorUpdated(door_id=DoorId(1), changed=Changed.STATE, state=DoorState.MOVING)
     assert same(expected, next(iter(batch)).event)
     assert same(DoorAdded(door_id=DoorId(1)), next(iter(added)).event)
+
+
+def test_batches_of_one_kind_can_be_mixed() -> None:
+    """
+    In any order, each kind's events in their own.
+    """
+    seen = EventBatch.of(DoorObserved, door_id=[1, 2], state=1, happened_ns=[10, 30])
+    passed = EventBatch.of(DoorPassed, door_id=3, passed=True, happened_ns=20)
+
+    mixed = EventBatch.mixed([DoorObserved.kind, DoorPassed.kind, DoorObserved.kind], seen, passed)
+
+    found = [(type(row.event).__name__, row.happened_ns) for row in mixed]
+    assert [("DoorObserved", 10), ("DoorPassed", 20), ("DoorObserved", 30)] == found
+
+
+@pytest.mark.parametrize("kinds", [[4, 4], [4, 4, 6, 6], [4, 4, 6, 5], [4, 6, 6]])
+def test_what_is_mixed_must_be_all_there(kinds: list[int]) -> None:
+    """
+    No event left out, none made up.
+    """
+    seen = EventBatch.of(DoorObserved, door_id=[1, 2], state=1)
+    passed = EventBatch.of(DoorPassed, door_id=3, passed=True)
+
+    with pytest.raises(InvalidEventError, match="kinds: expected"):
+        EventBatch.mixed(kinds, seen, passed)

@@ -71,12 +71,16 @@ class CsvBlocks:
         self._pending: deque[bytes] = deque()
         """Lines that Python's reader has still to take."""
         self._total = 0
-        header = next(self._cells(self._next()), None)
-        if header is None:
-            expected = ",".join(required)
-            raise FormatError(path, f"expected a header {expected}, got an empty file")
-        self._width = len(header.texts)
-        self._places = places_of(header, path, required, optional)
+        """Rows so far."""
+        self._in_block = 0
+        """Those of them that `columns` found in this block."""
+        try:
+            header = self._header(required)
+            self._width = len(header.texts)
+            self._places = places_of(header, path, required, optional)
+        except BaseException:
+            self._raw.close()
+            raise
 
     def blocks(self) -> Iterator[bytes]:
         """Yield blocks of whole lines, each to be read by `columns` or by `rows`.
@@ -86,12 +90,15 @@ class CsvBlocks:
         """
         block = b"".join(self._pending)
         self._pending.clear()
-        while block or (block := self._next()):
-            behind = self._line + block.count(b"\n")
-            yield block
-            self._line = max(self._line, behind)  # `rows` may have gone further
-            block = b""
-        self._raw.close()
+        try:
+            while block or (block := self._next()):
+                behind = self._line + block.count(b"\n")
+                self._in_block = 0
+                yield block
+                self._line = max(self._line, behind)  # `rows` may have gone further
+                block = b""
+        finally:
+            self._raw.close()
 
     def columns(self, block: bytes) -> Columns | None:
         """Return a block's cells; None: it is not plain, and wants `rows`."""
@@ -112,6 +119,7 @@ class CsvBlocks:
         if lengths.min(initial=0) < 0 or (ends - starts).max(initial=0) >= MOST_LINE_BYTES:
             return None
         self._count(len(starts))
+        self._in_block = len(starts)
         found = [
             None if at is None else TextColumn(plain, edges[:, at] + 1, lengths[:, at].copy())
             for at in self._places
@@ -132,8 +140,15 @@ class CsvBlocks:
             for line, cells in self._cells(block)
             if has_length(line, cells, self._width, self._problems)
         ]
-        self._count(len(found))
+        self._count(len(found) - self._in_block)
         return found
+
+    def _header(self, required: tuple[str, ...]) -> Row:
+        header = next(self._cells(self._next()), None)
+        if header is None:
+            expected = ",".join(required)
+            raise FormatError(self._path, f"expected a header {expected}, got an empty file")
+        return header
 
     def _count(self, rows: int) -> None:
         self._total += rows

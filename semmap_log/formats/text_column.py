@@ -15,7 +15,7 @@ PADDING = bytes(WORD_BYTES)
 MOST_PATTERNS = 8
 MOST_WORDS = 8
 _SLOTS = 4096
-_MIX = np.uint64(0x9E3779B97F4A7C15)
+_MIX, _SPREAD = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xD6E8FEB86659FD93)
 _MASKS = np.array([(1 << 8 * n) - 1 for n in range(WORD_BYTES + 1)], np.uint64)
 
 
@@ -185,7 +185,7 @@ class TextCodes:
         words = column.words()
         if words is None:
             return None
-        keys = column.lengths.astype(np.uint64)
+        keys = column.lengths.astype(np.uint64) * _SPREAD
         for word in words:
             keys = (keys ^ word) * _MIX
             keys ^= keys >> np.uint64(29)

@@ -136,6 +136,7 @@ def test_many_days_out_of_order_are_read_too() -> None:
     assert [both_instants(text, tz=VIENNA)[0] for text in texts] == first.tolist()
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(0, 1e6).map(repr) | st.decimals(0, 99, places=3).map(str)
                 | st.text(".0123456789e-", max_size=20)))  # fmt: skip
 def test_decimals_at_once_are_floats(texts: list[str]) -> None:
@@ -227,4 +228,21 @@ def test_no_room_for_them_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     )
 
     with pytest.raises(OutputError, match=r"no room .* \(No space left on device\); set TMPDIR"):
+        read_door_csv(path, tz="UTC")
+
+
+@pytest.mark.parametrize("state", ["OPEN", "AJAR"])
+def test_rows_are_counted_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str) -> None:
+    """
+    Also those that the quick way found, and left to the careful one.
+    """
+    path = tmp_path / "doors.csv"
+    path.write_text("timestamp,door,state\n" + f"2026-03-01,a,{state}\n" * 9)
+    monkeypatch.setattr(csv_blocks, "MOST_ROWS", 9)
+    expected = "expected at most" if state == "OPEN" else "AJAR"
+
+    if state == "OPEN":
+        assert 9 == len(read_door_csv(path, tz="UTC"))
+        path.write_text(path.read_text() + "2026-03-01,a,OPEN\n")
+    with pytest.raises(FormatError, match=expected):
         read_door_csv(path, tz="UTC")
