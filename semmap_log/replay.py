@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from semmap_log.event_batch import EventBatch
-from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.reader import LogReader, OnPage, Progress
 from semmap_log.log.reading.state import state_at
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState
@@ -59,7 +59,11 @@ def replay(
 
 
 def visible_batches(
-    reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None
+    reader: LogReader,
+    scope: Scope = Scope(),
+    *,
+    progress: Progress | None = None,
+    on_page: OnPage | None = None,
 ) -> Iterator[EventBatch]:
     """Yield the events of a scope, without those retracted by what is known in it."""
     limit = scope.limit(reader)
@@ -70,7 +74,7 @@ def visible_batches(
         happened_before_ns=None if scope.at_ns is None else scope.at_ns + 1,
         before_event=None if limit is None else limit + 1,
     )
-    for batch in reader.batches(window, progress=progress):
+    for batch in reader.batches(window, progress=progress, on_page=on_page):
         visible = retractions.visible(batch)
         if len(visible):
             yield visible
