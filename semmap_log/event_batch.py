@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,9 @@ from semmap_log.event_columns import (
 )
 from semmap_log.events import KINDS, DoorEvent, Event, event_of
 from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
+
+if TYPE_CHECKING:
+    from semmap_log.arrow.sdk import DataFrame, pa
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,6 +274,30 @@ class EventBatch:
     def to_events(self) -> Iterator[Event]:
         """Yield the events as objects, without what a log knows of them."""
         return (recorded.event for recorded in self)
+
+    def to_arrow(self) -> pa.Table:
+        """Return the events as a pyarrow.Table, one row each: `arrow.columns` says what is in it.
+
+        A table, and not a record batch: it is what pandas, polars and DuckDB take, and
+        `pyarrow.concat_tables(batch.to_arrow() for batch in log.batches())` joins many without a
+        copy. Numbers and times share the batch's memory.
+
+        Raises:
+            MissingExtraError: pyarrow is not installed.
+        """
+        from semmap_log.arrow.table import table_of
+
+        return table_of(self)
+
+    def to_pandas(self) -> DataFrame:
+        """Return the same as a pandas.DataFrame: kinds and states as categories, times in UTC.
+
+        Raises:
+            MissingExtraError: pyarrow or pandas is not installed.
+        """
+        from semmap_log.arrow.sdk import frame_of
+
+        return frame_of(self.to_arrow())
 
     def __iter__(self) -> Iterator[RecordedEvent]:
         """Yield the events one by one, as objects."""

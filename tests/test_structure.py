@@ -18,10 +18,13 @@ ORDER = [
     {"events"},
     {"messages"},
     {"event_columns"},
+    {"arrow"},
     {"event_batch"},
     {"moments", "projections"},
     {"log"},
     {"replay", "commands", "command_content"},
+    {"folding"},
+    {"retracting"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},
@@ -44,6 +47,8 @@ EDGES = {
     "rerun_cli": "views",
     "yaml": "formats",
     "PIL": "formats",
+    "pyarrow": "arrow",
+    "pandas": "arrow",
     "mcap": "log",
     "zstandard": "log",
     "lz4": "log",
@@ -144,7 +149,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     """
     code = (
         "import sys, semmap_log\n"
-        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich')\n"
+        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from semmap_log.commands import Gatekeeper, Roster
@@ -40,10 +41,18 @@ def plan_event_lines(path: Path, present: Present, *, tz: str) -> ImportPlan:
         FormatError: The file cannot be read, or a line is wrong; names the lines.
     """
     planner = _LinePlanner(path, present, tz)
-    for _ in planner.events():
-        pass
+    events = planner.events()
+    kept = list(islice(events, MOST_KEPT))
+    for _ in events:
+        pass  # only looked at
     planner.problems.raise_any()
+    if planner.count <= MOST_KEPT:
+        return planner.plan(kept)
     return planner.plan(_LineEvents(path, present, tz, planner.count))
+
+
+MOST_KEPT = 100_000
+"""Of more events none is kept in memory: their file is read twice."""
 
 
 @dataclass(frozen=True, slots=True)
