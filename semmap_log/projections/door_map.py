@@ -151,7 +151,18 @@ class DoorMapState:
         row = self._row_of.get(door_id)
         if row is None:
             return False
-        return bool(self._columns["added_event"][row] >= 0 > self._columns["removed_event"][row])
+        return bool(self._is_here(slice(row, row + 1))[0])
+
+    def _is_here(self, rows: slice) -> NDArray[np.bool_]:
+        """Tell which doors are in the map: added, and not removed since.
+
+        A removal that comes before the adding was of no door: it leaves the map alone.
+        """
+        names = ("added_happened_ns", "added_event", "removed_happened_ns", "removed_event")
+        added_ns, added, removed_ns, removed = (self._columns[name][rows] for name in names)
+        is_later = (removed_ns > added_ns) | ((removed_ns == added_ns) & (removed > added))
+        here: NDArray[np.bool_] = (added >= 0) & ~((removed >= 0) & is_later)
+        return here
 
     def last_event(self, door_id: int) -> int:
         """Return the number of the last event about a door; -1 if there is none."""
@@ -184,8 +195,7 @@ class DoorMapState:
         """Return the doors that are in the map, as values; the moments are only written on it."""
         n = len(self._row_of)
         columns = self._columns
-        is_here = (columns["added_event"][:n] >= 0) & (columns["removed_event"][:n] < 0)
-        here = np.flatnonzero(is_here)
+        here = np.flatnonzero(self._is_here(slice(n)))
         here = here[np.argsort(columns["door_id"][here])]
         chosen = {name: columns[name][here] for name in _OF_A_DOOR}
         return DoorMap(
