@@ -1,7 +1,7 @@
 """Measure what we promise beside what others reach: one table, from one run.
 
     python tools/bench.py                                   all of it, about two minutes
-    python tools/bench.py --only append,replay              a part
+    python tools/bench.py --only append,fold              a part
     python tools/bench.py --events 10000 1000000 --json     other sizes, for machines
 
 The exit code is 1 if an answer was wrong or a peer failed: never because of a time.
@@ -18,15 +18,23 @@ from pathlib import Path
 
 from benchmark.appending import append_cases
 from benchmark.case import Case
+from benchmark.folding import fold_cases, now_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
-from benchmark.reading import crash_case, moment_cases, open_cases, replay_cases
+from benchmark.moments import moment_cases
+from benchmark.opening import crash_case, open_cases
+from benchmark.questions import day_cases, history_cases
 from benchmark.starting import start_cases
 from benchmark.worker import PeerFailedError, measure
 
 ROOT = Path(__file__).resolve().parent.parent
 INTERRUPTED = 130
-GROUPS = ("append", "replay", "import", "moment", "open", "start")
+SIZED = {
+    "fold": fold_cases, "now": now_cases, "moment": moment_cases, "history": history_cases,
+    "day": day_cases, "open": open_cases, "import": import_cases,
+}  # fmt: skip
+"""Group -> its cases, for each size."""
+GROUPS = ("append", *SIZED, "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -69,13 +77,11 @@ def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
 def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
     if "append" in args.only:
         yield from append_cases(shop, args.rounds)
-    sized = {
-        "replay": replay_cases, "import": import_cases, "moment": moment_cases, "open": open_cases,
-    }  # fmt: skip
     for count in args.events:
-        for group, cases in sized.items():
+        for group, cases in SIZED.items():
             if group in args.only:
                 yield from cases(shop, count, args.rounds)
+        shop.clear()
     if "open" in args.only:
         yield crash_case(shop, args.rounds)
     if "start" in args.only:
