@@ -254,28 +254,82 @@ def walk(records: bytes | memoryview) -> NDArray[np.int64]:
 
 
 def walk_by_index(
-    file: memoryview | bytes, chunk: StoredChunk, records: bytes | memoryview
+    file: memoryview | bytes,
+    behind: NDArray[np.int64],
+    records: bytes | memoryview,
+    starts: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Return what `walk` returns, at numpy's speed, with the chunk's MessageIndexes as a hint.
+    """Return where the messages of one or more chunks begin, at numpy's speed.
 
-    They have no CRC, so nothing in them is believed: only offsets at which messages begin that
-    tile the records are taken. If these do not, or there are none, the records are walked.
+    Their MessageIndexes are only a hint. They have no CRC, so nothing in them is believed: what is
+    taken is offsets at which messages begin that tile the records. If these do not, or there are
+    none, the records are walked.
+
+    Args:
+        file: The file's bytes.
+        behind: Where each Chunk record ends in it; its indexes follow there.
+        records: What holds the chunks' records, one behind the other.
+        starts: Where those of each chunk begin.
 
     Raises:
-        ChunkDamage: As `walk`.
+        ChunkDamage: As `walk_together`.
     """
-    hints = []
-    for opcode, offset, length in frames(file, chunk.offset + chunk.length, len(file)):
-        if opcode != Opcode.MESSAGE_INDEX or length < mcap.MESSAGE_INDEX_HEAD_BYTES:
+    offsets = _indexed_offsets(file, behind, starts)
+    if _tile(records, offsets):
+        return offsets
+    return walk_together(records, starts, np.append(starts[1:], len(records)))
+
+
+def _indexed_offsets(
+    file: memoryview | bytes, at: NDArray[np.int64], starts: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return what the MessageIndexes behind some chunks say, ascending; whatever it is worth.
+
+    The first index of each chunk is read at once, then the second, and so on.
+    """
+    found: list[NDArray[np.int64]] = []
+    for _ in range(_MOST_CHANNELS):
+        is_here = at + mcap.MESSAGE_INDEX_HEAD_BYTES <= len(file)
+        at, starts = at[is_here], starts[is_here]
+        head = gather(file, at, _INDEX_DTYPE)
+        size = head["length"] - _INDEX_BODY_HEAD
+        ends = at + mcap.MESSAGE_INDEX_HEAD_BYTES + size
+        is_index = (head["opcode"] == _MESSAGE_INDEX) & (size >= 0) & (ends <= len(file))
+        at, starts, size = at[is_index], starts[is_index], size[is_index]
+        counts = size // mcap.MESSAGE_INDEX_ENTRY_BYTES
+        if not len(at) or int(counts.sum()) > len(file):
             break
-        start = offset + mcap.MESSAGE_INDEX_HEAD_BYTES
-        count = (length - mcap.MESSAGE_INDEX_HEAD_BYTES) // mcap.MESSAGE_INDEX_ENTRY_BYTES
-        hints.append(np.frombuffer(file, "<i8", 2 * count, start)[1::2])
-    if hints:
-        offsets = np.sort(np.concatenate(hints))
-        if _tile(records, offsets):
-            return offsets
-    return walk(records)
+        first = at + mcap.MESSAGE_INDEX_HEAD_BYTES + _OFFSET_IN_ENTRY
+        found.append(_spread(file, first, counts) + np.repeat(starts, counts))
+        at = ends[is_index]
+    return np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
+
+
+def _spread(
+    file: memoryview | bytes, first: NDArray[np.int64], counts: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the integers of several columns of MessageIndex entries, one behind the other."""
+    if len(first) == 1:
+        (start,), (count,) = first.tolist(), counts.tolist()
+        step = mcap.MESSAGE_INDEX_ENTRY_BYTES
+        column: NDArray[np.int64] = np.ndarray(count, "<i8", file, start, strides=(step,))
+        return column
+    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    places = np.repeat(first, counts) + within * mcap.MESSAGE_INDEX_ENTRY_BYTES
+    return gather(file, places, _INT)["value"]
+
+
+_INT: np.dtype[np.void] = np.dtype([("value", "<i8")])
+_INDEX_DTYPE: np.dtype[np.void] = np.dtype(
+    {"names": ["opcode", "length"], "formats": ["u1", "<i8"], "offsets": [0, 1],
+     "itemsize": mcap.MESSAGE_INDEX_HEAD_BYTES}
+)  # fmt: skip
+_MOST_CHANNELS = 256
+"""In a chunk; one with more is walked."""
+_INDEX_BODY_HEAD = mcap.MESSAGE_INDEX_HEAD_BYTES - mcap.FRAME.size
+_OFFSET_IN_ENTRY = 8
+_MESSAGE_INDEX = int(Opcode.MESSAGE_INDEX)
+_MESSAGE = int(Opcode.MESSAGE)
 
 
 def walk_together(
@@ -300,7 +354,7 @@ def walk_together(
             raise ChunkDamage("the last record of a chunk is cut")
         frame = gather(records, at, _FRAME_DTYPE)
         length = frame["length"]
-        is_message = (frame["opcode"] == Opcode.MESSAGE) & (length >= mcap.MESSAGE_BODY_HEAD)
+        is_message = (frame["opcode"] == _MESSAGE) & (length >= mcap.MESSAGE_BODY_HEAD)
         if not is_message.all() or (length > ends - at).any():
             raise ChunkDamage("no message where one must begin, or one that is cut")
         found.append(at)
@@ -322,7 +376,7 @@ def _tile(records: bytes | memoryview, offsets: NDArray[np.int64]) -> bool:
     heads = heads_of(records, offsets)
     ends = offsets + mcap.FRAME.size + heads["length"].astype(np.int64)
     return bool(
-        (heads["opcode"] == Opcode.MESSAGE).all()
+        (heads["opcode"] == _MESSAGE).all()
         and (heads["length"] >= mcap.MESSAGE_BODY_HEAD).all()
         and (ends[:-1] == offsets[1:]).all()
         and ends[-1] == end

@@ -8,13 +8,16 @@
 
 A segment: Header (profile `ros2`), Metadata `semmap_log`, every Schema and Channel, a chunk with a
 Keyframe, then commits. A commit is a chunk, or several of about a MiB: its events, its CommitNote
-if there is something to say, and last its Commit, which alone makes the events visible. Closing
-adds Metadata `semmap_index`, DataEnd with the data's CRC, the summary and the Footer.
+if there is something to say, and last its Commit, which alone makes the events visible. Between
+chunks, about one a MiB, stand further Keyframes: chunks of their own, outside of all commits, with
+the log time of the record before. Closing adds Metadata `semmap_index`, DataEnd with the data's
+CRC, the summary and the Footer.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,7 +25,7 @@ from pathlib import Path
 from semmap_log.events import KINDS, FloorMap
 from semmap_log.messages import ros_type, type_name
 
-FORMAT_VERSION = "2"
+FORMAT_VERSION = "3"
 PROFILE = "ros2"
 LIBRARY = "semmap-log"
 
@@ -40,6 +43,10 @@ RECOVERING_NAME = ".recovering"
 
 CHUNK_BYTES = 2**20
 """A longer commit is split into chunks of about this size (uncompressed)."""
+KEYFRAME_EVERY_BYTES = 2**20
+"""Behind so many bytes of records comes a keyframe, so that a moment reads about one chunk …"""
+KEYFRAME_RARITY = 16
+"""… but at least so many times its own size: a map of many doors must not fill the log."""
 COMPRESS_FROM_BYTES = 2**16
 """Chunks from this size on (imports, floor maps) are written with zstd; small ones as they are."""
 
@@ -113,6 +120,11 @@ def kind_of_channel(channel_id: int) -> int | None:
     if channel_id >= FLOOR_MAP_CHANNEL:
         return FloorMap.kind
     return channel_id if 1 <= channel_id <= LAST_EVENT_CHANNEL else None
+
+
+def count_events(counts: Mapping[int, int]) -> int:
+    """Return how many events there are among so many messages on each channel."""
+    return sum(count for channel, count in counts.items() if kind_of_channel(channel))
 
 
 def segment_name(log: Path, number: int) -> str:

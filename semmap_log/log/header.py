@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from mcap.records import Metadata
+from numpy.typing import NDArray
 
 from semmap_log.log.form import DIGEST_KEY, FORMAT_VERSION, INDEX_METADATA, LOG_METADATA
 
@@ -73,7 +74,8 @@ class SegmentHeader:
         entries = _checked(metadata)
         version = entries.get("format_version", "")
         if version != FORMAT_VERSION:
-            wanted = "the semmap-log that made it" if version == "1" else "a newer semmap-log"
+            older = version in ("1", "2")  # never released
+            wanted = "the semmap-log that made it" if older else "a newer semmap-log"
             raise ValueError(
                 f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
                 f"install {wanted}"
@@ -93,38 +95,45 @@ class SegmentHeader:
             raise ValueError(f"its entry {error} is missing") from None
 
 
-def index_metadata(least_ns: Sequence[int], greatest_ns: Sequence[int]) -> Metadata:
-    """Return the Metadata `semmap_index`: the span of happened times of each chunk, in file order.
+def index_metadata(
+    events: Sequence[int], least_ns: Sequence[int], greatest_ns: Sequence[int]
+) -> Metadata:
+    """Return the Metadata `semmap_index`: what the events of each chunk span, in file order.
 
-    A chunk without events has -1 for both. Values: base64 of zlib of little-endian int64s.
+    How many they are, and their least and greatest happened time; 0, -1, -1 where there are none.
+    Values: base64 of zlib of little-endian int64s.
     """
     return _signed(
         INDEX_METADATA,
         {
+            "events": _pack(events),
             "least_happened_ns": _pack(least_ns),
             "greatest_happened_ns": _pack(greatest_ns),
         },
     )
 
 
-def read_index(metadata: Metadata) -> tuple[list[int], list[int]]:
-    """Return (least, greatest) happened times from a `semmap_index` record.
+def read_index(
+    metadata: Metadata,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return (events, least, greatest happened time) of each chunk from a `semmap_index` record.
 
     Raises:
         ValueError: It is damaged.
     """
     entries = _checked(metadata)
-    return _unpack(entries["least_happened_ns"]), _unpack(entries["greatest_happened_ns"])
+    names = ("events", "least_happened_ns", "greatest_happened_ns")
+    events, least, greatest = (_unpack(entries[name]) for name in names)
+    return events, least, greatest
 
 
 def _pack(values: Sequence[int]) -> str:
     return base64.b64encode(zlib.compress(np.array(values, "<i8").tobytes())).decode()
 
 
-def _unpack(text: str) -> list[int]:
+def _unpack(text: str) -> NDArray[np.int64]:
     try:
-        data = zlib.decompress(base64.b64decode(text, validate=True))
-        return list(np.frombuffer(data, "<i8").tolist())
+        return np.frombuffer(zlib.decompress(base64.b64decode(text, validate=True)), "<i8")
     except (zlib.error, ValueError) as error:
         raise ValueError(f"its times cannot be read: {error}") from error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import struct
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import BuiltChunk, build_chunk
 from semmap_log.log.form import KEYFRAME_CHANNEL
-from semmap_log.messages import deserialize, serialize, type_name
+from semmap_log.messages import read_in_place, serialize, type_name
 from semmap_log.projections.door_map import STATE_VERSION, DoorMapState
 
 _LIST_TYPES = {
@@ -18,7 +19,7 @@ _LIST_TYPES = {
     "level_number": "u2", "level_elevation": "f8", "level_happened_ns": "i8", "level_event": "i8",
     "floor_map_happened_ns": "i8", "floor_map_event": "i8",
 }  # fmt: skip
-_NO_HASH = np.zeros(32, np.uint8)
+_HASH_BYTES = 32
 
 
 def keyframe_chunk(state: DoorMapState, log_time_ns: int) -> BuiltChunk:
@@ -32,7 +33,9 @@ def encode(state: DoorMapState) -> bytes:
     fields = state.to_arrays()
     for name, dtype in _LIST_TYPES.items():
         fields[name] = np.array(fields[name], dtype)
-    return _serialize(fields, np.frombuffer(_hash(fields), np.uint8))
+    data = _serialize(fields, np.zeros(_HASH_BYTES, np.uint8))
+    digest = hashlib.sha256(data).digest()
+    return data[:_HASH_AT] + digest + data[_HASH_AT + _HASH_BYTES :]
 
 
 def decode(data: bytes) -> DoorMapState | None:
@@ -40,19 +43,25 @@ def decode(data: bytes) -> DoorMapState | None:
 
     A keyframe is a cache: one that cannot be used is left out, and replay goes further back.
     """
+    if version_of(data) != STATE_VERSION:
+        return None
+    blank = b"".join((data[:_HASH_AT], bytes(_HASH_BYTES), data[_HASH_AT + _HASH_BYTES :]))
+    if hashlib.sha256(blank).digest() != data[_HASH_AT : _HASH_AT + _HASH_BYTES]:
+        return None
     try:
-        message = deserialize(type_name("Keyframe"), data)
+        return DoorMapState.from_arrays(read_in_place("Keyframe", data))
     except ValueError:
         return None
-    fields = {name: getattr(message, name) for name in message.__dataclass_fields__
-              if name not in ("__msgtype__", "state_hash", "state_version")}  # fmt: skip
-    if message.state_version != STATE_VERSION or bytes(message.state_hash) != _hash(fields):
-        return None
-    return DoorMapState.from_arrays(fields)
 
 
-def _hash(fields: dict[str, Any]) -> bytes:
-    return hashlib.sha256(_serialize(fields, _NO_HASH)).digest()
+def version_of(data: bytes) -> int | None:
+    """Return the state version of a Keyframe message; None if it is too short to have one."""
+    return _HEAD.unpack_from(data)[1] if len(data) >= _HASH_AT + _HASH_BYTES else None
+
+
+_HEAD = struct.Struct("<4xqI")
+"""The encapsulation, the number of the last event, the state version; the hash follows."""
+_HASH_AT = _HEAD.size
 
 
 def _serialize(fields: dict[str, Any], state_hash: Any) -> bytes:

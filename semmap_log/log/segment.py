@@ -34,6 +34,7 @@ from semmap_log.log.form import (
     PROFILE,
     TEMPORARY_SUFFIX,
     Topic,
+    count_events,
     floor_map_topic,
     offered_qos,
     topics,
@@ -171,9 +172,13 @@ class SegmentWriter:
         power cut may keep the last sector of a file and lose those before it.
         """
         self.flush()
-        spans = [facts.happened for _, facts in self._chunks]
-        least, greatest = zip(*spans, strict=True) if spans else ((), ())
-        self._write_metadata(INDEX_METADATA, mcap.record(index_metadata(least, greatest)))
+        facts = [facts for _, facts in self._chunks]
+        index = index_metadata(
+            [count_events(one.counts) for one in facts],
+            [one.happened[0] for one in facts],
+            [one.happened[1] for one in facts],
+        )
+        self._write_metadata(INDEX_METADATA, mcap.record(index))
         self._write(mcap.record(DataEnd(data_section_crc=self._crc)))
         self._write(self._summary())
         os.fsync(self._fd)

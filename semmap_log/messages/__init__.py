@@ -12,6 +12,7 @@ from semmap_log.messages.codec import (
     fixed_layout,
     ros_type,
 )
+from semmap_log.messages.in_place import read_in_place
 from semmap_log.messages.layout import CDR_HEADER, PACKAGE, Layout, layout, message_text
 from semmap_log.messages.typestore import (
     OCCUPANCY_GRID,
@@ -25,6 +26,6 @@ from semmap_log.messages.typestore import (
 __all__ = [
     "CDR_HEADER",
     "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "batch_of", "decode", "deserialize",
-    "encode", "field_getter", "fixed_layout", "layout", "message_text", "ros_type", "schema_text",
-    "serialize", "type_hash", "type_name",
+    "encode", "field_getter", "fixed_layout", "layout", "message_text", "read_in_place", "ros_type",
+    "schema_text", "serialize", "type_hash", "type_name",
 ]  # fmt: skip

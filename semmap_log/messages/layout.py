@@ -24,7 +24,7 @@ PACKAGE = "semmap_msgs"
 _FIELD = re.compile(r"^(?P<type>\w+)(\[(?P<count>\d+)\])? (?P<name>\w+)\s*(#.*)?$")
 _CONSTANT = re.compile(r"^\w+ \w+=\S+\s*(#.*)?$")
 
-_CODES = {
+CODES = {
     "bool": ("?", 1), "uint8": ("B", 1), "int8": ("b", 1), "uint16": ("H", 2), "int16": ("h", 2),
     "uint32": ("I", 4), "int32": ("i", 4), "uint64": ("Q", 8), "int64": ("q", 8),
     "float32": ("f", 4), "float64": ("d", 8),
@@ -102,9 +102,9 @@ def layout(name: str) -> Layout:
         if not line.strip() or line.startswith("#") or _CONSTANT.match(line):
             continue
         match = _FIELD.match(line)
-        if match is None or match["type"] not in _CODES:
+        if match is None or match["type"] not in CODES:
             raise ValueError(f"{name}.msg: no fixed size: {line!r}")
-        code, size = _CODES[match["type"]]
+        code, size = CODES[match["type"]]
         padding = -end % size
         count = int(match["count"] or 1)
         names.append(match["name"])

@@ -8,7 +8,7 @@ commutes: late events, batches of any size and a keyframe plus its tail all give
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -29,10 +29,11 @@ from semmap_log.events import (
     FloorMap,
     LevelAdded,
 )
+from semmap_log.projections.retraction import in_ranges
 
 Array = NDArray[Any]
 
-STATE_VERSION = 1
+STATE_VERSION = 2
 """Of the arrays that `to_arrays` gives; another version's keyframes are not used."""
 
 REGISTERS: Mapping[str, Mapping[str, str]] = {
@@ -81,7 +82,8 @@ class DoorMapState:
     def __init__(self) -> None:
         self.event = -1
         """The greatest event number folded in."""
-        self.latest_happened_ns = 0
+        self.latest: Stamp = (0, NEVER)
+        """Of all events folded in, the last by which they are ordered: (happened, number)."""
         self.used_door_ids: set[int] = set()
         self._row_of: dict[int, int] = {}
         self._row_by_id = np.empty(0, np.intp)
@@ -97,7 +99,7 @@ class DoorMapState:
             return
         self.event = max(self.event, int(batch.number.max()))
         happened = batch.folds_ns
-        self.latest_happened_ns = max(self.latest_happened_ns, int(happened.max()))
+        self.latest = max(self.latest, _last_stamp(happened, batch.number))
         self.note_used_ids(batch)
         rows = self._rows(batch.door_ids())
         self._touch(rows, batch.number)
@@ -110,6 +112,31 @@ class DoorMapState:
         """Remember the ids that the batch gives away; retracted events count here, too."""
         if DoorAdded in batch:
             self.used_door_ids.update(batch[DoorAdded]["door_id"].tolist())
+
+    @property
+    def latest_happened_ns(self) -> int:
+        """The latest happened time of all events folded in; 0 if there are none."""
+        return self.latest[0]
+
+    def rests_on(self, ranges: Sequence[tuple[int, int]]) -> bool:
+        """Tell whether it would be another without these events.
+
+        A register that another event has written since is the same whether they came or not.
+
+        Args:
+            ranges: First and last event number of each.
+        """
+        return bool(ranges) and bool(in_ranges(self._winners(), ranges).any())
+
+    def _winners(self) -> NDArray[np.int64]:
+        """Return the numbers of the events whose values it holds."""
+        n = len(self._row_of)
+        columns = [self._columns[f"{register}_event"][:n] for register in REGISTERS]
+        texts = [stamp[1] for said in self._annotations.values() for stamp, _ in said.values()]
+        levels = [stamp[1] for stamp, _, _ in self._levels.values()]
+        drawn = [stamp[1] for stamp in self._floor_maps.values()]
+        others = [self.event, self.latest[1], *texts, *levels, *drawn]
+        return np.concatenate([self._columns["last_event"][:n], *columns, others]).astype(np.int64)
 
     def is_present(self, door_id: int) -> bool:
         """Tell whether the door is in the map."""
@@ -188,7 +215,7 @@ class DoorMapState:
             name: np.ascontiguousarray(column[:n][order]) for name, column in self._columns.items()
         }
         arrays["event"] = self.event
-        arrays["latest_happened_ns"] = self.latest_happened_ns
+        arrays["latest_happened_ns"], arrays["latest_happened_event"] = self.latest
         arrays["used_door_ids"] = np.array(sorted(self.used_door_ids), np.uint32)
         texts = [
             (door_id, key, value, *stamp)
@@ -212,12 +239,18 @@ class DoorMapState:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any]) -> DoorMapState:
-        """Return the state that `to_arrays` gave."""
+        """Return the state that `to_arrays` gave.
+
+        Raises:
+            ValueError: Some arrays have other lengths than those beside them.
+        """
         state = cls()
         state.event = int(arrays["event"])
-        state.latest_happened_ns = int(arrays["latest_happened_ns"])
+        state.latest = (int(arrays["latest_happened_ns"]), int(arrays["latest_happened_event"]))
         state.used_door_ids = set(np.asarray(arrays["used_door_ids"]).tolist())
         state._columns = {name: np.array(arrays[name]) for name in _new_columns(0)}
+        if len({len(column) for column in state._columns.values()}) > 1:
+            raise ValueError("columns of different lengths")
         door_ids = state._columns["door_id"].tolist()
         state._row_of = {door_id: row for row, door_id in enumerate(door_ids)}
         for door_id, key, value, happened, event in zip(
@@ -333,6 +366,12 @@ class DoorMapState:
                     drawn = self._floor_maps.get(event.level)
                     if drawn is None or stamp > drawn:
                         self._floor_maps[event.level] = stamp
+
+
+def _last_stamp(happened: Array, numbers: Array) -> Stamp:
+    """Return the greatest (happened, number)."""
+    latest = happened.max()
+    return int(latest), int(numbers[happened == latest].max())
 
 
 def _last_per_row(rows: NDArray[np.intp], happened: Array, size: int) -> NDArray[np.intp]:

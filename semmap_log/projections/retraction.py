@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,12 +36,21 @@ class Retractions:
 
     def hidden(self, batch: EventBatch) -> NDArray[np.bool_]:
         """Return, for each event of a batch, whether it is hidden."""
-        hidden = np.zeros(len(batch), np.bool_)
-        for first, last in self.ranges:
-            hidden |= (batch.number >= first) & (batch.number <= last)
-        hidden &= batch.kind != Retracted.kind
-        return hidden
+        return in_ranges(batch.number, self.ranges) & (batch.kind != Retracted.kind)
 
     def visible(self, batch: EventBatch) -> EventBatch:
         """Return the events of a batch that are not hidden."""
         return batch.select(~self.hidden(batch)) if self.ranges else batch
+
+
+def in_ranges(
+    numbers: NDArray[np.int64], ranges: Sequence[tuple[int, int]]
+) -> NDArray[np.bool_]:
+    """Return, for each number, whether it lies in one of the ranges, ends included."""
+    if not ranges:
+        return np.zeros(len(numbers), np.bool_)
+    firsts, lasts = np.array(sorted(ranges), np.int64).T
+    reached = np.maximum.accumulate(lasts)
+    before = np.searchsorted(firsts, numbers, "right") - 1
+    inside: NDArray[np.bool_] = (before >= 0) & (numbers <= reached[before])
+    return inside

@@ -31,15 +31,15 @@ def test_the_index_spans_the_happened_times_of_each_chunk(
         with segment.path.open("rb") as file:
             stored = {m.name: m for m in SeekingReader(file).iter_metadata()}
 
-        least, greatest = read_index(stored["semmap_index"])
+        told = read_index(stored["semmap_index"])
 
-        assert list(zip(least, greatest, strict=True)) == _spans(path)
-        assert (-1, -1) == (least[0], greatest[0])
+        assert _spans(path) == list(zip(*told, strict=True))
+        assert (0, -1, -1) == tuple(column[0] for column in told)
         compact(path)
 
 
-def _spans(path: Path) -> list[tuple[int, int]]:
-    """Return the span of each chunk's events, by our own reading."""
+def _spans(path: Path) -> list[tuple[int, int, int]]:
+    """Return the number and the span of each chunk's events, by our own reading."""
     from semmap_log.log.pages import Page
 
     (segment,) = sl.read(path).reader.segments
@@ -47,5 +47,6 @@ def _spans(path: Path) -> list[tuple[int, int]]:
     for chunk in segment.chunks:
         page = Page(read_chunk(segment, chunk), segment.header.first_event, segment.path)
         times = page.events().folds_ns
-        spans.append((int(np.min(times)), int(np.max(times))) if len(times) else (-1, -1))
+        span = (int(np.min(times)), int(np.max(times))) if len(times) else (-1, -1)
+        spans.append((len(times), *span))
     return spans

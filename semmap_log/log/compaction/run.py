@@ -14,7 +14,7 @@ from semmap_log.log.compaction.merge import Step, plan, remove_merged
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.log.compaction.repaging import Pause, no_pause
 from semmap_log.log.disk import remove_leftovers
-from semmap_log.log.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL
+from semmap_log.log.form import CHUNK_BYTES, count_events
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader, Progress, check_is_log
 from semmap_log.log.reading.scan import Segment, open_segment
@@ -124,12 +124,7 @@ def _summary(
 
 
 def _events(segment: Segment) -> int:
-    counts = statistics_of(segment.path, segment.file).counts
-    return sum(
-        count
-        for channel, count in counts.items()
-        if channel <= LAST_EVENT_CHANNEL or channel >= FLOOR_MAP_CHANNEL
-    )
+    return count_events(statistics_of(segment.path, segment.file).counts)
 
 
 def compact_segment(

@@ -6,10 +6,10 @@ Nothing here is believed when a chunk is read: its own head must agree with its 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -24,6 +24,7 @@ from semmap_log.log.chunks import (
     gather,
     read_chunk_head,
 )
+from semmap_log.log.kind_bits import bits_of_channels
 
 ROW: np.dtype[np.void] = np.dtype(
     [
@@ -34,9 +35,13 @@ ROW: np.dtype[np.void] = np.dtype(
         ("size", "<i8"),
         ("stored_size", "<i8"),
         ("compression", "S4"),
+        ("kinds", "<u4"),
     ]
 )
-"""As the fields of `StoredChunk`."""
+"""As the fields of `StoredChunk`; and which kinds of record are in it: `kind_bits`."""
+
+JOIN_BELOW = 2**15
+"""Smaller uncompressed chunks are read together: each by itself would cost more than its bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +55,15 @@ class ChunkTable(Sequence[StoredChunk]):
     """As `ROW`."""
 
     @classmethod
-    def of(cls, path: Path, file: memoryview, chunks: Iterable[StoredChunk]) -> ChunkTable:
-        """Return the table of chunks whose heads were read."""
-        return cls(path, file, np.array([_row(chunk) for chunk in chunks], ROW))
+    def of(
+        cls, path: Path, file: memoryview, chunks: Sequence[StoredChunk], kinds: NDArray[np.uint32]
+    ) -> ChunkTable:
+        """Return the table of chunks that were read, with the kinds of record in each."""
+        rows = np.zeros(len(chunks), ROW)
+        for i, chunk in enumerate(chunks):
+            rows[i] = (*_head_of(chunk), 0)
+        rows["kinds"] = kinds
+        return cls(path, file, rows)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -68,7 +79,7 @@ class ChunkTable(Sequence[StoredChunk]):
             CorruptLogError: The chunk's head does not agree with the table.
         """
         if isinstance(place, slice):
-            return ChunkTable(self.path, self.file, self.rows[place])
+            return self.chosen(place)
         try:
             return self._chunk(self.rows[place])
         except ChunkDamage as damage:
@@ -82,38 +93,46 @@ class ChunkTable(Sequence[StoredChunk]):
         if mcap.FRAME.unpack_from(self.file, offset) != (Opcode.CHUNK, length - mcap.FRAME.size):
             raise ChunkDamage("no chunk of the length that the segment's summary says")
         chunk = read_chunk_head(self.file, offset, length)
-        if _row(chunk) != row.item():
+        if _head_of(chunk) != row.item()[:-1]:
             raise ChunkDamage("its head is not what the segment's summary says")
         return chunk
 
-    def extended(self, file: memoryview, chunks: Iterable[StoredChunk]) -> ChunkTable:
-        """Return this table with more chunks behind, in a file that has grown."""
-        more = ChunkTable.of(self.path, file, chunks)
-        return ChunkTable(self.path, file, np.concatenate((self.rows, more.rows)))
+    def chosen(self, places: slice | NDArray[Any]) -> ChunkTable:
+        """Return the table of some: their places, or for each whether it is wanted."""
+        return ChunkTable(self.path, self.file, self.rows[places])
+
+    def extended(self, file: memoryview, more: ChunkTable | None = None) -> ChunkTable:
+        """Return this table with more chunks behind, in a file that may have grown."""
+        rows = self.rows if more is None else np.concatenate((self.rows, more.rows))
+        return ChunkTable(self.path, file, rows)
+
+    def having(self, kinds: int) -> NDArray[np.intp]:
+        """Return the places of those with a record of one of these kinds: `kind_bits`."""
+        return np.flatnonzero(self.rows["kinds"] & np.uint32(kinds))
 
     def starting_by(self, time_ns: int) -> int:
         """Return how many chunks start at or before that log time."""
         return int(np.searchsorted(self.rows["start_ns"], time_ns, "right"))
 
     def groups(self, most_bytes: int) -> Iterator[ChunkTable]:
-        """Yield them in groups of about so many bytes of records; a compressed one by itself."""
+        """Yield them in order: small ones in groups of about so many bytes, the others alone."""
         sizes = self.rows["size"]
-        plain = self.rows["compression"] == b""
+        is_small = (self.rows["compression"] == b"") & (sizes < JOIN_BELOW)
         reached = np.cumsum(sizes)
-        compressed = np.flatnonzero(~plain)
+        alone = np.flatnonzero(~is_small)
         at = 0
         while at < len(self):
             end = at + 1
-            if plain[at]:
+            if is_small[at]:
                 before = int(reached[at] - sizes[at])
                 end = int(np.searchsorted(reached, before + most_bytes)) + 1
-                stop = int(np.searchsorted(compressed, at))
-                end = min(end, *compressed[stop : stop + 1].tolist(), len(self))
+                stop = int(np.searchsorted(alone, at))
+                end = min(end, *alone[stop : stop + 1].tolist(), len(self))
             yield self[at:end]
             at = end
 
 
-def _row(chunk: StoredChunk) -> tuple[int, int, int, int, int, int, bytes]:
+def _head_of(chunk: StoredChunk) -> tuple[int, int, int, int, int, int, bytes]:
     return (
         chunk.offset,
         chunk.length,
@@ -136,6 +155,10 @@ _INDEX_HEAD: np.dtype[np.void] = np.dtype(
 """The fixed beginning of a ChunkIndex record."""
 _INDEX_TAIL: np.dtype[np.void] = np.dtype([("stored_size", "<i8"), ("size", "<i8")])
 """Its fixed end; the compression's name lies before."""
+_MAP_ENTRY: np.dtype[np.void] = np.dtype(
+    {"names": ["channel_id"], "formats": ["<u2"], "offsets": [0], "itemsize": 10}
+)
+"""A channel, and where its MessageIndex lies; such entries follow the fixed beginning."""
 _INDEX_FIXED_BYTES = 64
 """Of a ChunkIndex's body: all but the map of message indexes and the compression's name."""
 _CHUNK_HEAD_BYTES = mcap.FRAME.size + 40
@@ -207,10 +230,27 @@ def _rows_of_indexes(
             places = ends[mine] - _INDEX_TAIL.itemsize - size
             names = gather(file, places, np.dtype([("name", f"S{size}")]))
             rows["compression"][mine] = names["name"]
+    rows["kinds"] = _kinds_of_indexes(file, offsets, head["map_size"])
     fixed = rows["stored_size"] + _CHUNK_HEAD_BYTES + name_sizes
     if (fixed != rows["length"]).any():
         raise ChunkDamage("a ChunkIndex whose sizes contradict each other")
     return rows
+
+
+def _kinds_of_indexes(
+    file: memoryview, offsets: NDArray[np.int64], map_sizes: NDArray[np.uint32]
+) -> NDArray[np.uint32]:
+    """Return the kinds of record in each chunk: it has a message index for each channel."""
+    counts = (map_sizes // _MAP_ENTRY.itemsize).astype(np.int64)
+    if (map_sizes % _MAP_ENTRY.itemsize).any():
+        raise ChunkDamage("a ChunkIndex with a part of an entry")
+    owners = np.repeat(np.arange(len(offsets)), counts)
+    within = np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)
+    places = offsets[owners] + _INDEX_HEAD.itemsize + within * _MAP_ENTRY.itemsize
+    kinds = np.zeros(len(offsets), np.uint32)
+    channels = gather(file, places, _MAP_ENTRY)["channel_id"]
+    np.bitwise_or.at(kinds, owners, bits_of_channels(channels))
+    return kinds
 
 
 def _check_rows(rows: NDArray[np.void], data_start: int, data_end: int) -> None:

@@ -137,10 +137,7 @@ class Reading:
         return [
             self._misfit_of_chunk_times(),
             _first(self._is_unknown(), "a message on a channel that no log has"),
-            _first(
-                np.diff(self._log_time, prepend=start.log_time_ns) <= 0,
-                "a log time that is not after the one before",
-            ),
+            _first(self._is_too_early(start), "a log time that is not after the one before"),
             _first(
                 self._sequence != ((numbers - 1) & _SEQUENCE_MASK).astype(np.uint32),
                 "an event number that does not follow the one before",
@@ -156,6 +153,12 @@ class Reading:
         if chunk is None:
             return None
         return Misfit(int(self._ends[chunk - 1]) if chunk else 0, TIMES_MISFIT)
+
+    def _is_too_early(self, start: Place) -> NDArray[np.bool_]:
+        """Each record has a later time than the one before; a keyframe may have the same."""
+        step = np.diff(self._log_time, prepend=start.log_time_ns)
+        early: NDArray[np.bool_] = step < (self._channel != KEYFRAME_CHANNEL)
+        return early
 
     def _is_unknown(self) -> NDArray[np.bool_]:
         known = (COMMIT_CHANNEL, NOTE_CHANNEL, KEYFRAME_CHANNEL)

@@ -108,7 +108,8 @@ def _messages(
 ) -> tuple[NDArray[np.int64], int]:
     """Return where a chunk's messages begin, and on how many channels they are."""
     if chunk.size >= SMALL_BYTES:
-        offsets = walk_by_index(file, chunk, records)
+        behind = np.array([chunk.offset + chunk.length])
+        offsets = walk_by_index(file, behind, records, np.zeros(1, np.int64))
         channels = len(np.unique(heads_of(records, offsets)["channel_id"]))
     else:
         offsets = walk(records)

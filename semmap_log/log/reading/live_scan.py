@@ -15,13 +15,16 @@ from pathlib import Path
 
 import numpy as np
 from mcap.opcode import Opcode
+from numpy.typing import NDArray
 
 from semmap_log.log.chunks import frames
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.chunk_table import ChunkTable
+from semmap_log.log.reading.chunk_table import ROW, ChunkTable
 from semmap_log.log.reading.grammar import Place, Reading
+from semmap_log.log.reading.happened_spans import SPAN, spans_of_chunks
 from semmap_log.log.reading.live_records import Part, read_part
+from semmap_log.log.reading.page_reading import kinds_of_chunks
 from semmap_log.log.reading.resync import whole_chunks
 
 
@@ -35,6 +38,8 @@ class LiveScan:
     """Where the next chunk must begin; beyond the file's end where message indexes are cut."""
     place: Place
     """Where the log stands behind all of `table`."""
+    spans: NDArray[np.void]
+    """When the events of each chunk in `table` happened, as `SPAN`."""
     whole: int
     """How many chunks there are up to the end of the last whole commit, or keyframe."""
     whole_at: int
@@ -67,8 +72,9 @@ def scan_live(path: Path, header: SegmentHeader, file: memoryview, start: int) -
             break
         at = offset + length
     place = Place(header.first_event, header.first_event, header.hash_so_far)
-    nothing = ChunkTable.of(path, file, ())
-    return go_on(LiveScan(nothing, at, place, 0, at, place), header, file)
+    nothing = ChunkTable(path, file, np.empty(0, ROW))
+    none = np.empty(0, SPAN)
+    return go_on(LiveScan(nothing, at, place, none, 0, at, place), header, file)
 
 
 def go_on(earlier: LiveScan, header: SegmentHeader, file: memoryview) -> LiveScan:
@@ -79,7 +85,7 @@ def go_on(earlier: LiveScan, header: SegmentHeader, file: memoryview) -> LiveSca
         header: What its head says.
         file: Its bytes now.
     """
-    scan = replace(earlier, table=earlier.table.extended(file, ()), problem="", is_damage=False)
+    scan = replace(earlier, table=earlier.table.extended(file), problem="", is_damage=False)
     while not scan.problem and (part := read_part(file, scan.at)):
         scan = _with_part(scan, part, header)
     return _judged(scan, file)
@@ -89,9 +95,11 @@ def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
     """Return the scan with those chunks of a part that fit, up to the first that does not."""
     if not part.chunks:
         return replace(scan, problem=part.problem)
-    more = ChunkTable.of(scan.table.path, scan.table.file, part.chunks).rows
+    page = part.page(scan.table.path, header.first_event)
     ends = np.cumsum([len(offsets) for offsets in part.offsets])
-    reading = Reading(part.page(scan.table.path, header.first_event), ends, more)
+    file = scan.table.file
+    more = ChunkTable.of(scan.table.path, file, part.chunks, kinds_of_chunks(page, ends))
+    reading = Reading(page, ends, more.rows)
     fits, problem = reading.whole_chunks(scan.place)
     problem = problem or part.problem
     if not fits:
@@ -99,7 +107,8 @@ def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
     places = reading.places_after(scan.place)
     scan_with = replace(
         scan,
-        table=scan.table.extended(scan.table.file, part.chunks[:fits]),
+        table=scan.table.extended(file, more[:fits]),
+        spans=np.concatenate((scan.spans, spans_of_chunks(page, ends)[:fits])),
         at=part.ends[fits - 1],
         place=places[fits - 1],
         problem=problem,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from semmap_log.log.chunks import (
     walk_by_index,
     walk_together,
 )
+from semmap_log.log.kind_bits import bits_of_channels
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
 
@@ -30,6 +32,10 @@ _HEAD: np.dtype[np.void] = np.dtype(
     }
 )  # fmt: skip
 """Of an uncompressed Chunk record, up to its records."""
+
+
+_FEW_RECORDS_BYTES = 1500
+"""Chunks of so few records are walked as fast as their indexes are read."""
 
 
 def read_page(chunks: ChunkTable, first_event: int) -> Page:
@@ -46,27 +52,70 @@ def read_page(chunks: ChunkTable, first_event: int) -> Page:
         return _read_one(chunks, first_event)
     crcs = _check_heads(chunks)
     starts = chunks.rows["offset"] + _HEAD.itemsize
-    parts = []
-    for start, size, crc in zip(starts.tolist(), chunks.rows["size"].tolist(), crcs, strict=True):
-        parts.append(chunks.file[start : start + size])
-        try:
-            check_crc(parts[-1], crc)
-        except ChunkDamage as damage:
-            raise CorruptLogError(chunks.path, start - _HEAD.itemsize, str(damage)) from None
+    stops = starts + chunks.rows["size"]
+    file = chunks.file
+    parts = [file[a:b] for a, b in zip(starts.tolist(), stops.tolist(), strict=True)]
+    if list(map(zlib.crc32, parts)) != crcs:
+        raise _first_misfit_of_crc(chunks, parts, crcs)
     records = b"".join(parts)
     ends = np.cumsum(chunks.rows["size"])
     try:
-        offsets = walk_together(records, ends - chunks.rows["size"], ends)
+        offsets = _walk(chunks, records, ends)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, int(chunks.rows["offset"][0]), str(damage)) from None
     page = Page(records, first_event, chunks.path, int(chunks.rows["offset"][0]), offsets)
-    place = first_misfit(page.heads["log_time"], np.searchsorted(offsets, ends), chunks.rows)
-    if place is not None:
-        raise CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), TIMES_MISFIT)
+    misfit = _misfit(page, np.searchsorted(offsets, ends), chunks.rows)
+    if misfit is not None:
+        place, problem = misfit
+        raise CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), problem)
     return page
 
 
+def _walk(chunks: ChunkTable, records: bytes, ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return where the messages of joined chunks begin."""
+    rows = chunks.rows
+    starts = ends - rows["size"]
+    if int(rows["size"].max()) <= _FEW_RECORDS_BYTES:
+        return walk_together(records, starts, ends)
+    return walk_by_index(chunks.file, rows["offset"] + rows["length"], records, starts)
+
+
+def _first_misfit_of_crc(
+    chunks: ChunkTable, parts: Sequence[memoryview], crcs: Sequence[int]
+) -> CorruptLogError:
+    for offset, part, crc in zip(chunks.rows["offset"].tolist(), parts, crcs, strict=True):
+        try:
+            check_crc(part, crc)
+        except ChunkDamage as damage:
+            return CorruptLogError(chunks.path, offset, str(damage))
+    raise AssertionError("every CRC fits")
+
+
 TIMES_MISFIT = "its head does not tell the least and greatest log time of its messages"
+
+
+KINDS_MISFIT = "it holds other kinds of messages than the segment's summary says"
+
+
+def _misfit(page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]) -> tuple[int, str] | None:
+    """Return the place of a chunk that is not what the table says, and what is wrong with it."""
+    place = first_misfit(page.heads["log_time"], ends, rows)
+    if place is not None:
+        return place, TIMES_MISFIT
+    wrong = np.flatnonzero(kinds_of_chunks(page, ends) != rows["kinds"])
+    return (int(wrong[0]), KINDS_MISFIT) if len(wrong) else None
+
+
+def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
+    """Return which kinds of record are in each chunk of a page: `kind_bits`.
+
+    Args:
+        page: Their records.
+        ends: How many messages there are to the end of each; each has at least one.
+    """
+    bits = bits_of_channels(page.heads["channel_id"])
+    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(bits, np.append(0, ends[:-1]))
+    return kinds
 
 
 def first_misfit(
@@ -96,20 +145,22 @@ def _read_one(chunks: ChunkTable, first_event: int) -> Page:
             first_event,
             chunks.path,
             chunk.offset,
-            walk_by_index(chunks.file, chunk, records),
+            walk_by_index(
+                chunks.file, np.array([chunk.offset + chunk.length]), records, np.zeros(1, np.int64)
+            ),
         )
-        _check_times(page, chunks)
+        _check_rows(page, chunks)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, chunk.offset, str(damage)) from None
     return page
 
 
-def _check_times(page: Page, chunks: ChunkTable) -> None:
+def _check_rows(page: Page, chunks: ChunkTable) -> None:
     if not len(page.offsets):
         raise ChunkDamage("a chunk without messages")
-    ends = np.array([len(page.offsets)])
-    if first_misfit(page.heads["log_time"], ends, chunks.rows) is not None:
-        raise ChunkDamage(TIMES_MISFIT)
+    misfit = _misfit(page, np.array([len(page.offsets)]), chunks.rows)
+    if misfit is not None:
+        raise ChunkDamage(misfit[1])
 
 
 def _check_heads(chunks: ChunkTable) -> list[int]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
+from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError, NotALogError
 from semmap_log.log import records as mcap
@@ -19,6 +20,7 @@ from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.closed_summary import FOOTER_BYTES, ClosedSummary, read_summary
+from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
 from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
 from semmap_log.log.reading.mapping import MappedFile, map_file
 
@@ -79,8 +81,37 @@ class Segment:
 
     @cached_property
     def _table(self) -> ChunkTable:
-        _keep_table_of(self)
+        _keep_tables_of(self)
         return self.summary.chunks(self.head_end)
+
+    @property
+    def spans(self) -> NDArray[np.void]:
+        """How many events each of its chunks has, and when they happened, as `SPAN`.
+
+        Raises:
+            CorruptLogError: The index of a closed segment is damaged.
+        """
+        spans = self._spans if self.live is None else self.live.spans[: self.live.whole]
+        if len(spans) != len(self.chunks):
+            problem = f"its index tells of {len(spans)} chunks; there are {len(self.chunks)}"
+            raise CorruptLogError(self.path, self.whole_end, problem)
+        return spans
+
+    @cached_property
+    def _spans(self) -> NDArray[np.void]:
+        _keep_tables_of(self)
+        return spans_of_summary(self.summary)
+
+    @cached_property
+    def span(self) -> tuple[int, int]:
+        """When its events happened, at the earliest and at the latest; (-1, -1) without any.
+
+        Raises:
+            CorruptLogError: The index of a closed segment is damaged.
+        """
+        if self.live is None and "_spans" not in vars(self):
+            return total_span(spans_of_summary(self.summary))  # of a long log's every segment
+        return total_span(self.spans)
 
     @property
     def whole_end(self) -> int:
@@ -104,13 +135,14 @@ _with_tables: deque[weakref.ref[Segment]] = deque()
 _MOST_TABLES = 64
 
 
-def _keep_table_of(segment: Segment) -> None:
-    """Let go of the table of the segment that has had one longest: a long log has many."""
+def _keep_tables_of(segment: Segment) -> None:
+    """Let go of the tables of the segment that has had some longest: a long log has many."""
     _with_tables.append(weakref.ref(segment))
     if len(_with_tables) > _MOST_TABLES:
         oldest = _with_tables.popleft()()
         if oldest is not None:
             vars(oldest).pop("_table", None)
+            vars(oldest).pop("_spans", None)
 
 
 def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.form import kind_of_channel
+from semmap_log.log.form import count_events
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import commit_of, last_commit
 
@@ -103,8 +103,7 @@ def check_counts(segment: Segment, before: Segment) -> None:
     """
     if before.counts is None:
         return
-    counted = sum(count for channel, count in before.counts.items() if kind_of_channel(channel))
-    end = before.header.first_event + counted
+    end = before.header.first_event + count_events(before.counts)
     if end != segment.header.first_event:
         problem = f"it begins with event {segment.header.first_event}, but {before.path.name}"
         raise CorruptLogError(

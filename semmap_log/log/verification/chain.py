@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -195,19 +194,22 @@ class Chain:
         return self.next_event + ahead
 
     def _check_times(self, piece: Piece) -> None:
-        times = [message[2] for message in piece.messages]
-        if times[0] <= self.last_ns or any(b <= a for a, b in pairwise(times)):
+        last = self.last_ns
+        is_rising = True
+        for channel, _, time, *_ in piece.messages:
+            is_rising &= time > last or (time == last and channel == KEYFRAME_CHANNEL)
+            last = time
+        if not is_rising:
             problem = f"its log times do not rise from {self.last_ns} ns on"
             self._report(_damage("time", self._path, problem, piece.stored.offset))
-        self.last_ns = max(self.last_ns, *times)
+        self.last_ns = max(self.last_ns, *(message[2] for message in piece.messages))
 
     def _keyframe(self, piece: Piece, message: Message) -> None:
-        if self._pending is not None:
-            problem = "a keyframe in the middle of a commit"
-            self.wrong("keyframe", self._path, piece.stored.offset, problem)
-        is_here = (message[1] - self.next_event + 1) % SEQUENCE_RANGE == 0
+        pending = self._pending
+        behind = self.next_event if pending is None else pending.first_event + pending.count
+        is_here = (message[1] - behind + 1) % SEQUENCE_RANGE == 0
         if not self._open and not (is_here and message[2] == message[3]):
-            problem = f"a keyframe that is not of event {self.next_event - 1}, behind which it is"
+            problem = f"a keyframe that is not of event {behind - 1}, behind which it is"
             self.wrong("keyframe", self._path, piece.stored.offset, problem)
 
     def _add_to_commit(self, piece: Piece, i: int, record: bytes | memoryview) -> None:

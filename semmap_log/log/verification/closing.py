@@ -21,7 +21,13 @@ from mcap.records import (
 
 from semmap_log.log import records as mcap
 from semmap_log.log.bag_metadata import ClosedSegment
-from semmap_log.log.form import INDEX_METADATA, LOG_METADATA, floor_map_topic, topics
+from semmap_log.log.form import (
+    INDEX_METADATA,
+    LOG_METADATA,
+    count_events,
+    floor_map_topic,
+    topics,
+)
 from semmap_log.log.header import read_index
 from semmap_log.log.segment import channel_record, schema_records
 from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
@@ -41,14 +47,15 @@ class Contents:
     is_flawless: bool = True
     """Whether all bytes of its data section were right so far."""
     chunks: list[ChunkIndex] = field(default_factory=list)
-    spans: list[tuple[int, int]] = field(default_factory=list)
+    spans: list[tuple[int, int, int]] = field(default_factory=list)
+    """How many events each has, and their least and greatest happened time."""
     counts: Counter[int] = field(default_factory=Counter)
     levels: set[int] = field(default_factory=set)
 
     def add(self, piece: Piece) -> None:
         """Take the next chunk in."""
         self.chunks.append(piece.chunk_index())
-        self.spans.append(piece.happened)
+        self.spans.append((count_events(piece.counts), *piece.happened))
         self.counts.update(piece.counts)
         self.levels.update(level for level in piece.levels if level)
 
@@ -164,15 +171,15 @@ def _index(
         return None, length, [Flaw("closing", at, "its index ends behind the file's end")]
     try:
         record = mcap.read_record(Metadata, file[at + mcap.FRAME.size : at + length])
-        least, greatest = read_index(record)
+        index = [column.tolist() for column in read_index(record)]
         expected = mcap.record(record)  # the length in the frame is believed no more
     except (ValueError, KeyError) as error:
         return None, length, [Flaw("index", at, f"the Metadata {INDEX_METADATA}: {error}")]
     flaws = []
     if expected != file[at : at + len(expected)] or record.name != INDEX_METADATA:
         flaws.append(Flaw("index", at, f"not the Metadata {INDEX_METADATA} as we write it"))
-    if list(zip(least, greatest, strict=False)) != contents.spans or len(least) != len(greatest):
-        text = "the index of happened times is not that of the chunks' events"
+    if index != [list(column) for column in zip(*contents.spans, strict=True)]:
+        text = "the index of the chunks' events is not what they are"
         flaws.append(Flaw("index", at, text))
     return record, len(expected), flaws
 

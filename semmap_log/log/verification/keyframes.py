@@ -17,7 +17,6 @@ from semmap_log.log.records import MESSAGE
 from semmap_log.log.verification.chain import Report
 from semmap_log.log.verification.findings import Finding, Severity
 from semmap_log.log.verification.pieces import Piece
-from semmap_log.messages import deserialize, type_name
 from semmap_log.projections.door_map import STATE_VERSION, DoorMapState
 from semmap_log.projections.retraction import Retractions
 
@@ -128,10 +127,9 @@ class KeyframeCheck:
 
     def _keyframe(self, data: bytes, place: Place) -> None:
         self._fold()
-        try:
-            version = deserialize(type_name("Keyframe"), data).state_version
-        except ValueError as error:
-            self._wrong("keyframe", place.offset, f"a keyframe cannot be read: {error}")
+        version = keyframes.version_of(data)
+        if version is None:
+            self._wrong("keyframe", place.offset, "a keyframe that is cut")
             return
         if version != STATE_VERSION:
             text = f"a keyframe of state version {version} is not compared: ours is {STATE_VERSION}"

@@ -10,12 +10,12 @@ from pathlib import Path
 from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
 from semmap_log.events import Event
-from semmap_log.log import keyframes
 from semmap_log.log.clock import Clock, SystemClock, believable_ns
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing.command_memory import CommandMemory
 from semmap_log.log.writing.durability import SYNC_FAILED, BatchTimer, Promise, SharedSync
 from semmap_log.log.writing.segment_chain import SegmentChain
@@ -72,7 +72,7 @@ class LogWriter:
     def begin(self, header: SegmentHeader) -> None:
         """Start a log: its first segment."""
         self.last_ns = max(believable_ns(self.clock), 1)
-        self._chain.begin(header, keyframes.keyframe_chunk(self.state, self.last_ns))
+        self._chain.begin(header, self._state.keyframe(self.last_ns))
 
     def go_on(self, reader: LogReader) -> None:
         """Take up a log where it ends."""
@@ -147,6 +147,7 @@ class LogWriter:
             self._syncs.durable_before,
             content,
         )
+        self._write_keyframe(segment, self.last_ns, is_commit_begun=False)
         uniform = uniform_commit(stamp, note, events) if isinstance(events, list) else None
         if uniform is not None:
             chunk, commit = uniform
@@ -155,7 +156,11 @@ class LogWriter:
             self._state.add(chunk)
         else:
             builder = CommitBuilder(stamp, note, self.entropy)
+            last_ns = None
             for chunk in builder.chunks(events):
+                if last_ns is not None:
+                    self._write_keyframe(segment, last_ns, is_commit_begun=True)
+                last_ns = chunk.facts.times[1]
                 self._in_commit = True
                 segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
                 self._state.add(chunk)
@@ -165,6 +170,15 @@ class LogWriter:
         self._commands.add(commit)
         self._in_commit = False
         return commit
+
+    def _write_keyframe(
+        self, segment: SegmentWriter, log_time_ns: int, *, is_commit_begun: bool
+    ) -> None:
+        """Write a keyframe if there has been none for long; the next sync is its, too."""
+        if self._state.wants_keyframe(is_commit_begun=is_commit_begun):
+            self._in_commit = True
+            segment.add(self._state.keyframe(log_time_ns), hold_back=self._holds_back)
+            self._in_commit = is_commit_begun
 
     def keep_promise(self, before: int) -> None:
         """Return once events below that number last as was promised; others may append meanwhile.
@@ -307,7 +321,7 @@ class LogWriter:
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
                 chain.roll()
                 self.last_ns = max(wall_ns, self.last_ns + 1)
-                keyframe = keyframes.keyframe_chunk(self.state, self.last_ns)
+                keyframe = self._state.keyframe(self.last_ns)
                 chain.begin_next(self.next_event, self._last_hash, keyframe)
             self._syncs.durable_before = self.next_event
         self._in_commit = False

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from semmap_log.events import Retracted
 from semmap_log.log.chunks import BuiltChunk
-from semmap_log.log.form import CHUNK_BYTES
+from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY
+from semmap_log.log.keyframes import keyframe_chunk
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.projections.door_map import DoorMapState
@@ -27,14 +28,40 @@ class WrittenState:
         self._first_event = state.event + 1
         """A number below those that wait, and less than 2^32 away from them."""
         self._needs_reading = False
+        self._since_keyframe = 0
+        """Bytes of records behind the last keyframe."""
+        self._keyframe_size = 0
+        """Of the last keyframe's record."""
 
     def add(self, chunk: BuiltChunk) -> None:
         """Remember a chunk that was written."""
         records = chunk.records
         self._unfolded.append(records)
         self._unfolded_size += len(records)
+        self._since_keyframe += len(records)
         if self._unfolded_size >= CHUNK_BYTES:
             self._fold()
+
+    def keyframe(self, log_time_ns: int) -> BuiltChunk:
+        """Return the keyframe that is written now.
+
+        Args:
+            log_time_ns: Of the record before it, or later.
+        """
+        chunk = keyframe_chunk(self.get(), log_time_ns)
+        self._since_keyframe, self._keyframe_size = 0, len(chunk.records)
+        return chunk
+
+    def wants_keyframe(self, *, is_commit_begun: bool) -> bool:
+        """Tell whether a keyframe should stand before what is written next.
+
+        In the middle of a commit none can be made if a retraction came before it.
+        """
+        wanted = max(KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY * self._keyframe_size)
+        if self._since_keyframe < wanted:
+            return False
+        self._fold()
+        return not (is_commit_begun and self._needs_reading)
 
     def get(self) -> DoorMapState:
         """Return the state after the last commit."""

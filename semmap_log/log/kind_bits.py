@@ -1,0 +1,49 @@
+"""Which kinds of record a chunk holds, as bits: by them a question leaves out what it need not read.
+
+Bit k stands for the kind of event with that number; the others are of the log itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.events import Event
+from semmap_log.log.form import (
+    COMMIT_CHANNEL,
+    FLOOR_MAP_CHANNEL,
+    KEYFRAME_CHANNEL,
+    NOTE_CHANNEL,
+    kind_of_channel,
+)
+
+FOREIGN_BIT = 1 << 28
+COMMIT_BIT = 1 << 29
+NOTE_BIT = 1 << 30
+KEYFRAME_BIT = 1 << 31
+EVENT_BITS = FOREIGN_BIT - 2
+"""Any kind of event."""
+
+_CARE = {COMMIT_CHANNEL: COMMIT_BIT, NOTE_CHANNEL: NOTE_BIT, KEYFRAME_CHANNEL: KEYFRAME_BIT}
+
+
+def _bit_of_channel(channel: int) -> int:
+    kind = kind_of_channel(channel)
+    return _CARE.get(channel, FOREIGN_BIT) if kind is None else 1 << kind
+
+
+_BITS = np.array([_bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL + 1)], np.uint32)
+"""Of each channel; those behind the last carry floor maps, too."""
+
+
+def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
+    """Return the bit of each channel."""
+    bits: NDArray[np.uint32] = _BITS[np.minimum(channels, FLOOR_MAP_CHANNEL)]
+    return bits
+
+
+def bits_of_kinds(kinds: Iterable[type[Event]]) -> int:
+    """Return the bits of these kinds of events together."""
+    return sum({1 << kind.kind for kind in kinds})

@@ -1,0 +1,87 @@
+"""Of each chunk: how many events it has, and when they happened, at the earliest and latest.
+
+A live segment's spans are found when it is scanned; closing one writes them as `semmap_index`. By
+them a question about a moment leaves out what cannot matter, however late the events came.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Metadata, MetadataIndex
+from numpy.typing import NDArray
+
+from semmap_log.errors import CorruptLogError
+from semmap_log.log import records as mcap
+from semmap_log.log.chunks import NO_SPAN, frames
+from semmap_log.log.form import INDEX_METADATA
+from semmap_log.log.header import read_index
+from semmap_log.log.pages import Page, kinds_of
+from semmap_log.log.reading.closed_summary import ClosedSummary
+
+SPAN: np.dtype[np.void] = np.dtype([("events", "<i8"), ("least", "<i8"), ("greatest", "<i8")])
+"""How many; times in nanoseconds UTC, inclusive, never after recording; -1 where there are none."""
+
+_LAST = np.iinfo(np.int64).max
+
+
+def spans_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.void]:
+    """Return the span of each chunk of a page, as `SPAN`.
+
+    Args:
+        page: Their records.
+        ends: How many messages there are to the end of each; each has at least one.
+    """
+    heads = page.heads
+    happened = np.minimum(heads["publish_time"], heads["log_time"])
+    is_event = kinds_of(heads["channel_id"]) > 0
+    starts = np.append(0, ends[:-1])
+    spans = np.empty(len(ends), SPAN)
+    spans["events"] = np.add.reduceat(is_event, starts, dtype=np.int64)
+    greatest = np.maximum.reduceat(np.where(is_event, happened, -1), starts)
+    least = np.minimum.reduceat(np.where(is_event, happened, _LAST), starts)
+    spans["least"] = np.where(greatest < 0, NO_SPAN[0], least)
+    spans["greatest"] = greatest
+    return spans
+
+
+def spans_of_summary(summary: ClosedSummary) -> NDArray[np.void]:
+    """Return the span of each chunk of a closed segment, as `SPAN`.
+
+    Raises:
+        CorruptLogError: Its index is missing or damaged.
+    """
+    at = _index_offset(summary)
+    try:
+        opcode, body = mcap.FRAME.unpack_from(summary.file, at)
+        start = at + mcap.FRAME.size
+        if opcode != Opcode.METADATA or start + body > summary.data_end:
+            raise ValueError("no Metadata where the summary says")
+        columns = read_index(mcap.read_record(Metadata, summary.file[start : start + body]))
+        if len({len(column) for column in columns}) > 1:
+            raise ValueError("its columns have different lengths")
+    except (ValueError, KeyError) as error:
+        raise CorruptLogError(summary.path, at, f"its {INDEX_METADATA}: {error}") from None
+    spans = np.empty(len(columns[0]), SPAN)
+    spans["events"], spans["least"], spans["greatest"] = columns
+    return spans
+
+
+def total_span(spans: NDArray[np.void]) -> tuple[int, int]:
+    """Return the least and the greatest happened time of all; `NO_SPAN` where no chunk has any."""
+    filled = spans[spans["events"] > 0]
+    if not len(filled):
+        return NO_SPAN
+    return int(filled["least"].min()), int(filled["greatest"].max())
+
+
+def _index_offset(summary: ClosedSummary) -> int:
+    """Return where the Metadata `semmap_index` lies."""
+    start, end = summary.groups.get(Opcode.METADATA_INDEX, (0, 0))
+    for _, at, length in frames(summary.file, start, end):
+        index = mcap.read_record(
+            MetadataIndex, summary.file[at + mcap.FRAME.size : at + length]
+        )  # under the summary's CRC
+        if index.name == INDEX_METADATA and index.offset < summary.data_end:
+            return int(index.offset)
+    raise CorruptLogError(summary.path, start, f"its summary names no {INDEX_METADATA}")
