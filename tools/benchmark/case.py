@@ -68,13 +68,10 @@ class Case:
     """What is promised of our slowest turns (p99), perhaps nothing; None: they are not shown."""
     share_promise: str = ""
     """What is promised of the share of the bytes that we read."""
+    growth_promise: str | None = None
+    """What is promised of our time in a larger log; None: its growth is not shown."""
     key: str = ""
-    """A name for the plot and for growth from size to size: the same at all sizes."""
-
-    @property
-    def turns(self) -> int:
-        """How many turns a peer has, those that do not count included."""
-        return (self.warms_up + self.rounds) * self.burst
+    """What it is, for the plot and for growth: the same at all sizes."""
 
 
 @dataclass(frozen=True, slots=True)

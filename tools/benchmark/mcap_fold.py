@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from benchmark.plain_fold import TOPICS, PlainFold
 
 LATEST_NS = 3600 * 10**9
 """Nothing in a patrol is told later than that: how far a range of recorded time must reach on."""
+NO_EVENTS = ("Commit", "CommitNote", "Keyframe")
 
 
 def mcap_replay(files: Sequence[Path], at_ns: int | None = None) -> PlainFold:
@@ -19,17 +20,17 @@ def mcap_replay(files: Sequence[Path], at_ns: int | None = None) -> PlainFold:
     """
     fold = PlainFold()
     for kind, message, said in _decoded(files, topics=TOPICS):
-        happened_ns = min(message.publish_time, message.log_time)
+        number, happened_ns = _stamp(message)
         if at_ns is None or happened_ns <= at_ns:
-            fold.apply(kind, said, (happened_ns, message.sequence))
+            fold.apply(kind, said, (happened_ns, number))
     return fold
 
 
 def mcap_history(files: Sequence[Path], door: int) -> list[tuple[int, int]]:
     """Return number and happened time of a door's events in these segments."""
     topics = (*TOPICS, "/semmap/door_requested")
-    return [(message.sequence, min(message.publish_time, message.log_time))
-            for _, message, said in _decoded(files, topics=topics) if said.door_id == door]  # fmt: skip
+    return [_stamp(message) for _, message, said in _decoded(files, topics=topics)
+            if said.door_id == door]  # fmt: skip
 
 
 def mcap_range(files: Sequence[Path], since_ns: int, until_ns: int) -> list[tuple[int, int]]:
@@ -38,8 +39,7 @@ def mcap_range(files: Sequence[Path], since_ns: int, until_ns: int) -> list[tupl
     That is of recorded time, so it is asked for a range that reaches an hour further.
     """
     told = _decoded(files, start_time=since_ns, end_time=until_ns + LATEST_NS)
-    stamps = ((message.sequence, min(message.publish_time, message.log_time))
-              for kind, message, _ in told if kind not in ("Commit", "CommitNote", "Keyframe"))  # fmt: skip
+    stamps = (_stamp(message) for kind, message, _ in told if kind not in NO_EVENTS)
     return [stamp for stamp in stamps if since_ns <= stamp[1] < until_ns]
 
 
@@ -92,11 +92,15 @@ def _decoded(files: Sequence[Path], **which: Any) -> Iterator[tuple[str, Any, An
                 yield schema.name.rpartition("/")[2], message, said
 
 
+def _stamp(message: Any) -> tuple[int, int]:
+    """Return number and happened time of an event's message."""
+    return message.sequence, min(message.publish_time, message.log_time)
+
+
 def _summary(path: Path) -> Any:
     from mcap.reader import make_reader
 
-    make: Callable[..., Any] = make_reader
     with path.open("rb") as file:
-        summary = make(file).get_summary()
+        summary = make_reader(file).get_summary()
     assert summary is not None
     return summary

@@ -46,6 +46,8 @@ ROW = np.dtype([
 ])  # fmt: skip
 """An event as a row: `value` is the opening, P(open), or how long the robot waited."""
 
+_DRAWN = ("door", "late", "by", "state", "passed", "surveyed", "x", "y", "theta", "value")
+
 Rows = NDArray[np.void]
 T = TypeVar("T")
 
@@ -86,8 +88,7 @@ def _block(first: int, count: int, doors: int) -> Rows:
     here = np.full(count, doors)
     for at, door in REMOVALS.items():
         here -= (number >= at) & (door <= doors)
-    draws = {name: rng.random(BLOCK)[:count] for name in ("door", "late", "by", "state", "passed",
-                                                          "surveyed", "x", "y", "theta", "value")}  # fmt: skip
+    draws = {name: rng.random(BLOCK)[:count] for name in _DRAWN}
     rows["door_id"] = 1 + (draws["door"] * here).astype("u4")
     rows["state"] = np.where(draws["state"] < 0.3, OPEN, CLOSED)
     rows["passed"] = draws["passed"] < 0.9

@@ -80,15 +80,17 @@ def day_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
 
 @cache
 def _of_door(count: int, door: int) -> Stamps:
-    return [stamp for rows in blocks(count)
-            for stamp in _stamps(rows[(rows["door_id"] == door) & (rows["what"] != POSE)])]  # fmt: skip
+    chosen = (rows[(rows["door_id"] == door) & (rows["what"] != POSE)] for rows in blocks(count))
+    return [stamp for rows in chosen for stamp in _stamps(rows)]
 
 
 @cache
 def _between(count: int, since_ns: int, until_ns: int) -> Stamps:
-    return [stamp for rows in blocks(count)
-            for stamp in _stamps(rows[(rows["happened_ns"] >= since_ns)
-                                      & (rows["happened_ns"] < until_ns)])]  # fmt: skip
+    chosen = (
+        rows[(since_ns <= rows["happened_ns"]) & (rows["happened_ns"] < until_ns)]
+        for rows in blocks(count)
+    )
+    return [stamp for rows in chosen for stamp in _stamps(rows)]
 
 
 def _stamps(rows: Any) -> Stamps:
@@ -163,5 +165,3 @@ def _of_rows(rows: list[tuple[Any, ...]]) -> Stamps:
 
 def _of_columns(told: dict[str, Any]) -> Stamps:
     return list(zip(told["number"].tolist(), told["happened"].tolist(), strict=True))
-
-

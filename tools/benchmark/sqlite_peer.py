@@ -15,12 +15,17 @@ _FIELDS = {"place": "x", "state": "state", "open": "prob_open", "closed": "prob_
 
 def _latest(column: str) -> str:
     """Return the number of the event that set a column of door `d` last."""
-    return (f"(SELECT number FROM events WHERE door_id = d.door_id AND {column} IS NOT NULL "
-            "AND happened <= :at ORDER BY happened DESC, number DESC LIMIT 1)")  # fmt: skip
+    return f"""(
+        SELECT number FROM events
+        WHERE door_id = d.door_id AND {column} IS NOT NULL AND happened <= :at
+        ORDER BY happened DESC, number DESC LIMIT 1
+    )"""  # noqa: S608
 
 
-_VALUES = "place.level, place.x, place.y, place.theta, place.width, state.state, " \
-          "open.prob_open, closed.prob_closed, state.happened, named.name"  # fmt: skip
+_VALUES = """
+    place.level, place.x, place.y, place.theta, place.width, state.state, open.prob_open,
+    closed.prob_closed, state.happened, named.name
+"""
 
 _MOMENT = f"""
     WITH latest AS (
@@ -43,9 +48,13 @@ _MOMENT = f"""
 
 def _last_of_all(column: str) -> str:
     """Return door and number of the events that set a column last, by reading all that did."""
-    return (f"(SELECT door_id, number FROM (SELECT door_id, number, row_number() OVER (PARTITION "
-            f"BY door_id ORDER BY happened DESC, number DESC) AS place FROM events "
-            f"WHERE {column} IS NOT NULL) WHERE place = 1)")  # fmt: skip
+    return f"""(
+        SELECT door_id, number FROM (
+            SELECT door_id, number, row_number() OVER (
+                PARTITION BY door_id ORDER BY happened DESC, number DESC
+            ) AS place FROM events WHERE {column} IS NOT NULL
+        ) WHERE place = 1
+    )"""  # noqa: S608
 
 
 _WHOLE = f"""
