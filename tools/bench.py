@@ -23,7 +23,7 @@ from types import FrameType
 
 from benchmark.appending import append_cases
 from benchmark.case import Case
-from benchmark.folding import fold_cases, now_cases
+from benchmark.folding import SMALL, fold_cases, now_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
 from benchmark.moments import moment_cases
@@ -104,7 +104,7 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
                 yield from cases(shop, count, args.rounds)
         shop.clear()
     if "open" in args.only:
-        yield crash_case(shop, args.rounds)
+        yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "start" in args.only:
         yield from start_cases(args.rounds)
     shop.look()

@@ -37,8 +37,8 @@ CHECKED = 3
 """The answers to the first ones are compared, once more at the end."""
 PROMISED = 10_000_000
 """What is promised beside DuckDB, and of the bytes, holds for logs from this size on."""
-ROUNDS, BURST, BURST_S = 5, 40, 1.0
-COLD_BURST = 4
+ROUNDS, BURST, BURST_S = 10, 20, 0.5
+COLD_BURST = 2
 
 
 def moment_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:

@@ -36,17 +36,24 @@ def open_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]
                    key=f"open, {form}")  # fmt: skip
 
 
-def crash_case(shop: Workshop, rounds: int | None) -> Case:
-    """Return: a log of five years opened to go on with, after a crash."""
+def crash_case(shop: Workshop, rounds: int | None, *, tries_out: bool = False) -> Case:
+    """Return: a log of five years opened to go on with, after a crash.
+
+    Args:
+        shop: Where it is made.
+        rounds: Rounds that count; None: `ROUNDS`.
+        tries_out: Only two months, to see whether everything works.
+    """
+    days = 60 if tries_out else YEARS_OF_DAYS
     path = shop.folder_for("years") / "log"
-    shop.say(f"writing {YEARS_OF_DAYS:,} segments")
-    write_days(path, YEARS_OF_DAYS)
+    shop.say(f"writing {days:,} segments")
+    write_days(path, days)
     files = tuple(sorted(path.glob("*.mcap")))
-    stored = 1 + (YEARS_OF_DAYS - 1) * len(DAILY_STATES) - 1  # the last one is torn
+    stored = 1 + (days - 1) * len(DAILY_STATES) - 1  # the last one is torn
     ours = Peer(OURS, partial(_append_after_crash, path), stored, promise="< 1000 ms")
-    mcap = Peer("mcap, all summaries but the last's", partial(_mcap_open, files[:-1]),
-                2 + (YEARS_OF_DAYS - 2) * (1 + len(DAILY_STATES)))  # fmt: skip
-    title = f"After a crash, {YEARS_OF_DAYS:,} segments"
+    mcap = Peer("mcap, all but the torn one", partial(_mcap_open, files[:-1]),
+                2 + (days - 2) * (1 + len(DAILY_STATES)))  # fmt: skip
+    title = f"After a crash, {days:,} segments"
     return Case("open", title, "ms", (ours, mcap), rounds or ROUNDS)
 
 
