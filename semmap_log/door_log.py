@@ -17,21 +17,24 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semmap_log.commands import resolve_door
 from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import MomentError, UnknownDoorError
+from semmap_log.errors import LogError, MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import Event, FloorMap, Retracted
+from semmap_log.events import Event, FloorMap
 from semmap_log.log.header import LogInfo
+from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
+from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.following import FollowedCommit, follow
 from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.window import Window
 from semmap_log.moments import Moment, parse_moment, parse_range
 from semmap_log.projections.diff import Diff, diff
 from semmap_log.projections.history import HistoryEntry, history
-from semmap_log.replay import Projection, Scope, fold, replay, visible_batches
+from semmap_log.projections.retraction import Retractions
+from semmap_log.replay import Projection, Scope, fold, replay
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -118,20 +121,40 @@ class DoorLog:
             retracted: Retracted events, too.
             progress: Told how far the reading is.
         """
-        source = (
-            self.reader.batches(progress=progress)
-            if retracted
-            else visible_batches(self.reader, progress=progress)
-        )
-        first, last = self.moment(since), self.moment(until)
-        for batch in source:
-            chosen = batch.select(_within(batch, first, last, recorded=recorded))
-            if doors is not None:
-                chosen = chosen.select(np.isin(chosen.door_ids(), list(doors)))
-            if kinds is not None:
-                chosen = chosen.select(np.isin(chosen.kind, [kind.kind for kind in kinds]))
+        reader = self.reader
+        window = self.window(since, until, recorded=recorded, kinds=kinds)
+        retractions = Retractions() if retracted else reader.retractions()
+        for batch in reader.batches(window, progress=progress):
+            chosen = about(retractions.visible(batch), doors)
             if len(chosen):
                 yield chosen
+
+    def window(
+        self,
+        since: Time = None,
+        until: Time = None,
+        *,
+        recorded: bool = False,
+        kinds: Collection[type[Event]] | None = None,
+    ) -> Window:
+        """Return the bounds that these moments mean; `event:12` bounds the numbers.
+
+        Args:
+            since: From then on.
+            until: Before then.
+            recorded: The range is of recorded time.
+            kinds: Only these kinds.
+        """
+        first, last = self.moment(since), self.moment(until)
+        return Window(
+            happened_from_ns=None if recorded else first.ns,
+            happened_before_ns=None if recorded else last.ns,
+            recorded_from_ns=first.ns if recorded else None,
+            recorded_before_ns=last.ns if recorded else None,
+            first_event=first.event,
+            before_event=last.event,
+            kinds=EVENT_BITS if kinds is None else bits_of_kinds(kinds),
+        )
 
     def commits(self) -> Iterator[Commit]:
         """Yield all commits, in order, with their notes."""
@@ -190,15 +213,8 @@ class DoorLog:
             recorded: The range is of recorded time.
             kinds: Only these kinds.
         """
-        batches = self.batches(
-            since,
-            until,
-            recorded=recorded,
-            doors=None if door is None else [door],
-            kinds=kinds,
-            retracted=True,
-        )
-        return history(batches, self.commits(), self.reader.retractions())
+        window = self.window(since, until, recorded=recorded, kinds=kinds)
+        return self._entries(window, None if door is None else [door])
 
     def entry(self, number: int) -> HistoryEntry:
         """Return one event with who did it and why.
@@ -206,21 +222,9 @@ class DoorLog:
         Raises:
             LogError: There is no such event.
         """
-        recorded = self.event(number)
-        note, command_id = self.reader.said_about(number)
-        hidden = any(first <= number <= last for first, last in self.reader.retractions().ranges)
-        return HistoryEntry(
-            number,
-            recorded.event,
-            recorded.happened_ns,
-            recorded.recorded_ns,
-            note.actor,
-            note.source,
-            note.reason,
-            note.correlation,
-            command_id,
-            retracted=hidden and not isinstance(recorded.event, Retracted),
-        )
+        for entry in self._entries(Window(first_event=number, before_event=number + 1)):
+            return entry
+        raise LogError(f"{self.path}: there is no event {number}.")
 
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
@@ -234,12 +238,17 @@ class DoorLog:
         if _comes_after(start, end):
             raise MomentError("the first moment lies after the second; swap them.")
         before, after = self.replay(at=start), self.replay(at=end)
-        batches = (
-            batch.select(_after(batch, start) & ~_after(batch, end))
-            for batch in visible_batches(self.reader)
-        )
-        retractions = self.reader.retractions()
-        return diff(before, after, list(history(batches, self.commits(), retractions)))
+        entries = self._entries(_between(start, end))
+        return diff(before, after, [entry for entry in entries if not entry.retracted])
+
+    def _entries(
+        self, window: Window, doors: Collection[DoorId] | None = None
+    ) -> Iterator[HistoryEntry]:
+        """Yield the events of a window with who and why, retracted ones marked."""
+        reader = self.reader
+        finder = CommitFinder(reader)
+        batches = (about(b, doors) for b in reader.batches(window, on_page=finder.look_at))
+        return history(batches, finder.commit_at, reader.retractions())
 
     def floor_map(self, level: int = 0, at: Time = None) -> FloorMap | None:
         """Return a level's floor plan; None if it has none."""
@@ -349,23 +358,20 @@ def _comes_after(one: Moment, other: Moment) -> bool:
     return one.event is not None and other.event is not None and one.event > other.event
 
 
-def _within(batch: EventBatch, first: Moment, last: Moment, *, recorded: bool) -> NDArray[np.bool_]:
-    """Return which events lie in the half-open range from `first` to `last`."""
-    times = batch.recorded_ns if recorded else batch.folds_ns
-    inside = np.ones(len(batch), np.bool_)
-    if first.ns is not None:
-        inside &= times >= first.ns
-    if first.event is not None:
-        inside &= batch.number >= first.event
-    if last.ns is not None:
-        inside &= times < last.ns
-    if last.event is not None:
-        inside &= batch.number < last.event
-    return inside
+def _between(first: Moment, second: Moment) -> Window:
+    """Return what comes after the first moment, up to and with the second."""
+    return Window(
+        happened_from_ns=_next(first.ns),
+        happened_before_ns=_next(second.ns),
+        first_event=_next(first.event),
+        before_event=_next(second.event),
+    )
 
 
-def _after(batch: EventBatch, moment: Moment) -> NDArray[np.bool_]:
-    """Return which events come after a moment."""
-    if moment.event is not None:
-        return batch.number > moment.event
-    return batch.folds_ns > (moment.ns if moment.ns is not None else np.iinfo(np.int64).max)
+def _next(number: int | None) -> int | None:
+    return None if number is None else number + 1
+
+
+def about(batch: EventBatch, doors: Collection[DoorId] | None) -> EventBatch:
+    """Return the events of a batch that are about some doors; None: all."""
+    return batch if doors is None else batch.select(np.isin(batch.door_ids(), list(doors)))

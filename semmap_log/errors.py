@@ -21,6 +21,10 @@
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
+and one warning:
+
+    KeyframeWarning                 a cache in the log cannot be used; answers only take longer
+
 Messages say where, what was expected, what was got and, where it helps, what to do.
 """
 
@@ -153,3 +157,7 @@ class MissingExtraError(SemmapError, ImportError):
 
 MOST_PROBLEMS_SHOWN = 20
 """So that a wrong file of a million lines does not scroll the terminal away."""
+
+
+class KeyframeWarning(UserWarning):
+    """A keyframe cannot be used: it is of another version, or damaged. The answer is the same."""

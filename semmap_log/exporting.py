@@ -15,6 +15,7 @@ from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import whole_file
+from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches
 
@@ -76,10 +77,11 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
 
 
 def _event_lines(log: DoorLog, path: Path, scope: Scope) -> Exported:
-    batches = visible_batches(log.reader, scope)
+    finder = CommitFinder(log.reader)
+    batches = visible_batches(log.reader, scope, on_page=finder.look_at)
     count = 0
     with path.open("w", encoding="utf-8") as file:
-        for entry in history(batches, log.commits(), log.reader.retractions()):
+        for entry in history(batches, finder.commit_at, log.reader.retractions()):
             said = {name: getattr(entry, name)
                     for name in ("actor", "source", "reason", "correlation")}  # fmt: skip
             shown = event_to_json(entry.recorded, note=said)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from semmap_log.event_batch import EventBatch
-from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.reader import LogReader, OnPage, Progress
+from semmap_log.log.reading.state import state_at
+from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState
 
 
@@ -52,21 +54,27 @@ def fold(
 def replay(
     reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None
 ) -> DoorMapState:
-    """Return the door map of a scope."""
-    return fold(reader, DoorMapState(), scope, progress=progress)
+    """Return the door map of a scope, from the nearest keyframe."""
+    return state_at(reader, at_ns=scope.at_ns, limit=scope.limit(reader), progress=progress)
 
 
 def visible_batches(
-    reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None
+    reader: LogReader,
+    scope: Scope = Scope(),
+    *,
+    progress: Progress | None = None,
+    on_page: OnPage | None = None,
 ) -> Iterator[EventBatch]:
     """Yield the events of a scope, without those retracted by what is known in it."""
     limit = scope.limit(reader)
     if limit is not None and limit < 0:
         return
     retractions = reader.retractions(limit=limit)
-    for batch in reader.batches(limit=limit, progress=progress):
+    window = Window(
+        happened_before_ns=None if scope.at_ns is None else scope.at_ns + 1,
+        before_event=None if limit is None else limit + 1,
+    )
+    for batch in reader.batches(window, progress=progress, on_page=on_page):
         visible = retractions.visible(batch)
-        if scope.at_ns is not None:
-            visible = visible.select(visible.folds_ns <= scope.at_ns)
         if len(visible):
             yield visible

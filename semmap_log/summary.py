@@ -16,6 +16,7 @@ from semmap_log.events import KINDS
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reading.reader import LogReader, Progress
 from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.projections.door_map import DoorMapState
 
@@ -98,7 +99,7 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
 def _state_before(reader: LogReader) -> DoorMapState:
     """Return the state to begin with: of a single segment, what its keyframe holds."""
     first = reader.segments[0]
-    known = reader.keyframe(first) if first.header.first_event else None
+    known = keyframe_at(first, 0) if first.header.first_event and len(first.chunks) else None
     return known or DoorMapState()
 
 

@@ -197,7 +197,12 @@ def check_crc(records: bytes | memoryview, crc: int) -> None:
         ChunkDamage: They do not fit.
     """
     if zlib.crc32(records) != crc:
-        raise ChunkDamage(f"its CRC says {crc:08x}, its bytes {zlib.crc32(records):08x}")
+        raise ChunkDamage(crc_problem(records, crc))
+
+
+def crc_problem(records: bytes | memoryview, crc: int) -> str:
+    """Say what is wrong with records that do not fit their CRC."""
+    return f"its CRC says {crc:08x}, its bytes {zlib.crc32(records):08x}"
 
 
 def read_chunk_head(file: memoryview | bytes, offset: int, length: int) -> StoredChunk:

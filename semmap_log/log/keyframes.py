@@ -59,6 +59,16 @@ def version_of(data: bytes) -> int | None:
     return _HEAD.unpack_from(data)[1] if len(data) >= _HASH_AT + _HASH_BYTES else None
 
 
+def why_unused(data: bytes) -> str:
+    """Say why `decode` takes a Keyframe message for none."""
+    version = version_of(data)
+    if version is None:
+        return "it is cut"
+    if version != STATE_VERSION:
+        return f"it is of state version {version}, ours is {STATE_VERSION}"
+    return "it does not fit its hash"
+
+
 _HEAD = struct.Struct("<4xqI")
 """The encapsulation, the number of the last event, the state version; the hash follows."""
 _HASH_AT = _HEAD.size

@@ -1,4 +1,4 @@
-"""Which kinds of record a chunk holds, as bits: by them a question leaves out what it need not read.
+"""Which kinds of record a chunk holds, as bits: so that a question reads only what it wants.
 
 Bit k stands for the kind of event with that number; the others are of the log itself.
 """

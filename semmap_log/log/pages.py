@@ -137,11 +137,16 @@ class Page:
 
     def commit_holding(self, event: int) -> Commit | None:
         """Return its first commit that ends with that event or behind it; None: none does."""
-        places = self.commit_places()
-        rows = self.commit_rows(places)
-        ends = rows["first_event"].astype(np.int64) + rows["count"]
+        places, ends = self._commit_ends
         found = int(np.searchsorted(ends, event, "right"))
         return self._commit(int(places[found])) if found < len(places) else None
+
+    @cached_property
+    def _commit_ends(self) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+        """Where its Commit messages are, and the number behind the last event of each."""
+        places = self.commit_places()
+        rows = self.commit_rows(places)
+        return places, rows["first_event"].astype(np.int64) + rows["count"]
 
     def event_numbers(self, *, recorded_by_ns: int | None = None) -> NDArray[np.int64]:
         """Return the numbers of its events, or of those that were recorded by a time."""

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -45,19 +46,63 @@ def read_in_place(message: str, data: bytes | memoryview) -> dict[str, Any]:
     """
     if bytes(data[: len(CDR_HEADER)]) != CDR_HEADER:
         raise ValueError(f"not a {message}: its encapsulation is {bytes(data[:4]).hex()}")
-    body, at = memoryview(data)[len(CDR_HEADER) :], 0
+    body = memoryview(data)[len(CDR_HEADER) :]
     values: dict[str, Any] = {}
+    at: int | Texts = 0
     try:
         for field in _fields(message):
-            values[field.name], at = _read(field, body, at)
+            if field.is_array and field.dtype is None:
+                values[field.name] = at = Texts(body, at)
+            else:
+                values[field.name], at = _read(field, body, at if isinstance(at, int) else at.end)
     except (struct.error, ValueError) as error:
         raise ValueError(f"not a {message}: {error}") from error
-    if len(body) - at > _MOST_PADDING or any(body[at:]):
-        raise ValueError(f"not a {message}: {len(body) - at} bytes are left over")
     return values
 
 
-_MOST_PADDING = 3
+class Texts(Sequence[str]):
+    """An array of texts; walked when one is asked for, or what lies behind it.
+
+    The first use raises ValueError if these bytes are none.
+    """
+
+    def __init__(self, body: memoryview, start: int | Texts) -> None:
+        """Take note of where they are.
+
+        Args:
+            body: The message without its encapsulation.
+            start: Where they begin; or what they lie behind.
+        """
+        self._body = body
+        self._start = start
+
+    def __getitem__(self, i: Any) -> Any:
+        return self._walked[0][i]
+
+    def __len__(self) -> int:
+        return len(self._walked[0])
+
+    @property
+    def end(self) -> int:
+        """Where the next field begins."""
+        return self._walked[1]
+
+    @cached_property
+    def _walked(self) -> tuple[list[str], int]:
+        body, start = self._body, self._start
+        count, at = _length(body, start if isinstance(start, int) else start.end)
+        texts = []
+        try:
+            for _ in range(count):  # inline: a map of 500 doors has a thousand texts
+                at += -at & 3
+                begin = at + 4
+                at = begin + int.from_bytes(body[at:begin], "little")
+                texts.append(str(body[begin : at - 1], "utf-8"))
+                if body[at - 1]:
+                    raise ValueError("a text that does not end")
+        except IndexError:
+            raise ValueError("texts that reach beyond the end") from None
+        return texts, at
 
 
 @cache
@@ -80,8 +125,7 @@ def _read(field: _Field, body: memoryview, at: int) -> tuple[Any, int]:
     count = field.count
     if count is None:
         count, at = _length(body, at)
-    if field.dtype is None:
-        return _texts(count, body, at)
+    assert field.dtype is not None, "texts are read elsewhere"
     if not count:
         return np.empty(0, field.dtype), at
     at += -at % field.dtype.itemsize
@@ -99,16 +143,6 @@ def _number(dtype: np.dtype[Any], body: memoryview, at: int) -> tuple[Any, int]:
 def _length(body: memoryview, at: int) -> tuple[int, int]:
     at += -at % _LENGTH.size
     return _LENGTH.unpack_from(body, at)[0], at + _LENGTH.size
-
-
-def _texts(count: int, body: memoryview, at: int) -> tuple[list[str], int]:
-    texts = []
-    if count > len(body):
-        raise ValueError(f"{count} texts, beyond the end")
-    for _ in range(count):
-        text, at = _text(body, at)
-        texts.append(text)
-    return texts, at
 
 
 def _text(body: memoryview, at: int) -> tuple[str, int]:

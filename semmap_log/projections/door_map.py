@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.doors import DoorId, DoorMap, DoorState, Level
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
@@ -29,6 +29,8 @@ from semmap_log.events import (
     FloorMap,
     LevelAdded,
 )
+from semmap_log.projections.annotations import Annotations, Stamp
+from semmap_log.projections.doors_present import DoorsPresent
 from semmap_log.projections.retraction import in_ranges
 
 Array = NDArray[Any]
@@ -59,7 +61,11 @@ MAX_TABLE = 2**20
 """Doors with greater ids (8 MiB of table) are looked up one by one."""
 UNKNOWN_ROW = -2
 
-Stamp = tuple[int, int]
+_OF_A_DOOR = (
+    "door_id", "level", "x", "y", "theta", "width", "state", "state_happened_ns", "prob_open",
+    "prob_closed", "last_event", "added_happened_ns", "added_event",
+)  # fmt: skip
+"""The columns of which a `Door` is made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +95,7 @@ class DoorMapState:
         self._row_by_id = np.empty(0, np.intp)
         """The same for ids below `MAX_TABLE`, to look up many at once."""
         self._columns = _new_columns(0)
-        self._annotations: dict[int, dict[str, tuple[Stamp, str]]] = {}
+        self._annotations = Annotations()
         self._levels: dict[int, tuple[Stamp, str, float]] = {}
         self._floor_maps: dict[int, Stamp] = {}
 
@@ -118,24 +124,26 @@ class DoorMapState:
         """The latest happened time of all events folded in; 0 if there are none."""
         return self.latest[0]
 
-    def rests_on(self, ranges: Sequence[tuple[int, int]]) -> bool:
-        """Tell whether it would be another without these events.
+    def first_among(self, ranges: Sequence[tuple[int, int]]) -> int | None:
+        """Return the first of these events without which it would be another; None: there is none.
 
         A register that another event has written since is the same whether they came or not.
 
         Args:
             ranges: First and last event number of each.
         """
-        return bool(ranges) and bool(in_ranges(self._winners(), ranges).any())
+        if not ranges:
+            return None
+        numbers = self._winners()
+        return min(numbers[in_ranges(numbers, ranges)].tolist(), default=None)
 
     def _winners(self) -> NDArray[np.int64]:
         """Return the numbers of the events whose values it holds."""
         n = len(self._row_of)
         columns = [self._columns[f"{register}_event"][:n] for register in REGISTERS]
-        texts = [stamp[1] for said in self._annotations.values() for stamp, _ in said.values()]
         levels = [stamp[1] for stamp, _, _ in self._levels.values()]
         drawn = [stamp[1] for stamp in self._floor_maps.values()]
-        others = [self.event, self.latest[1], *texts, *levels, *drawn]
+        others = [self.event, self.latest[1], *self._annotations.events(), *levels, *drawn]
         return np.concatenate([self._columns["last_event"][:n], *columns, others]).astype(np.int64)
 
     def is_present(self, door_id: int) -> bool:
@@ -161,8 +169,7 @@ class DoorMapState:
 
     def names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, removed doors too."""
-        said = {DoorId(door_id): texts.get("name") for door_id, texts in self._annotations.items()}
-        return {door_id: name[1] for door_id, name in sorted(said.items()) if name and name[1]}
+        return self._annotations.names()
 
     def stamp(self, door_id: int, register: str) -> Stamp | None:
         """Return (happened, number) of what a register of a door holds; None: never set."""
@@ -176,30 +183,13 @@ class DoorMapState:
     def door_map(self, *, at_ns: int | None = None, known_at_ns: int | None = None) -> DoorMap:
         """Return the doors that are in the map, as values; the moments are only written on it."""
         n = len(self._row_of)
-        columns = {name: column[:n] for name, column in self._columns.items()}
-        here = np.flatnonzero((columns["added_event"] >= 0) & (columns["removed_event"] < 0))
+        columns = self._columns
+        is_here = (columns["added_event"][:n] >= 0) & (columns["removed_event"][:n] < 0)
+        here = np.flatnonzero(is_here)
         here = here[np.argsort(columns["door_id"][here])]
-        rows = {name: column[here].tolist() for name, column in columns.items()}
-        doors = {}
-        for i, door_id in enumerate(rows["door_id"]):
-            doors[DoorId(door_id)] = Door(
-                door_id=DoorId(door_id),
-                level=rows["level"][i],
-                x=rows["x"][i],
-                y=rows["y"][i],
-                theta=rows["theta"][i],
-                width=rows["width"][i],
-                state=DoorState.of(rows["state"][i]),
-                prob_open=rows["prob_open"][i],
-                prob_closed=rows["prob_closed"][i],
-                last_seen_ns=rows["state_happened_ns"][i],
-                last_event=rows["last_event"][i],
-                annotations=self._annotations_of(
-                    door_id, (rows["added_happened_ns"][i], rows["added_event"][i])
-                ),
-            )
+        chosen = {name: columns[name][here] for name in _OF_A_DOOR}
         return DoorMap(
-            doors=MappingProxyType(doors),
+            doors=DoorsPresent(chosen, self._annotations.snapshot()),
             levels=MappingProxyType(self._level_map()),
             event=self.event,
             latest_ns=self.latest_happened_ns,
@@ -217,13 +207,7 @@ class DoorMapState:
         arrays["event"] = self.event
         arrays["latest_happened_ns"], arrays["latest_happened_event"] = self.latest
         arrays["used_door_ids"] = np.array(sorted(self.used_door_ids), np.uint32)
-        texts = [
-            (door_id, key, value, *stamp)
-            for door_id, said in sorted(self._annotations.items())
-            for key, (stamp, value) in sorted(said.items())
-        ]
-        names = ("door_id", "key", "value", "happened_ns", "event")
-        arrays |= {f"annotation_{name}": [t[i] for t in texts] for i, name in enumerate(names)}
+        arrays |= self._annotations.to_arrays()
         numbers = sorted(self._levels.keys() | self._floor_maps.keys())
         nameless = ((0, NEVER), "", np.nan)
         named = [self._levels.get(number, nameless) for number in numbers]
@@ -251,14 +235,12 @@ class DoorMapState:
         state._columns = {name: np.array(arrays[name]) for name in _new_columns(0)}
         if len({len(column) for column in state._columns.values()}) > 1:
             raise ValueError("columns of different lengths")
-        door_ids = state._columns["door_id"].tolist()
-        state._row_of = {door_id: row for row, door_id in enumerate(door_ids)}
-        for door_id, key, value, happened, event in zip(
-            *(arrays[f"annotation_{name}"] for name in
-              ("door_id", "key", "value", "happened_ns", "event")), strict=True,
-        ):  # fmt: skip
-            said = state._annotations.setdefault(int(door_id), {})
-            said[str(key)] = ((int(happened), int(event)), str(value))
+        door_ids = state._columns["door_id"]
+        state._row_of = dict(zip(door_ids.tolist(), range(len(door_ids)), strict=True))
+        if len(door_ids) and door_ids[-1] < MAX_TABLE:  # they ascend
+            state._grow_table(int(door_ids[-1]) + 1)
+            state._row_by_id[door_ids] = np.arange(len(door_ids))
+        state._annotations = Annotations.from_arrays(arrays)
         for i, number in enumerate(np.asarray(arrays["level_number"]).tolist()):
             if arrays["level_event"][i] != NEVER:
                 stamp = (int(arrays["level_happened_ns"][i]), int(arrays["level_event"][i]))
@@ -273,12 +255,6 @@ class DoorMapState:
                     int(arrays["floor_map_event"][i]),
                 )
         return state
-
-    def _annotations_of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
-        said = self._annotations.get(door_id, {})
-        return MappingProxyType(
-            {key: value for key, (stamp, value) in sorted(said.items()) if value and stamp > added}
-        )
 
     def _level_map(self) -> dict[int, Level]:
         levels = {}
@@ -356,9 +332,7 @@ class DoorMapState:
             )
             for event, stamp in zip(batch.objects[kind.kind], stamps, strict=True):
                 if isinstance(event, DoorAnnotated):
-                    said = self._annotations.setdefault(int(event.door_id), {})
-                    if event.key not in said or stamp > said[event.key][0]:
-                        said[event.key] = (stamp, event.value)
+                    self._annotations.write(event.door_id, event.key, event.value, stamp)
                 elif isinstance(event, LevelAdded):
                     if event.level not in self._levels or stamp > self._levels[event.level][0]:
                         self._levels[event.level] = (stamp, event.name, event.elevation)

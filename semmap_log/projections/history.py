@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from semmap_log.commits import Commit
@@ -45,23 +45,21 @@ class HistoryEntry:
 
 
 def history(
-    batches: Iterable[EventBatch], commits: Iterable[Commit], retractions: Retractions
+    batches: Iterable[EventBatch],
+    commit_at: Callable[[int], Commit],
+    retractions: Retractions,
 ) -> Iterator[HistoryEntry]:
     """Yield the events of the batches with what their commits say.
 
     Args:
         batches: Events, numbers ascending; gaps allowed.
-        commits: All commits from the first event on, in order.
+        commit_at: Returns the commit that holds the event of a number.
         retractions: What is hidden; it is shown here, and marked.
     """
-    following = iter(commits)
-    commit = next(following, None)
     for batch in batches:
         hidden = retractions.hidden(batch).tolist()
         for recorded, retracted in zip(batch, hidden, strict=True):
-            while commit is not None and commit.last_event < recorded.number:
-                commit = next(following, None)
-            assert commit is not None, "every event belongs to a commit"
+            commit = commit_at(recorded.number)
             note = commit.note
             yield HistoryEntry(
                 number=recorded.number,

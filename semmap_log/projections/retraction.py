@@ -17,6 +17,8 @@ class Retractions:
     def __init__(self) -> None:
         self.ranges: list[tuple[int, int]] = []
         """(first, last) event number of each, inclusive."""
+        self.numbers: list[int] = []
+        """Of each, the number of the Retracted event."""
 
     def apply(self, batch: EventBatch) -> None:
         """Fold a batch in."""
@@ -25,27 +27,37 @@ class Retractions:
             self.ranges += zip(
                 rows["first_event"].tolist(), rows["last_event"].tolist(), strict=True
             )
+            self.numbers += batch.number[batch.where(Retracted)].tolist()
+
+    def up_to(self, event: int) -> Retractions:
+        """Return those that events up to that number made."""
+        return self._those([number <= event for number in self.numbers])
+
+    def after(self, event: int) -> Retractions:
+        """Return those that events behind that number made."""
+        return self._those([number > event for number in self.numbers])
 
     def __bool__(self) -> bool:
         return bool(self.ranges)
 
-    @property
-    def first_event(self) -> int:
-        """The least event number hidden (0 if none is)."""
-        return min((first for first, _ in self.ranges), default=0)
-
     def hidden(self, batch: EventBatch) -> NDArray[np.bool_]:
         """Return, for each event of a batch, whether it is hidden."""
-        return in_ranges(batch.number, self.ranges) & (batch.kind != Retracted.kind)
+        hidden = in_ranges(batch.number, self.ranges)
+        hidden &= batch.kind != Retracted.kind
+        return hidden
 
     def visible(self, batch: EventBatch) -> EventBatch:
         """Return the events of a batch that are not hidden."""
         return batch.select(~self.hidden(batch)) if self.ranges else batch
 
+    def _those(self, chosen: Sequence[bool]) -> Retractions:
+        those = Retractions()
+        those.ranges = [r for r, keep in zip(self.ranges, chosen, strict=True) if keep]
+        those.numbers = [n for n, keep in zip(self.numbers, chosen, strict=True) if keep]
+        return those
 
-def in_ranges(
-    numbers: NDArray[np.int64], ranges: Sequence[tuple[int, int]]
-) -> NDArray[np.bool_]:
+
+def in_ranges(numbers: NDArray[np.int64], ranges: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
     """Return, for each number, whether it lies in one of the ranges, ends included."""
     if not ranges:
         return np.zeros(len(numbers), np.bool_)

@@ -10,6 +10,7 @@ from typing import Any
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import DoorObserved, Event
+from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import open_segment
 
@@ -39,10 +40,14 @@ def segment_files(log: Path) -> list[Path]:
 
 
 def digest_of_records(log: Path) -> str:
-    """Return one digest of all records of a log, in order, however they are chunked."""
+    """Return one digest of all records of a log but keyframes, in order, however chunked."""
     whole = hashlib.sha256()
     for _, page in LogReader(log).pages():
-        whole.update(page.records)
+        channels = page.heads["channel_id"].tolist()
+        ends = [*page.offsets.tolist()[1:], len(page.records)]
+        for channel, start, end in zip(channels, page.offsets.tolist(), ends, strict=True):
+            if channel != KEYFRAME_CHANNEL:
+                whole.update(page.records[start:end])
     return whole.hexdigest()
 
 

@@ -16,5 +16,5 @@ TYPE_HASHES = {
     "LogExported": "RIHS01_a174d55b49b48f3b110381bb371cbac8bdd009828e2a0e31ef9e1c7e12bf94b8",
     "Commit": "RIHS01_30510ac739af49cd50a85384f4a7e214cff848fe12c33c6bb6b97c54f9a8930c",
     "CommitNote": "RIHS01_e495f9ceaca267d3baed47c574eb081900b5e74c2905efe81b3f9bff13242974",
-    "Keyframe": "RIHS01_248a0ab5a2a67f6cd0139e55fbad9ad239faa0ecb63a80b3e6adfd2f2bfdac96",
+    "Keyframe": "RIHS01_e1e0e5443d74cfa845198ec572bb32e9c2538c8f104fe5a15b4f21797b7f54ea",
 }

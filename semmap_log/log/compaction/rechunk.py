@@ -1,6 +1,7 @@
 """Closed segments written anew in large zstd chunks: the same records, a fraction of the bytes.
 
-Records keep their bytes and their order. The copy lies beside the old file until it has been
+Records keep their bytes and their order; only keyframes that stand too near to each other, where
+small segments are merged, are left out. The copy lies beside the old file until it has been
 compared with it, and is synced; only then may it take a name. Memory: about one chunk.
 """
 
@@ -11,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,12 +20,13 @@ import numpy as np
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
 from semmap_log.log.chunks import BuiltChunk, build_chunk
-from semmap_log.log.compaction.repaging import Pause, no_pause, pages
-from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_CHANNEL
+from semmap_log.log.compaction.repaging import Pause, are_pages, no_pause, pages
+from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.grammar import Place, place_behind
 from semmap_log.log.reading.scan import Segment, open_segment
-from semmap_log.log.reading.segment_reading import page_at, pages_of
+from semmap_log.log.reading.segment_reading import last_commit, page_at, pages_of
+from semmap_log.log.reading.segment_set import check_follows
 from semmap_log.log.segment import SegmentWriter
 
 if TYPE_CHECKING:
@@ -65,66 +68,37 @@ def merged_header(sources: Sequence[Segment]) -> SegmentHeader:
 def needs_compaction(segment: Segment) -> bool:
     """Tell whether compaction would make a closed segment smaller or its chunks fewer.
 
-    Reads a few chunks at most: the first that gives a reason ends the search, and of a segment
-    that was compacted only those that are small, or not compressed, have to be looked at.
+    Reads few chunks: of a segment that was compacted those that would not get smaller by it.
     """
-    rows = segment.chunks.rows
-    small = np.flatnonzero(rows["size"][:-1] < CHUNK_BYTES).tolist()
-    plain = np.flatnonzero(rows["compression"] != b"zstd").tolist()
-    return any(_can_join(segment, i) for i in small) or any(_shrinks(segment, i) for i in plain)
-
-
-def _can_join(segment: Segment, i: int) -> bool:
-    """Tell whether a small chunk and the next one would be put into one."""
-    return not (_is_keyframe(page_at(segment, i)) or _is_keyframe(page_at(segment, i + 1)))
+    plain = np.flatnonzero(segment.chunks.rows["compression"] != b"zstd").tolist()
+    return not are_pages(segment.chunks) or any(_shrinks(segment, i) for i in plain)
 
 
 def _shrinks(segment: Segment, i: int) -> bool:
     return _smallest(page_at(segment, i)).facts.compression == "zstd"
 
 
-def _is_keyframe(page: Page) -> bool:
-    """Tell whether a chunk's first record is a Keyframe: then it is its only one."""
-    return bool(page.heads["channel_id"][0] == KEYFRAME_CHANNEL)
-
-
 def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> bytes:
-    """Write and close the copy; return the digest of all records of the old segments."""
-    whole = hashlib.sha256()
-    place = _start_of(sources[0])
-    for segment in sources:
-        place = _go_on(place, segment)
-        for page in pages(segment, pause):
-            place = place_behind(page, place)
-            pause(0)  # after each step that keeps the interpreter
-            chunk = _smallest(page)
-            pause(0)
-            writer.add(chunk, levels=page.levels)
-            whole.update(page.records)
-            pause(len(page.records))
-    writer.close()
-    return whole.digest()
-
-
-def _start_of(segment: Segment) -> Place:
-    """Return where the log stands before a segment, as its head says."""
-    first = segment.header.first_event
-    return Place(first, first, segment.header.hash_so_far)
-
-
-def _go_on(place: Place, segment: Segment) -> Place:
-    """Return the place if a segment begins there.
+    """Write and close the copy; return the digest of all records that it takes over.
 
     Raises:
-        CorruptLogError: Its head says something else.
+        CorruptLogError: A segment is damaged, or does not follow the one before.
     """
-    said = _start_of(segment)
-    if (said.next_event, said.hash) != (place.next_event, place.hash):
-        problem = f"expected event {place.next_event} next, got {said.next_event}"
-        if said.next_event == place.next_event:
-            problem = "it does not follow the segment before: another hash so far"
-        raise CorruptLogError(segment.path, segment.head_end, problem)
-    return place
+    for before, segment in pairwise(sources):
+        check_follows(segment, last_commit(before), before)
+    header = sources[0].header
+    place = Place(header.first_event, header.first_event, header.hash_so_far)
+    whole = hashlib.sha256()
+    for page in pages(sources, pause):
+        place = place_behind(page, place)
+        pause(0)  # after each step that keeps the interpreter
+        chunk = _smallest(page)
+        pause(0)
+        writer.add(chunk, levels=page.levels)
+        whole.update(page.records)
+        pause(len(page.records))
+    writer.close()
+    return whole.digest()
 
 
 def _smallest(page: Page) -> BuiltChunk:
@@ -156,10 +130,14 @@ def _compare(
 
 
 def _contents(segments: Sequence[ClosedSegment]) -> tuple[dict[int, int], int, int]:
-    """Return messages by channel, and the first and last log time, of segments together."""
+    """Return messages by channel, and the first and last log time, of segments together.
+
+    Keyframes are not counted: some may be left out.
+    """
     counts: Counter[int] = Counter()
     for segment in segments:
         counts.update(segment.counts)
+    del counts[KEYFRAME_CHANNEL]
     return (
         dict(counts),
         min(segment.start_ns for segment in segments),

@@ -1,13 +1,14 @@
-"""The records of a segment in pages of about a MiB: what compaction writes as chunks."""
+"""The records of segments in pages of about a MiB: what compaction writes as chunks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_CHANNEL
+from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_CHANNEL, KEYFRAME_EVERY_BYTES
+from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.page_reading import read_page
@@ -25,26 +26,30 @@ def no_pause(done: int) -> None:
     """Go on at once."""
 
 
-def pages(segment: Segment, pause: Pause = no_pause) -> Iterator[Page]:
-    """Yield a segment's records in pages of about a MiB, each keyframe by itself.
+def pages(sources: Iterable[Segment], pause: Pause = no_pause) -> Iterator[Page]:
+    """Yield the records of adjacent segments in pages of about a MiB, each keyframe by itself.
 
     Whole chunks are joined until they are long enough. So a commit's note never parts from it, and
-    what has been joined once joins no further: to compact again changes nothing.
+    what has been joined once joins no further: to compact again changes nothing. Small segments
+    that are merged bring more keyframes than are of use: those too near to the last are left out.
 
     Raises:
         CorruptLogError: A chunk is not what was written.
     """
-    page = _Pending(segment)
-    for group in segment.chunks.groups(READ_BYTES):
-        pause(0)
-        read = _Read(group, read_page(group, segment.header.first_event))
+    page, since_keyframe = _Pending(), KEYFRAME_EVERY_BYTES
+    for read in _reads(sources, pause):
         at = 0
-        while at < len(group):
+        while at < len(read.ends):
             is_keyframe = bool(read.is_keyframe[at])
+            if is_keyframe and since_keyframe < KEYFRAME_EVERY_BYTES:
+                pause(2 * read.size(at))  # neither written nor compared
+                at += 1
+                continue
             if is_keyframe and page.size:
                 yield page.take()
             end = at + 1 if is_keyframe else read.reaching(at, CHUNK_BYTES - page.size)
-            page.add(read, at, end)
+            size = page.add(read, at, end)
+            since_keyframe = 0 if is_keyframe else since_keyframe + size
             if is_keyframe or page.size >= CHUNK_BYTES:
                 yield page.take()
             at = end
@@ -52,10 +57,30 @@ def pages(segment: Segment, pause: Pause = no_pause) -> Iterator[Page]:
         yield page.take()
 
 
+def are_pages(chunks: ChunkTable) -> bool:
+    """Tell whether a segment's chunks are what `pages` makes of them; none is read."""
+    since_keyframe, is_short = KEYFRAME_EVERY_BYTES, False
+    is_keyframe = (chunks.rows["kinds"] & np.uint32(KEYFRAME_BIT)) != 0
+    for keyframe, size in zip(is_keyframe.tolist(), chunks.rows["size"].tolist(), strict=True):
+        if since_keyframe < KEYFRAME_EVERY_BYTES if keyframe else is_short:
+            return False
+        since_keyframe = 0 if keyframe else since_keyframe + size
+        is_short = not keyframe and size < CHUNK_BYTES
+    return True
+
+
+def _reads(sources: Iterable[Segment], pause: Pause) -> Iterator[_Read]:
+    for segment in sources:
+        for group in segment.chunks.groups(READ_BYTES):
+            pause(0)
+            yield _Read(segment, group, read_page(group, segment.header.first_event))
+
+
 class _Read:
     """Chunks that were read together, and where each lies in their records."""
 
-    def __init__(self, chunks: ChunkTable, page: Page) -> None:
+    def __init__(self, segment: Segment, chunks: ChunkTable, page: Page) -> None:
+        self.segment = segment
         self.page = page
         self.places = chunks.rows["offset"]
         """Of each chunk in the file."""
@@ -65,6 +90,10 @@ class _Read:
         """Number of each chunk's first record."""
         self.is_keyframe = page.heads["channel_id"][self.firsts] == KEYFRAME_CHANNEL
         """By its first record: then it is its only one."""
+
+    def size(self, at: int) -> int:
+        """Return the bytes of a chunk's records."""
+        return int(self.ends[at] - self.starts[at])
 
     def reaching(self, at: int, size: int) -> int:
         """Return the chunk behind those, from `at` on, that reach that size, or to a keyframe."""
@@ -76,17 +105,17 @@ class _Read:
 class _Pending:
     """The page under way: parts of what was read."""
 
-    def __init__(self, segment: Segment) -> None:
+    def __init__(self) -> None:
         self.size = 0
-        self._segment = segment
+        self._first: tuple[Segment, int] | None = None
+        """The segment that it begins in, and where there."""
         self._records: list[bytes | memoryview] = []
         self._offsets: list[NDArray[np.int64]] = []
-        self._place = 0
 
-    def add(self, read: _Read, at: int, end: int) -> None:
-        """Add the chunks at..end of those that were read."""
-        if not self.size:
-            self._place = int(read.places[at])
+    def add(self, read: _Read, at: int, end: int) -> int:
+        """Add the chunks at..end of those that were read; return how many bytes they are."""
+        if self._first is None:
+            self._first = (read.segment, int(read.places[at]))
         start = int(read.starts[at])
         records = read.page.records[start : int(read.ends[end - 1])]
         behind = int(read.firsts[end]) if end < len(read.ends) else None
@@ -94,15 +123,18 @@ class _Pending:
         self._records.append(records)
         self._offsets.append(offsets + (self.size - start))
         self.size += len(records)
+        return len(records)
 
     def take(self) -> Page:
         """Return the page, and begin another."""
+        assert self._first is not None, "there is something in it"
+        segment, place = self._first
         page = Page(
             b"".join(self._records),
-            self._segment.header.first_event,
-            self._segment.path,
-            self._place,
+            segment.header.first_event,
+            segment.path,
+            place,
             np.concatenate(self._offsets),
         )
-        self.size, self._records, self._offsets = 0, [], []
+        self.size, self._first, self._records, self._offsets = 0, None, [], []
         return page

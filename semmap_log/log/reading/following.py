@@ -17,7 +17,7 @@ from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.reader import LogReader, Position
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import chunk_of
 
@@ -83,7 +83,7 @@ def commits_after(reader: LogReader, event: int) -> Iterator[FollowedCommit]:
     if segment is None or chunk is None:
         return
     parts: list[EventBatch] = []
-    for _, page in reader.pages(segment, first_chunk=chunk):
+    for _, page in reader.pages(Position(segment, chunk)):
         cutter = _Cutter(page, first)
         for commit in page.commits():
             parts.append(cutter.up_to(commit.last_event))

@@ -52,18 +52,16 @@ def spans_of_summary(summary: ClosedSummary) -> NDArray[np.void]:
         CorruptLogError: Its index is missing or damaged.
     """
     at = _index_offset(summary)
+    opcode, body = mcap.FRAME.unpack_from(summary.file, at)
+    start = at + mcap.FRAME.size
+    if opcode != Opcode.METADATA or start + body > summary.data_end:
+        raise CorruptLogError(summary.path, at, f"no {INDEX_METADATA} where its summary says")
     try:
-        opcode, body = mcap.FRAME.unpack_from(summary.file, at)
-        start = at + mcap.FRAME.size
-        if opcode != Opcode.METADATA or start + body > summary.data_end:
-            raise ValueError("no Metadata where the summary says")
         columns = read_index(mcap.read_record(Metadata, summary.file[start : start + body]))
-        if len({len(column) for column in columns}) > 1:
-            raise ValueError("its columns have different lengths")
+        spans = np.empty(len(columns[0]), SPAN)
+        spans["events"], spans["least"], spans["greatest"] = columns
     except (ValueError, KeyError) as error:
         raise CorruptLogError(summary.path, at, f"its {INDEX_METADATA}: {error}") from None
-    spans = np.empty(len(columns[0]), SPAN)
-    spans["events"], spans["least"], spans["greatest"] = columns
     return spans
 
 

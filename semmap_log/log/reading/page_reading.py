@@ -13,7 +13,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import (
     ChunkDamage,
-    check_crc,
+    crc_problem,
     gather,
     walk_by_index,
     walk_together,
@@ -83,12 +83,9 @@ def _walk(chunks: ChunkTable, records: bytes, ends: NDArray[np.int64]) -> NDArra
 def _first_misfit_of_crc(
     chunks: ChunkTable, parts: Sequence[memoryview], crcs: Sequence[int]
 ) -> CorruptLogError:
-    for offset, part, crc in zip(chunks.rows["offset"].tolist(), parts, crcs, strict=True):
-        try:
-            check_crc(part, crc)
-        except ChunkDamage as damage:
-            return CorruptLogError(chunks.path, offset, str(damage))
-    raise AssertionError("every CRC fits")
+    place = next(i for i, crc in enumerate(crcs) if zlib.crc32(parts[i]) != crc)
+    problem = crc_problem(parts[place], crcs[place])
+    return CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), problem)
 
 
 TIMES_MISFIT = "its head does not tell the least and greatest log time of its messages"

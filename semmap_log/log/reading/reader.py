@@ -3,37 +3,54 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from semmap_log.commits import Commit, Note
+from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Retracted
-from semmap_log.log import keyframes
 from semmap_log.log.chunks import ChunkDamage, StoredChunk
 from semmap_log.log.header import LogInfo
+from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.scan import Segment, open_segment, read_head
 from semmap_log.log.reading.segment_folder import SegmentFolder, list_segments
 from semmap_log.log.reading.segment_reading import (
-    chunk_of,
+    batches_of,
     commit_of,
     last_commit,
     page_at,
     pages_of,
 )
 from semmap_log.log.reading.segment_set import check_adjoins, check_counts, check_follows
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.log.reading.window import EVERYTHING, Window
 from semmap_log.projections.retraction import Retractions
 
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in all)."""
+
+OnPage = Callable[[Segment, Page], None]
+"""Called with the records in which the events of the next batch lie."""
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A place between two chunks of a log."""
+
+    segment: int
+    chunk: int
+    """The one behind it."""
+
+
+BEGINNING = Position(0, 0)
 
 
 class LogReader:
@@ -53,6 +70,10 @@ class LogReader:
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
+        self._retractions: Retractions | None = None
+        self._latest_ns: NDArray[np.int64] | None = None
+        """Of each segment and those before it, the latest happened time."""
+        self._are_counted = False
         self.refresh()
 
     def refresh(self) -> None:
@@ -63,11 +84,14 @@ class LogReader:
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
+        before = self.segments
         if self._only is not None:
             self.segments = [open_segment(self._only)]
-            return
-        found = self._files.look()
-        self.segments, self.leftovers = found.segments, found.leftovers
+        else:
+            found = self._files.look()
+            self.segments, self.leftovers = found.segments, found.leftovers
+        if self.segments != before:
+            self._retractions, self._latest_ns, self._are_counted = None, None, False
 
     @property
     def info(self) -> LogInfo:
@@ -75,57 +99,69 @@ class LogReader:
         return self.segments[0].header.info
 
     def pages(
-        self, first_segment: int = 0, progress: Progress | None = None, *, first_chunk: int = 0
+        self, start: Position = BEGINNING, progress: Progress | None = None
     ) -> Iterator[tuple[Segment, Page]]:
         """Yield all records, in order, small chunks joined to pages of about a MiB.
 
         Raises:
             CorruptLogError: A chunk is not what was written, or a segment does not follow the last.
         """
-        segments = self.segments[first_segment:]
-        todo = sum(len(segment.file) for segment in segments)
-        done = 0
         last: Page | None = None
-        for i, segment in enumerate(segments):
-            if i > 0:
-                before = segments[i - 1]
+        before: Segment | None = None
+        told = _Told(self.segments[start.segment :], progress)
+        for segment in self.segments[start.segment :]:
+            if before is not None:
                 commit = last.last_commit() if last is not None else None
                 check_follows(segment, commit or last_commit(before), before)
             last = None
-            for page in pages_of(segment, first_chunk if i == 0 else 0):
+            for page in pages_of(segment, start.chunk if before is None else 0):
                 yield segment, page
                 last = page
-                if progress:
-                    progress(done + page.offset, todo)
-            done += len(segment.file)
-        if progress:
-            progress(done, todo)
+                told.reached(page)
+            told.finished(segment)
+            before = segment
 
     def batches(
-        self, *, limit: int | None = None, first_segment: int = 0, progress: Progress | None = None
+        self,
+        window: Window = EVERYTHING,
+        *,
+        start: Position = BEGINNING,
+        progress: Progress | None = None,
+        on_page: OnPage | None = None,
     ) -> Iterator[EventBatch]:
-        """Yield all events up to the event number `limit`, retracted ones included.
+        """Yield the events of a window, numbers ascending, retracted ones included.
+
+        What cannot hold any is not read.
+
+        Args:
+            window: Which events.
+            start: What comes before is not looked at.
+            progress: Told how far the reading is.
+            on_page: Called with the records of each batch that follows.
 
         Raises:
             CorruptLogError: A chunk is not what was written, or events are missing.
         """
-        expected = self.segments[first_segment].header.first_event
-        for segment, page in self.pages(first_segment, progress):
-            batch = page.events()
-            if not len(batch):
-                continue
-            if batch.number[0] != expected or (np.diff(batch.number) != 1).any():
-                raise CorruptLogError(
-                    segment.path,
-                    page.offset,
-                    f"expected event {expected} next, got {int(batch.number[0])} or a later gap",
-                )
-            expected += len(batch)
-            if limit is not None and batch.number[-1] >= limit:
-                if batch.number[0] <= limit:
-                    yield batch.select(batch.number <= limit)
-                return
-            yield batch
+        self._check_counts()
+        told = _Told(self.segments[start.segment :], progress)
+        last: Page | None = None
+        for place in range(start.segment, len(self.segments)):
+            segment, last_before, last = self.segments[place], last, None
+            if window.may_reach(segment, self._next_event(place)):
+                if place > start.segment:
+                    self._check_order(place, last_before)
+                chunks = window.chunks(segment)
+                if place == start.segment:
+                    chunks = chunks[chunks >= start.chunk]
+                for page, batch in batches_of(segment, chunks):
+                    chosen = window.choose(batch)
+                    if len(chosen):
+                        if on_page is not None:
+                            on_page(segment, page)
+                        yield chosen
+                    told.reached(page)
+                    last = page
+            told.finished(segment)
 
     def commits(self, first_segment: int = 0) -> Iterator[Commit]:
         """Yield the commits of the whole log, in order, each checked to follow the one before.
@@ -134,7 +170,7 @@ class LogReader:
             CorruptLogError: One does not, or cannot be read.
         """
         previous = self.segments[first_segment].header.hash_so_far
-        for segment, page in self.pages(first_segment):
+        for segment, page in self.pages(Position(first_segment, 0)):
             for commit in page.commits():
                 if commit.previous_hash != previous:
                     problem = f"the commit of event {commit.first_event} does not follow the last"
@@ -165,7 +201,10 @@ class LogReader:
                 page = page_at(segment, chunk)
                 numbers = page.event_numbers(recorded_by_ns=known_at_ns)
                 if len(numbers):
-                    return self._commit_of(segment, int(numbers[-1])).last_event
+                    last = int(numbers[-1])
+                    commit = page.commit_holding(last) or commit_of(segment, last)
+                    if commit is not None:
+                        return commit.last_event
         return -1
 
     def event(self, number: int) -> RecordedEvent:
@@ -174,35 +213,30 @@ class LogReader:
         Raises:
             LogError: There is none.
         """
-        segment, chunk = self._chunk_of(number)
-        batch = page_at(segment, chunk).events()
-        (recorded,) = batch.select(batch.number == number)
-        return recorded
+        for batch in self.batches(Window(first_event=number, before_event=number + 1)):
+            (recorded,) = batch
+            return recorded
+        raise self._no_event(number)
 
-    def said_about(self, number: int) -> tuple[Note, bytes]:
-        """Return the note and the command id of the commit that holds an event.
+    def commit_at(self, number: int) -> Commit:
+        """Return the commit that holds an event, with its note.
 
         Raises:
             LogError: There is no such event.
         """
-        segment, _ = self._chunk_of(number)
-        commit = self._commit_of(segment, number)
-        return commit.note, commit.command_id
+        place = self.segment_of(number)
+        commit = None if place is None else commit_of(self._among_neighbours(place), number)
+        if commit is None:
+            raise self._no_event(number)
+        return commit
+
+    def _no_event(self, number: int) -> LogError:
+        return LogError(f"{self.folder}: there is no event {number}.")
 
     def segment_of(self, number: int) -> int | None:
         """Return the place of the segment that holds an event, or would; None: none begins yet."""
         behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
         return behind - 1 if behind else None
-
-    def _chunk_of(self, number: int) -> tuple[Segment, int]:
-        """Return the segment and the place of the chunk that holds an event."""
-        place = self.segment_of(number)
-        if place is not None:
-            segment = self._among_neighbours(place)
-            chunk = chunk_of(segment, number)
-            if chunk is not None:
-                return segment, chunk
-        raise LogError(f"{self.folder}: there is no event {number}.")
 
     def _among_neighbours(self, place: int) -> Segment:
         """Return a segment that fits the one before and the one behind it.
@@ -221,32 +255,64 @@ class LogReader:
 
     def retractions(self, *, limit: int | None = None) -> Retractions:
         """Return what was taken back by the events up to the number `limit`."""
-        retractions = Retractions()
-        for before, segment in zip([None, *self.segments], self.segments, strict=False):
-            if before is not None:
+        if self._retractions is None:
+            self._retractions = Retractions()
+            for batch in self.batches(Window(kinds=bits_of_kinds([Retracted]))):
+                self._retractions.apply(batch)
+        return self._retractions if limit is None else self._retractions.up_to(limit)
+
+    def segments_by(self, at_ns: int) -> int:
+        """Return the place of the last segment before which all events had happened by then."""
+        if self._latest_ns is None:
+            greatest = [segment.span[1] for segment in self.segments]
+            self._latest_ns = np.maximum.accumulate(np.array(greatest, np.int64))
+        by = int(np.searchsorted(self._latest_ns, at_ns, "right"))
+        return min(by, len(self.segments) - 1)
+
+    def _next_event(self, place: int) -> int | None:
+        """Return the number of the first event behind a segment; None: it is the last."""
+        if place + 1 < len(self.segments):
+            return self.segments[place + 1].header.first_event
+        return None
+
+    def _check_order(self, place: int, last: Page | None) -> None:
+        """Check that a segment follows the one before it, by hash if that one's end was read.
+
+        Args:
+            place: Its own.
+            last: The last page that was read of the one before; None: none was.
+        """
+        segment, before = self.segments[place], self.segments[place - 1]
+        commit = None if last is None else last.last_commit()
+        if commit is not None and commit.last_event + 1 == segment.header.first_event:
+            check_follows(segment, commit, before)
+        else:
+            check_adjoins(segment, before)
+
+    def _check_counts(self) -> None:
+        """Check that each segment holds all events up to the next one, as far as is counted."""
+        if not self._are_counted:
+            for before, segment in pairwise(self.segments):
                 check_counts(segment, before)
-            if segment.counts is not None and not segment.counts.get(Retracted.kind):
-                continue
-            for page in pages_of(segment):
-                if (page.heads["channel_id"] == Retracted.kind).any():
-                    batch = page.events()
-                    retractions.apply(
-                        batch if limit is None else batch.select(batch.number <= limit)
-                    )
-        return retractions
+            self._are_counted = True
 
-    def keyframe(self, segment: Segment) -> DoorMapState | None:
-        """Return the state at a segment's head; None if its keyframe cannot be used."""
-        if not len(segment.chunks):
-            return None
-        stored = page_at(segment, 0).keyframes()
-        return keyframes.decode(stored[0]) if stored else None
 
-    def _commit_of(self, segment: Segment, event: int) -> Commit:
-        commit = commit_of(segment, event)
-        if commit is None:
-            raise CorruptLogError(segment.path, 0, f"event {event} belongs to no commit")
-        return commit
+class _Told:
+    """How far the reading of segments is."""
+
+    def __init__(self, segments: Sequence[Segment], progress: Progress | None) -> None:
+        self._progress = progress
+        self._done = 0
+        self._todo = sum(len(segment.file) for segment in segments) if progress else 0
+
+    def reached(self, page: Page) -> None:
+        if self._progress:
+            self._progress(self._done + page.offset, self._todo)
+
+    def finished(self, segment: Segment) -> None:
+        if self._progress:
+            self._done += len(segment.file)
+            self._progress(self._done, self._todo)
 
 
 def segment_paths(folder: Path) -> list[Path]:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Header, Metadata
+from mcap.records import Header, Metadata, Statistics
 from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError, NotALogError
@@ -67,8 +68,24 @@ class Segment:
         """
         if self.live is not None:
             return None
-        counts: Mapping[int, int] = self.summary.statistics().channel_message_counts
+        counts: Mapping[int, int] = self._statistics.channel_message_counts
         return counts
+
+    @property
+    def recorded(self) -> tuple[int, int]:
+        """The least and the greatest log time in it; (0, 0) if there is no record.
+
+        Raises:
+            CorruptLogError: The summary is damaged.
+        """
+        if self.live is None:
+            return self._statistics.message_start_time, self._statistics.message_end_time
+        rows = self.chunks.rows
+        return (int(rows["start_ns"][0]), int(rows["end_ns"].max())) if len(rows) else (0, 0)
+
+    @cached_property
+    def _statistics(self) -> Statistics:
+        return self.summary.statistics()
 
     @property
     def chunks(self) -> ChunkTable:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semmap_log.commits import Commit
+from semmap_log.errors import CorruptLogError
+from semmap_log.event_batch import EventBatch
 from semmap_log.log.form import CHUNK_BYTES
+from semmap_log.log.kind_bits import COMMIT_BIT
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.page_reading import read_page
 from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.window import numbers_of
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
@@ -31,24 +37,51 @@ def page_at(segment: Segment, chunk: int) -> Page:
     return read_page(segment.chunks[chunk : chunk + 1], segment.header.first_event)
 
 
+def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Page, EventBatch]]:
+    """Yield the events of some chunks of a segment, with the pages they lie in.
+
+    Args:
+        segment: The segment.
+        chunks: Places of its chunks, ascending.
+
+    Raises:
+        CorruptLogError: They are not what was written, or not the events that must be there.
+    """
+    firsts, ends = numbers_of(segment)
+    at = 0
+    for group in segment.chunks.chosen(chunks).groups(CHUNK_BYTES):
+        page = read_page(group, segment.header.first_event)
+        batch = page.events()
+        mine = chunks[at : at + len(group)]
+        at += len(group)
+        _check_numbers(page, batch, firsts[mine], ends[mine])
+        yield page, batch
+
+
+def _check_numbers(
+    page: Page, batch: EventBatch, firsts: NDArray[np.int64], ends: NDArray[np.int64]
+) -> None:
+    """Check that a batch holds the events from each of `firsts` to before each of `ends`."""
+    counts = ends - firsts
+    shift = firsts - np.cumsum(counts) + counts
+    expected = np.arange(len(batch)) + np.repeat(shift, counts)[: len(batch)]
+    if len(batch) != counts.sum() or (batch.number != expected).any():
+        problem = f"expected {int(counts.sum())} events from {int(firsts[0])} on, got others"
+        raise CorruptLogError(page.path, page.offset, problem)
+
+
 def last_commit(segment: Segment) -> Commit | None:
     """Return a segment's last commit; None: it has none."""
-    for chunk in reversed(range(len(segment.chunks))):
-        commit = page_at(segment, chunk).last_commit()
-        if commit is not None:
-            return commit
+    for chunk in reversed(segment.chunks.having(COMMIT_BIT).tolist()):
+        return page_at(segment, chunk).last_commit()
     return None
 
 
 def chunk_of(segment: Segment, event: int) -> int | None:
     """Return the place of the chunk that holds an event; None: the segment does not hold it."""
-    places = range(len(segment.chunks))
-    behind = bisect_right(places, event, key=lambda place: _first_number(segment, place))
-    for chunk in reversed(places[:behind]):
-        numbers = page_at(segment, chunk).event_numbers()
-        if len(numbers) and numbers[0] <= event:  # else: a keyframe of `event`, then later events
-            return chunk if event <= numbers[-1] else None
-    return None
+    firsts, ends = numbers_of(segment)
+    chunk = int(np.searchsorted(ends, event, "right"))
+    return chunk if chunk < len(ends) and firsts[chunk] <= event else None
 
 
 def commit_of(segment: Segment, event: int) -> Commit | None:
@@ -56,12 +89,9 @@ def commit_of(segment: Segment, event: int) -> Commit | None:
     chunk = chunk_of(segment, event)
     if chunk is None:
         return None
-    pages = (page_at(segment, place) for place in range(chunk, len(segment.chunks)))
-    return next((commit for page in pages if (commit := page.commit_holding(event))), None)
-
-
-def _first_number(segment: Segment, chunk: int) -> int:
-    """Return the event number of a chunk's first record (a keyframe: of the last event in it)."""
-    before = segment.header.first_event - 1
-    sequence = int(page_at(segment, chunk).heads["sequence"][0])
-    return before + ((sequence - before) & 0xFFFF_FFFF)
+    places = segment.chunks.having(COMMIT_BIT)
+    for place in places[places >= chunk].tolist():
+        commit = page_at(segment, place).commit_holding(event)
+        if commit is not None:
+            return commit
+    return None

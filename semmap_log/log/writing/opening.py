@@ -13,8 +13,8 @@ from semmap_log.log.disk import is_empty, remove_leftovers, sync_folder
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader, check_is_log
+from semmap_log.log.reading.state import state_at
 from semmap_log.log.writing.writer import LogWriter, Surroundings
-from semmap_log.log.writing.written_state import state_at_end
 from semmap_log.projections.door_map import DoorMapState
 
 
@@ -56,7 +56,7 @@ def open_for_append(folder: Path, surroundings: Surroundings = Surroundings()) -
         remove_leftovers(folder)
         reader = LogReader(folder)
         remove_merged(reader)
-        writer = LogWriter(folder, lock, state_at_end(reader), surroundings)
+        writer = LogWriter(folder, lock, state_at(reader), surroundings)
         writer.go_on(reader)
         if _may_be_half_made(reader):
             sync_folder(folder.parent)

@@ -11,8 +11,8 @@ from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES, KEYFRAME_RARI
 from semmap_log.log.keyframes import keyframe_chunk
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.state import state_at
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.retraction import Retractions
 
 
 class WrittenState:
@@ -68,7 +68,7 @@ class WrittenState:
         self._fold()
         if self._needs_reading:
             self._flush()
-            self._state, self._needs_reading = state_at_end(LogReader(self._folder)), False
+            self._state, self._needs_reading = state_at(LogReader(self._folder)), False
         return self._state
 
     def _fold(self) -> None:
@@ -80,18 +80,3 @@ class WrittenState:
         self._state.apply(batch)
         self._first_event = self._state.event + 1
         self._needs_reading |= Retracted in batch
-
-
-def state_at_end(reader: LogReader) -> DoorMapState:
-    """Return the state at a log's end: from its last keyframe, unless a retraction touches it."""
-    last = len(reader.segments) - 1
-    state = reader.keyframe(reader.segments[last])
-    retractions = Retractions()
-    for batch in reader.batches(first_segment=last):
-        retractions.apply(batch)
-    if state is None or (retractions and retractions.first_event <= state.event):
-        last, state, retractions = 0, DoorMapState(), reader.retractions()
-    for batch in reader.batches(first_segment=last):
-        state.note_used_ids(batch)
-        state.apply(retractions.visible(batch))
-    return state

@@ -12,7 +12,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.events import DoorObserved, FloorMap, LevelAdded, Retracted, RobotPose
-from semmap_log.log.compaction import compact, merge, rechunk, repaging
+from semmap_log.log.compaction import compact, merge, repaging
 from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.log.logs import answers
@@ -27,7 +27,6 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 7)
     monkeypatch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 20_000)
     monkeypatch.setattr(repaging, "CHUNK_BYTES", 900)
-    monkeypatch.setattr(rechunk, "CHUNK_BYTES", 900)
     monkeypatch.setattr(repaging, "READ_BYTES", 500)
     monkeypatch.setattr(merge, "MERGE_BYTES", 20_000)
 

@@ -13,7 +13,7 @@ import yaml
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
 from semmap_log.log import disk, segment
-from semmap_log.log.compaction import Compacted, compact, merge, plan_compaction
+from semmap_log.log.compaction import Compacted, compact, merge, plan_compaction, repaging
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import open_segment
@@ -63,18 +63,23 @@ def test_neighbours_become_one(log: Path) -> None:
     assert {"log_000000.mcap": messages(segment_files(log)[0])} == listed(log)
 
 
-def test_the_heads_of_the_parts_stay_as_keyframes(log: Path) -> None:
+@pytest.mark.parametrize(("every", "kept"), [(1, 8), (5000, 4), (2**20, 1)])
+def test_heads_of_parts_stay_as_keyframes_where_they_are_of_use(
+    every: int, kept: int, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """
-    Each by itself in a chunk, where its segment began: replay may start there.
+    Each by itself in a chunk; those with few records between them and the last are left out.
     """
+    monkeypatch.setattr(repaging, "KEYFRAME_EVERY_BYTES", every)
+
     compact(log)
 
     segment = open_segment(segment_files(log)[0])
-    first_channels = [
-        page_at(segment, i).heads["channel_id"].tolist() for i in range(len(segment.chunks))
-    ]
-    assert 8 == sum(channels == [KEYFRAME_CHANNEL] for channels in first_channels)
-    assert 8 == sum(KEYFRAME_CHANNEL not in channels for channels in first_channels)
+    channels = [page_at(segment, i).heads["channel_id"] for i in range(len(segment.chunks))]
+    is_keyframe = [KEYFRAME_CHANNEL in chunk for chunk in channels]
+    assert [True, False] * kept == is_keyframe
+    assert 8 >= kept == sum(len(chunk) == 1 for chunk in channels)
+    assert () == compact(log).steps
 
 
 def test_a_second_time_nothing_is_written(log: Path) -> None:

@@ -25,6 +25,7 @@ from semmap_log.errors import (
 )
 from semmap_log.events import DoorAdded, DoorObserved, RobotPose
 from semmap_log.log.commits import commit_hash
+from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock
 
@@ -114,7 +115,7 @@ def test_segments_roll(
     reader = sl.read(path).reader
     assert 3 < len(reader.segments) < 30
     for segment in reader.segments:
-        state = reader.keyframe(segment)
+        state = keyframe_at(segment, 0)
         assert state is not None
         assert segment.header.first_event == len(state.door_map().doors)
 

@@ -1,0 +1,84 @@
+"""The doors of a map as values, each made when it is asked for: of hundreds, one is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import ItemsView, Iterator, Mapping, ValuesView
+from typing import Any
+
+from numpy.typing import NDArray
+
+from semmap_log.doors import Door, DoorId, DoorState
+from semmap_log.projections.annotations import Annotations
+
+
+class DoorsPresent(Mapping[DoorId, Door]):
+    """Door id -> door, ids ascending; does not change."""
+
+    def __init__(self, columns: Mapping[str, NDArray[Any]], annotations: Annotations) -> None:
+        """Take the doors up.
+
+        Args:
+            columns: The fields of the doors and their stamps, one row a door, ids ascending.
+            annotations: What is said of them; must not change any more.
+        """
+        self._columns = columns
+        self._annotations = annotations
+        self._ids: list[int] = columns["door_id"].tolist()
+        self._places = dict(zip(self._ids, range(len(self._ids)), strict=True))
+        self._made: dict[DoorId, Door] = {}
+
+    def __getitem__(self, door_id: DoorId) -> Door:
+        door = self._made.get(door_id)
+        if door is None:
+            place = self._places[door_id]
+            row = {name: column[place].item() for name, column in self._columns.items()}
+            door = self._made[door_id] = self._door(row)
+        return door
+
+    def __iter__(self) -> Iterator[DoorId]:
+        return map(DoorId, self._ids)
+
+    def __len__(self) -> int:
+        return len(self._ids)
+
+    def __contains__(self, door_id: object) -> bool:
+        return door_id in self._places
+
+    def items(self) -> ItemsView[DoorId, Door]:
+        """Return all doors with their ids."""
+        return self._all().items()
+
+    def values(self) -> ValuesView[Door]:
+        """Return all doors."""
+        return self._all().values()
+
+    def __repr__(self) -> str:
+        return repr(self._all())
+
+    def _all(self) -> dict[DoorId, Door]:
+        if len(self._made) < len(self._ids):
+            names = list(self._columns)
+            rows = zip(*(column.tolist() for column in self._columns.values()), strict=True)
+            self._made = {
+                DoorId(door_id): self._door(dict(zip(names, row, strict=True)))
+                for door_id, row in zip(self._ids, rows, strict=True)
+            }
+        return self._made
+
+    def _door(self, row: dict[str, Any]) -> Door:
+        return Door(
+            door_id=DoorId(row["door_id"]),
+            level=row["level"],
+            x=row["x"],
+            y=row["y"],
+            theta=row["theta"],
+            width=row["width"],
+            state=DoorState.of(row["state"]),
+            prob_open=row["prob_open"],
+            prob_closed=row["prob_closed"],
+            last_seen_ns=row["state_happened_ns"],
+            last_event=row["last_event"],
+            annotations=self._annotations.of(
+                row["door_id"], (row["added_happened_ns"], row["added_event"])
+            ),
+        )
