@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -66,6 +67,23 @@ def test_the_table_fits_a_terminal(tmp_path: Path) -> None:
     assert 80 >= max(map(len, done.stdout.splitlines()))
     assert "semmap-log --help" in done.stdout
     assert "Replay" not in done.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_nothing_is_left_of_a_run_that_was_stopped(tmp_path: Path, number: int) -> None:
+    """
+    Ctrl-C, or a kill, in the middle: its logs are removed, and the exit code says it.
+    """
+    command = [sys.executable, TOOLS / "bench.py", "--only", "fold", "--dir", tmp_path]
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+        while not list(tmp_path.glob(".bench_*/*/log")):
+            time.sleep(0.05)
+
+        process.send_signal(number)
+        code = process.wait(timeout=60)
+
+    assert 130 == code
+    assert [] == list(tmp_path.iterdir())
 
 
 def test_a_group_that_does_not_exist_is_named() -> None:
