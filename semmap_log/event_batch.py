@@ -65,9 +65,9 @@ class EventBatch:
     def door_ids(self) -> NDArray[np.uint32]:
         """Return the door each event is about; 0 where it is about none."""
         ids = np.zeros(len(self), np.uint32)
-        for kind, rows in self.columns.items():
+        for kind in self.columns:
             if issubclass(KINDS[kind - 1], DoorEvent):
-                ids[self.kind == kind] = rows["door_id"]
+                ids[self.kind == kind] = self.columns[kind]["door_id"]
         for kind, events in self.objects.items():
             if issubclass(KINDS[kind - 1], DoorEvent):
                 ids[self.kind == kind] = [e.door_id for e in events if isinstance(e, DoorEvent)]
@@ -83,7 +83,7 @@ class EventBatch:
         if keep.all():
             return self
         inside = {kind: keep[self.kind == kind] for kind in (*self.columns, *self.objects)}
-        columns = {k: rows[inside[k]] for k, rows in self.columns.items() if inside[k].any()}
+        columns = {k: self.columns[k][inside[k]] for k in self.columns if inside[k].any()}
         objects = {
             k: [event for event, kept in zip(events, inside[k], strict=True) if kept]
             for k, events in self.objects.items()

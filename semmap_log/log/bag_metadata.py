@@ -14,7 +14,6 @@ from mcap.records import Footer, Statistics
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import frames
 from semmap_log.log.disk import replace_file, sync_folder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
@@ -24,6 +23,7 @@ from semmap_log.log.form import (
     offered_qos,
     topics,
 )
+from semmap_log.log.walking import frames
 from semmap_log.messages import type_hash
 
 

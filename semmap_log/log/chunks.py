@@ -5,11 +5,10 @@ from __future__ import annotations
 import struct
 import threading
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ from semmap_log.log.form import (
     LAST_EVENT_CHANNEL,
     ZSTD_LEVEL,
 )
+from semmap_log.log.walking import ChunkDamage, heads_of
 
 _BODY = struct.Struct("<QQQI")
 """Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
@@ -32,10 +32,6 @@ MOST_NS = 2**63 - 1
 
 _local = threading.local()
 """zstd contexts: one a thread, since one shared by two threads crashes the process."""
-
-
-class ChunkDamage(Exception):  # noqa: N818  # translated into CorruptLogError, which knows the file
-    """A chunk is not what was written."""
 
 
 @dataclass(slots=True)
@@ -234,184 +230,6 @@ def read_chunk_head(file: memoryview | bytes, offset: int, length: int) -> Store
     if size > MAX_CHUNK_BYTES:
         raise ChunkDamage(f"{size} bytes of records are more than any chunk has")
     return StoredChunk(offset, length, start, end, size, crc, compression, at + 8, stored_size)
-
-
-def walk(records: bytes | memoryview) -> NDArray[np.int64]:
-    """Return where each message record begins; the records tile the whole.
-
-    Raises:
-        ChunkDamage: They do not, or one is not a message.
-    """
-    offsets = []
-    at, end = 0, len(records)
-    frame, unpack, least = mcap.FRAME.size, mcap.FRAME.unpack_from, mcap.MESSAGE_BODY_HEAD
-    while at < end:
-        if at + frame > end:
-            raise ChunkDamage(f"a record is cut at byte {at} of the chunk's records")
-        opcode, length = unpack(records, at)
-        if opcode != Opcode.MESSAGE or length < least:
-            raise ChunkDamage(f"no message at byte {at} of the chunk's records")
-        offsets.append(at)
-        at += frame + length
-    if at != end:
-        raise ChunkDamage(f"the last record ends at byte {at} of {end}")
-    return np.array(offsets, np.int64)
-
-
-def walk_by_index(
-    file: memoryview | bytes,
-    behind: NDArray[np.int64],
-    records: bytes | memoryview,
-    starts: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """Return where the messages of one or more chunks begin, at numpy's speed.
-
-    Their MessageIndexes are only a hint. They have no CRC, so nothing in them is believed: what is
-    taken is offsets at which messages begin that tile the records. If these do not, or there are
-    none, the records are walked.
-
-    Args:
-        file: The file's bytes.
-        behind: Where each Chunk record ends in it; its indexes follow there.
-        records: What holds the chunks' records, one behind the other.
-        starts: Where those of each chunk begin.
-
-    Raises:
-        ChunkDamage: As `walk_together`.
-    """
-    offsets = _indexed_offsets(file, behind, starts)
-    if _tile(records, offsets):
-        return offsets
-    return walk_together(records, starts, np.append(starts[1:], len(records)))
-
-
-def _indexed_offsets(
-    file: memoryview | bytes, at: NDArray[np.int64], starts: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return what the MessageIndexes behind some chunks say, ascending; whatever it is worth.
-
-    The first index of each chunk is read at once, then the second, and so on.
-    """
-    found: list[NDArray[np.int64]] = []
-    for _ in range(_MOST_CHANNELS):
-        is_here = at + mcap.MESSAGE_INDEX_HEAD_BYTES <= len(file)
-        at, starts = at[is_here], starts[is_here]
-        head = gather(file, at, _INDEX_DTYPE)
-        size = head["length"] - _INDEX_BODY_HEAD
-        ends = at + mcap.MESSAGE_INDEX_HEAD_BYTES + size
-        is_index = (head["opcode"] == _MESSAGE_INDEX) & (size >= 0) & (ends <= len(file))
-        at, starts, size = at[is_index], starts[is_index], size[is_index]
-        counts = size // mcap.MESSAGE_INDEX_ENTRY_BYTES
-        if not len(at) or int(counts.sum()) > len(file):
-            break
-        first = at + mcap.MESSAGE_INDEX_HEAD_BYTES + _OFFSET_IN_ENTRY
-        found.append(_spread(file, first, counts) + np.repeat(starts, counts))
-        at = ends[is_index]
-    return np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
-
-
-def _spread(
-    file: memoryview | bytes, first: NDArray[np.int64], counts: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return the integers of several columns of MessageIndex entries, one behind the other."""
-    if len(first) == 1:
-        (start,), (count,) = first.tolist(), counts.tolist()
-        step = mcap.MESSAGE_INDEX_ENTRY_BYTES
-        column: NDArray[np.int64] = np.ndarray(count, "<i8", file, start, strides=(step,))
-        return column
-    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-    places = np.repeat(first, counts) + within * mcap.MESSAGE_INDEX_ENTRY_BYTES
-    return gather(file, places, _INT)["value"]
-
-
-_INT: np.dtype[np.void] = np.dtype([("value", "<i8")])
-_INDEX_DTYPE: np.dtype[np.void] = np.dtype(
-    {"names": ["opcode", "length"], "formats": ["u1", "<i8"], "offsets": [0, 1],
-     "itemsize": mcap.MESSAGE_INDEX_HEAD_BYTES}
-)  # fmt: skip
-_MOST_CHANNELS = 256
-"""In a chunk; one with more is walked."""
-_INDEX_BODY_HEAD = mcap.MESSAGE_INDEX_HEAD_BYTES - mcap.FRAME.size
-_OFFSET_IN_ENTRY = 8
-_MESSAGE_INDEX = int(Opcode.MESSAGE_INDEX)
-_MESSAGE = int(Opcode.MESSAGE)
-
-
-def walk_together(
-    records: bytes | memoryview, starts: NDArray[np.int64], ends: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return where the messages of many small chunks begin, ascending.
-
-    All chunks are walked at once: the first message of each, then the second, and so on.
-
-    Args:
-        records: What holds the chunks' records.
-        starts: Where each chunk's records begin in it.
-        ends: Where they end; the message records of each tile the space between.
-
-    Raises:
-        ChunkDamage: They do not, or one is not a message.
-    """
-    found: list[NDArray[np.int64]] = []
-    at = starts
-    while len(at):
-        if (at + mcap.MESSAGE.size > ends).any():
-            raise ChunkDamage("the last record of a chunk is cut")
-        frame = gather(records, at, _FRAME_DTYPE)
-        length = frame["length"]
-        is_message = (frame["opcode"] == _MESSAGE) & (length >= mcap.MESSAGE_BODY_HEAD)
-        if not is_message.all() or (length > ends - at).any():
-            raise ChunkDamage("no message where one must begin, or one that is cut")
-        found.append(at)
-        at = at + mcap.FRAME.size + length
-        at, ends = at[at != ends], ends[at != ends]
-    return np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
-
-
-_FRAME_DTYPE = np.dtype(
-    {"names": ["opcode", "length"], "formats": ["u1", "<i8"], "offsets": [0, 1], "itemsize": 9}
-)
-
-
-def _tile(records: bytes | memoryview, offsets: NDArray[np.int64]) -> bool:
-    """Tell whether messages begin at these ascending offsets, one behind the other, to the end."""
-    end = len(records)
-    if not len(offsets) or offsets[0] != 0 or offsets[-1] > end - mcap.MESSAGE.size:
-        return False
-    heads = heads_of(records, offsets)
-    ends = offsets + mcap.FRAME.size + heads["length"].astype(np.int64)
-    return bool(
-        (heads["opcode"] == _MESSAGE).all()
-        and (heads["length"] >= mcap.MESSAGE_BODY_HEAD).all()
-        and (ends[:-1] == offsets[1:]).all()
-        and ends[-1] == end
-    )
-
-
-def heads_of(records: bytes | memoryview, offsets: NDArray[np.int64]) -> NDArray[np.void]:
-    """Return the fixed fields of the message records at these offsets, as MESSAGE_DTYPE."""
-    return gather(records, offsets, mcap.MESSAGE_DTYPE)
-
-
-def gather(
-    records: bytes | memoryview, offsets: NDArray[np.int64], dtype: np.dtype[np.void]
-) -> NDArray[np.void]:
-    """Return the structs of that dtype which lie at these offsets, however unaligned."""
-    # A view in which a struct begins at every byte: taking from it copies whole structs.
-    places = max(0, len(records) - dtype.itemsize + 1)
-    everywhere: NDArray[np.void] = np.ndarray(places, f"V{dtype.itemsize}", records, strides=(1,))
-    return everywhere[offsets].view(dtype)
-
-
-def frames(file: memoryview | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """Yield (opcode, offset, length with frame) of the records that lie whole in start..end."""
-    at, frame, unpack = start, mcap.FRAME.size, mcap.FRAME.unpack_from
-    while at + frame <= end:
-        opcode, body = unpack(file, at)
-        if at + frame + body > end:
-            return
-        yield opcode, at, frame + body
-        at += frame + body
 
 
 def _compress(records: bytes) -> bytes:

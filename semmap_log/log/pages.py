@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +17,6 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import ChunkDamage, gather, heads_of, walk
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
@@ -24,6 +24,7 @@ from semmap_log.log.form import (
     NOTE_CHANNEL,
     kind_of_channel,
 )
+from semmap_log.log.walking import ChunkDamage, gather, heads_of, walk
 from semmap_log.messages import (
     OBJECT_KINDS,
     decode,
@@ -42,6 +43,50 @@ def kinds_of(channels: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Return the kind of event on each channel; 0: Commit, CommitNote, Keyframe or foreign."""
     kinds: NDArray[np.uint8] = _KIND_OF_CHANNEL[np.minimum(channels, FLOOR_MAP_CHANNEL)]
     return kinds
+
+
+class Heads:
+    """The fixed fields of many message records, as columns by the names of `MESSAGE_DTYPE`."""
+
+    def __init__(self, rows: NDArray[np.void]) -> None:
+        self._rows = rows
+        self._columns: dict[str, NDArray[Any]] = {}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        column = self._columns.get(name)
+        if column is None:  # packed rows cost numpy several times as much, at each use
+            column = self._columns[name] = np.ascontiguousarray(self._rows[name])
+        return column
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+
+class _Columns(Mapping[int, NDArray[np.void]]):
+    """Kind -> the fields of its events, gathered when somebody asks for that kind."""
+
+    def __init__(self, page: Page, offsets: Mapping[int, NDArray[np.int64]]) -> None:
+        self._page = page
+        self._offsets = offsets
+        """Of each kind's records."""
+        self._made: dict[int, NDArray[np.void]] = {}
+
+    def __getitem__(self, kind: int) -> NDArray[np.void]:
+        rows = self._made.get(kind)
+        if rows is None:
+            offsets = self._offsets[kind] + mcap.MESSAGE.size
+            rows = gather(self._page.records, offsets, fixed_layout(kind).dtype)
+            self._made[kind] = rows
+        return rows
+
+    def __contains__(self, kind: object) -> bool:
+        return kind in self._offsets
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._offsets)
+
+    def __len__(self) -> int:
+        return len(self._offsets)
 
 
 @dataclass(frozen=True)
@@ -71,9 +116,9 @@ class Page:
             raise CorruptLogError(self.path, self.offset, str(damage)) from None
 
     @cached_property
-    def heads(self) -> NDArray[np.void]:
-        """The fixed fields of each record, as MESSAGE_DTYPE."""
-        return heads_of(self.records, self.offsets)
+    def heads(self) -> Heads:
+        """The fixed fields of each record."""
+        return Heads(heads_of(self.records, self.offsets))
 
     @property
     def levels(self) -> set[int]:
@@ -97,24 +142,24 @@ class Page:
         kinds = kinds_of(channels)
         chosen = np.flatnonzero(kinds)
         kinds, offsets = kinds[chosen], self.offsets[chosen]
-        # Field by field: taking whole rows of a packed dtype costs numpy three times as much.
         lengths, sequence, happened, recorded = (
             self.heads[name][chosen] for name in ("length", "sequence", "publish_time", "log_time")
         )
-        columns: dict[int, NDArray[np.void]] = {}
+        columns: dict[int, NDArray[np.int64]] = {}
         objects: dict[int, list[Event]] = {}
         for kind in np.flatnonzero(np.bincount(kinds)).tolist():
             mine = np.flatnonzero(kinds == kind)
             if kind in OBJECT_KINDS:
                 objects[kind] = [self._object(kind, chosen[i]) for i in mine]
             else:
-                columns[kind] = self._columns(kind, lengths[mine], offsets[mine])
+                self._check_lengths(kind, lengths[mine])
+                columns[kind] = offsets[mine]
         return EventBatch(
             number=self._numbers(sequence),
             kind=kinds,
             happened_ns=happened,
             recorded_ns=recorded,
-            columns=columns,
+            columns=_Columns(self, columns),
             objects=objects,
         )
 
@@ -181,13 +226,10 @@ class Page:
         numbers += self.first_event
         return numbers
 
-    def _columns(
-        self, kind: int, lengths: NDArray[np.uint64], offsets: NDArray[np.int64]
-    ) -> NDArray[np.void]:
+    def _check_lengths(self, kind: int, lengths: NDArray[np.uint64]) -> None:
         fixed = fixed_layout(kind)
         if (lengths != mcap.MESSAGE_BODY_HEAD + fixed.dtype.itemsize).any():
             raise ValueError(f"a {fixed.name} that is not {fixed.dtype.itemsize} bytes long")
-        return gather(self.records, offsets + mcap.MESSAGE.size, fixed.dtype)
 
     def _payload(self, i: int) -> bytes:
         start = int(self.offsets[i])
@@ -195,9 +237,8 @@ class Page:
         return bytes(self.records[start + mcap.MESSAGE.size : end])
 
     def _object(self, kind: int, i: int) -> Event:
-        head = self.heads[i]
-        level = max(0, int(head["channel_id"]) - FLOOR_MAP_CHANNEL)
-        return decode(kind, self._payload(i), int(head["publish_time"]), level)
+        level = max(0, int(self.heads["channel_id"][i]) - FLOOR_MAP_CHANNEL)
+        return decode(kind, self._payload(i), int(self.heads["publish_time"][i]), level)
 
     def _commit(self, i: int) -> Commit:
         fields: dict[str, Any] = layout("Commit").unpack(self._payload(i))

@@ -303,8 +303,9 @@ class DoorMapState:
 
     def _touch(self, rows: NDArray[np.intp], numbers: Array) -> None:
         """Note, for each door, the last event about it, whatever that sets."""
-        about = rows >= 0
-        np.maximum.at(self._columns["last_event"], rows[about], numbers[about])
+        last = np.full(len(self._columns["door_id"]) + 1, NEVER, np.int64)
+        last[rows] = numbers  # which ascend; of those about no door the row is the last one, -1
+        np.maximum(self._columns["last_event"], last[:-1], out=self._columns["last_event"])
 
     def _write(
         self, writes: _Writes, rows: NDArray[np.intp], happened: Array, numbers: Array

@@ -20,7 +20,7 @@ from semmap_log.errors import CorruptLogError, LogPoisonedError
 from semmap_log.events import DoorAdded, DoorObserved
 from semmap_log.log import keyframes
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import MAX_CHUNK_BYTES, ChunkDamage, build_chunk, read_chunk_head, walk
+from semmap_log.log.chunks import MAX_CHUNK_BYTES, build_chunk, read_chunk_head
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
 from semmap_log.log.compaction import compact
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
@@ -29,6 +29,7 @@ from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import last_commit
 from semmap_log.log.reading.segment_set import check_follows
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.walking import ChunkDamage, walk
 from semmap_log.log.writing.durability import SharedSync
 from semmap_log.messages import layout
 from semmap_log.projections.door_map import DoorMapState

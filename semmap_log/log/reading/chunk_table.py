@@ -17,14 +17,9 @@ from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import (
-    MAX_CHUNK_BYTES,
-    ChunkDamage,
-    StoredChunk,
-    gather,
-    read_chunk_head,
-)
+from semmap_log.log.chunks import MAX_CHUNK_BYTES, StoredChunk, read_chunk_head
 from semmap_log.log.kind_bits import bits_of_channels
+from semmap_log.log.walking import ChunkDamage, gather
 
 ROW: np.dtype[np.void] = np.dtype(
     [

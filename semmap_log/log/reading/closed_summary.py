@@ -17,6 +17,7 @@ from semmap_log.log.reading.chunk_table import ChunkTable, table_of_indexes
 
 _FOOTER = struct.Struct("<QQI")
 """Where the summary begins, where its offsets begin, CRC of both and of the footer before it."""
+_CRC = struct.Struct("<I")
 _GROUP = struct.Struct("<BQBQQ")
 """A SummaryOffset: opcode, length; the group's opcode, where it begins, its length."""
 FOOTER_BYTES = mcap.FRAME.size + _FOOTER.size + len(mcap.MAGIC)
@@ -47,6 +48,11 @@ class ClosedSummary:
         return table_of_indexes(
             self.path, self.file, start, end, data_start=data_start, data_end=self.data_end
         )
+
+    def fits_data(self) -> bool:
+        """Tell whether the data are what was written, by their CRC; reads them all."""
+        (crc,) = _CRC.unpack_from(self.file, self.data_end + mcap.FRAME.size)
+        return bool(zlib.crc32(self.file[: self.data_end]) == crc)
 
     def statistics(self) -> Statistics:
         """Return the segment's Statistics.

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import NO_SPAN, frames
+from semmap_log.log.chunks import NO_SPAN
 from semmap_log.log.form import INDEX_METADATA
 from semmap_log.log.header import read_index
 from semmap_log.log.pages import Page, kinds_of
 from semmap_log.log.reading.closed_summary import ClosedSummary
+from semmap_log.log.walking import frames
 
 SPAN: np.dtype[np.void] = np.dtype([("events", "<i8"), ("least", "<i8"), ("greatest", "<i8")])
 """How many; times in nanoseconds UTC, inclusive, never after recording; -1 where there are none."""

@@ -16,15 +16,7 @@ from mcap.records import Channel
 from numpy.typing import NDArray
 
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import (
-    ChunkDamage,
-    StoredChunk,
-    frames,
-    heads_of,
-    read_chunk_head,
-    walk,
-    walk_by_index,
-)
+from semmap_log.log.chunks import StoredChunk, read_chunk_head
 from semmap_log.log.form import (
     CHUNK_BYTES,
     FLOOR_MAP_CHANNEL,
@@ -32,6 +24,7 @@ from semmap_log.log.form import (
     floor_map_topic,
 )
 from semmap_log.log.pages import Page
+from semmap_log.log.walking import ChunkDamage, frames, heads_of, walk, walk_one
 
 SMALL_BYTES = 2**14
 """Smaller chunks are walked in Python; for larger ones numpy pays."""
@@ -108,8 +101,7 @@ def _messages(
 ) -> tuple[NDArray[np.int64], int]:
     """Return where a chunk's messages begin, and on how many channels they are."""
     if chunk.size >= SMALL_BYTES:
-        behind = np.array([chunk.offset + chunk.length])
-        offsets = walk_by_index(file, behind, records, np.zeros(1, np.int64))
+        offsets = walk_one(file, chunk.offset + chunk.length, records)
         channels = len(np.unique(heads_of(records, offsets)["channel_id"]))
     else:
         offsets = walk(records)

@@ -17,7 +17,6 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.log.chunks import frames
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ROW, ChunkTable
@@ -26,6 +25,7 @@ from semmap_log.log.reading.happened_spans import SPAN, spans_of_chunks
 from semmap_log.log.reading.live_records import Part, read_part
 from semmap_log.log.reading.page_reading import kinds_of_chunks
 from semmap_log.log.reading.resync import whole_chunks
+from semmap_log.log.walking import frames
 
 
 @dataclass(frozen=True, slots=True)

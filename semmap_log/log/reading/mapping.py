@@ -22,6 +22,18 @@ class MappedFile:
     data: memoryview
     identity: tuple[int, int]
     """Device and inode: the same for the same file under any name, another for its successor."""
+    address: int = 0
+    """Where its bytes lie in memory; 0 for an empty file."""
+
+    def let_go(self, start: int, end: int) -> None:
+        """Give the memory back in which bytes that were read lie; they stay readable.
+
+        The kernel keeps what was read of a mapped file on the process's account until then.
+        """
+        first = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE
+        size = end // mmap.PAGESIZE * mmap.PAGESIZE - first
+        if self.address and size > 0:
+            _library().madvise(self.address + first, size, mmap.MADV_DONTNEED)
 
 
 def map_file(path: Path) -> MappedFile:
@@ -39,16 +51,19 @@ def map_file(path: Path) -> MappedFile:
         status = os.fstat(fd)
         if not stat.S_ISREG(status.st_mode):
             raise NotALogError(f"{path}: not a regular file.")
-        data = _map(fd, status.st_size) if status.st_size else memoryview(b"")
-        return MappedFile(data, (status.st_dev, status.st_ino))
+        identity = (status.st_dev, status.st_ino)
+        if not status.st_size:
+            return MappedFile(memoryview(b""), identity)
+        data, address = _map(fd, status.st_size)
+        return MappedFile(data, identity, address)
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     finally:
         os.close(fd)
 
 
-def _map(fd: int, size: int) -> memoryview:
-    """Map a file as the C library does.
+def _map(fd: int, size: int) -> tuple[memoryview, int]:
+    """Map a file as the C library does; return its bytes, and where they lie in memory.
 
     Python's own mmap keeps a descriptor for each mapping (before 3.13), and a process may have
     1,024: a log of five years has more segments.
@@ -63,7 +78,7 @@ def _map(fd: int, size: int) -> memoryview:
     held = (ctypes.c_ubyte * room).from_address(address)
     # Every view of the bytes holds `held`: they are unmapped when the last one has gone.
     weakref.finalize(held, _library().munmap, address, room).atexit = False
-    return memoryview(held).cast("B").toreadonly()[:size]
+    return memoryview(held).cast("B").toreadonly()[:size], address
 
 
 _FAILED = ctypes.c_void_p(-1).value
@@ -77,4 +92,5 @@ def _library() -> Any:
         ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long,
     ]  # fmt: skip
     library.munmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
+    library.madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
     return library

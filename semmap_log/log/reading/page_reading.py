@@ -11,16 +11,11 @@ from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import (
-    ChunkDamage,
-    crc_problem,
-    gather,
-    walk_by_index,
-    walk_together,
-)
+from semmap_log.log.chunks import crc_problem
 from semmap_log.log.kind_bits import bits_of_channels
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
+from semmap_log.log.walking import ChunkDamage, gather, walk_by_index, walk_one, walk_together
 
 _HEAD: np.dtype[np.void] = np.dtype(
     {
@@ -38,12 +33,13 @@ _FEW_RECORDS_BYTES = 1500
 """Chunks of so few records are walked as fast as their indexes are read."""
 
 
-def read_page(chunks: ChunkTable, first_event: int) -> Page:
+def read_page(chunks: ChunkTable, first_event: int, *, is_sound: bool = False) -> Page:
     """Return the records of these chunks as one page.
 
     Args:
         chunks: At least one; where there are several, none of them compressed.
         first_event: Event number at which their segment begins.
+        is_sound: Whether their bytes were checked before: then several are read where they lie.
 
     Raises:
         CorruptLogError: One is not what was written.
@@ -51,33 +47,48 @@ def read_page(chunks: ChunkTable, first_event: int) -> Page:
     if len(chunks) == 1:
         return _read_one(chunks, first_event)
     crcs = _check_heads(chunks)
-    starts = chunks.rows["offset"] + _HEAD.itemsize
-    stops = starts + chunks.rows["size"]
-    file = chunks.file
-    parts = [file[a:b] for a, b in zip(starts.tolist(), stops.tolist(), strict=True)]
-    if list(map(zlib.crc32, parts)) != crcs:
-        raise _first_misfit_of_crc(chunks, parts, crcs)
-    records = b"".join(parts)
-    ends = np.cumsum(chunks.rows["size"])
+    rows = chunks.rows
+    starts = rows["offset"] + _HEAD.itemsize
+    ends = starts + rows["size"]
+    records: bytes | memoryview = chunks.file
+    if not is_sound:
+        records = _joined(chunks, starts, ends, crcs)
+        ends = np.cumsum(rows["size"])
+        starts = ends - rows["size"]
+    place = int(rows["offset"][0])
     try:
-        offsets = _walk(chunks, records, ends)
+        offsets = _walk(chunks, records, starts, ends)
     except ChunkDamage as damage:
-        raise CorruptLogError(chunks.path, int(chunks.rows["offset"][0]), str(damage)) from None
-    page = Page(records, first_event, chunks.path, int(chunks.rows["offset"][0]), offsets)
-    misfit = _misfit(page, np.searchsorted(offsets, ends), chunks.rows)
+        raise CorruptLogError(chunks.path, place, str(damage)) from None
+    page = Page(records, first_event, chunks.path, place, offsets)
+    misfit = _misfit(page, np.searchsorted(offsets, ends), rows)
     if misfit is not None:
-        place, problem = misfit
-        raise CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), problem)
+        raise CorruptLogError(chunks.path, int(rows["offset"][misfit[0]]), misfit[1])
     return page
 
 
-def _walk(chunks: ChunkTable, records: bytes, ends: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return where the messages of joined chunks begin."""
+def _joined(
+    chunks: ChunkTable, starts: NDArray[np.int64], ends: NDArray[np.int64], crcs: list[int]
+) -> bytes:
+    """Return the records of uncompressed chunks one behind the other, each CRC checked."""
+    file = chunks.file
+    parts = [file[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
+    if list(map(zlib.crc32, parts)) != crcs:
+        raise _first_misfit_of_crc(chunks, parts, crcs)
+    return b"".join(parts)
+
+
+def _walk(
+    chunks: ChunkTable,
+    records: bytes | memoryview,
+    starts: NDArray[np.int64],
+    ends: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Return where the messages of several chunks begin."""
     rows = chunks.rows
-    starts = ends - rows["size"]
     if int(rows["size"].max()) <= _FEW_RECORDS_BYTES:
         return walk_together(records, starts, ends)
-    return walk_by_index(chunks.file, rows["offset"] + rows["length"], records, starts)
+    return walk_by_index(chunks.file, rows["offset"] + rows["length"], records, starts, ends)
 
 
 def _first_misfit_of_crc(
@@ -142,9 +153,7 @@ def _read_one(chunks: ChunkTable, first_event: int) -> Page:
             first_event,
             chunks.path,
             chunk.offset,
-            walk_by_index(
-                chunks.file, np.array([chunk.offset + chunk.length]), records, np.zeros(1, np.int64)
-            ),
+            walk_one(chunks.file, chunk.offset + chunk.length, records),
         )
         _check_rows(page, chunks)
     except ChunkDamage as damage:

@@ -16,7 +16,7 @@ from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Retracted
-from semmap_log.log.chunks import ChunkDamage, StoredChunk
+from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
@@ -32,6 +32,7 @@ from semmap_log.log.reading.segment_reading import (
 )
 from semmap_log.log.reading.segment_set import check_adjoins, check_counts, check_follows
 from semmap_log.log.reading.window import EVERYTHING, Window
+from semmap_log.log.walking import ChunkDamage
 from semmap_log.projections.retraction import Retractions
 
 Progress = Callable[[int, int], None]
@@ -108,7 +109,7 @@ class LogReader:
         """
         last: Page | None = None
         before: Segment | None = None
-        told = _Told(self.segments[start.segment :], progress)
+        passage = _Passage(self.segments[start.segment :], progress)
         for segment in self.segments[start.segment :]:
             if before is not None:
                 commit = last.last_commit() if last is not None else None
@@ -117,8 +118,8 @@ class LogReader:
             for page in pages_of(segment, start.chunk if before is None else 0):
                 yield segment, page
                 last = page
-                told.reached(page)
-            told.finished(segment)
+                passage.reached(segment, page)
+            passage.passed(segment, is_read=True)
             before = segment
 
     def batches(
@@ -143,7 +144,7 @@ class LogReader:
             CorruptLogError: A chunk is not what was written, or events are missing.
         """
         self._check_counts()
-        told = _Told(self.segments[start.segment :], progress)
+        passage = _Passage(self.segments[start.segment :], progress)
         last: Page | None = None
         for place in range(start.segment, len(self.segments)):
             segment, last_before, last = self.segments[place], last, None
@@ -159,9 +160,9 @@ class LogReader:
                         if on_page is not None:
                             on_page(segment, page)
                         yield chosen
-                    told.reached(page)
+                    passage.reached(segment, page)
                     last = page
-            told.finished(segment)
+            passage.passed(segment, is_read=last is not None)
 
     def commits(self, first_segment: int = 0) -> Iterator[Commit]:
         """Yield the commits of the whole log, in order, each checked to follow the one before.
@@ -297,21 +298,36 @@ class LogReader:
             self._are_counted = True
 
 
-class _Told:
-    """How far the reading of segments is."""
+MOST_MAPPED = 2**24
+"""So much of what was read of mapped files stays on the process's account."""
+
+
+class _Passage:
+    """How far the reading of segments, one behind the other, has come."""
 
     def __init__(self, segments: Sequence[Segment], progress: Progress | None) -> None:
         self._progress = progress
         self._done = 0
+        """Bytes of the segments that were passed."""
         self._todo = sum(len(segment.file) for segment in segments) if progress else 0
+        self._kept_from = 0
+        """In the segment that is read: what lies before was let go of."""
 
-    def reached(self, page: Page) -> None:
+    def reached(self, segment: Segment, page: Page) -> None:
+        """Take note of a page that was used, and all before it."""
+        if page.offset - self._kept_from > MOST_MAPPED:
+            segment.mapped.let_go(self._kept_from, page.offset)
+            self._kept_from = page.offset
         if self._progress:
             self._progress(self._done + page.offset, self._todo)
 
-    def finished(self, segment: Segment) -> None:
+    def passed(self, segment: Segment, *, is_read: bool) -> None:
+        """Take note of a segment's end."""
+        self._done += len(segment.file)
+        if is_read and self._done > MOST_MAPPED:
+            segment.mapped.let_go(self._kept_from, len(segment.file))
+        self._kept_from = 0
         if self._progress:
-            self._done += len(segment.file)
             self._progress(self._done, self._todo)
 
 

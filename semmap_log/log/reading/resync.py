@@ -12,14 +12,8 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import (
-    MAX_CHUNK_BYTES,
-    ChunkDamage,
-    StoredChunk,
-    gather,
-    read_chunk_head,
-    walk,
-)
+from semmap_log.log.chunks import MAX_CHUNK_BYTES, StoredChunk, read_chunk_head
+from semmap_log.log.walking import ChunkDamage, gather, walk
 
 _WINDOW_BYTES = 2**22
 _LOOKS: np.dtype[np.void] = np.dtype(

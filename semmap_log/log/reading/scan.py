@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError, NotALogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import frames
 from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading.chunk_table import ChunkTable
@@ -24,6 +23,7 @@ from semmap_log.log.reading.closed_summary import FOOTER_BYTES, ClosedSummary, r
 from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
 from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
 from semmap_log.log.reading.mapping import MappedFile, map_file
+from semmap_log.log.walking import frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +36,17 @@ class Segment:
 
     path: Path
     header: SegmentHeader
-    file: memoryview
-    """All bytes of the file as it was when it was opened; stays readable if it is replaced."""
-    identity: tuple[int, int]
-    """Device and inode of the file."""
+    mapped: MappedFile
+    """The file as it was when it was opened; stays readable if it is replaced."""
     head_end: int
     """Where the records behind the head's Metadata begin."""
     live: LiveScan | None
     """What a scan of a live segment found; None: it is closed."""
+
+    @property
+    def file(self) -> memoryview:
+        """All bytes of the file."""
+        return self.mapped.data
 
     @property
     def closed(self) -> bool:
@@ -130,6 +133,11 @@ class Segment:
             return total_span(spans_of_summary(self.summary))  # of a long log's every segment
         return total_span(self.spans)
 
+    @cached_property
+    def is_sound(self) -> bool:
+        """Whether all of its data are what was written, as one CRC tells, or a scan has found."""
+        return self.live is not None or self.summary.fits_data()
+
     @property
     def whole_end(self) -> int:
         """Where the last whole commit (or keyframe) ends."""
@@ -177,7 +185,7 @@ def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:
     mapped = map_file(path)
     header, head_end = read_head(path, mapped.data)
     if is_closed(mapped.data):
-        return Segment(path, header, mapped.data, mapped.identity, head_end, live=None)
+        return Segment(path, header, mapped, head_end, live=None)
     live = _known_scan(earlier, mapped, header)
     if live is None:
         live = scan_live(path, header, mapped.data, head_end)
@@ -185,7 +193,7 @@ def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:
         live = go_on(live, header, mapped.data)
     if live.is_damage:
         raise CorruptLogError(path, min(live.at, len(mapped.data)), live.problem)
-    return Segment(path, header, mapped.data, mapped.identity, head_end, live)
+    return Segment(path, header, mapped, head_end, live)
 
 
 def _known_scan(
@@ -194,7 +202,7 @@ def _known_scan(
     """Return the scan of the same file when it was shorter; None if it is another file."""
     if (
         earlier is None
-        or earlier.identity != mapped.identity
+        or earlier.mapped.identity != mapped.identity
         or earlier.header != header
         or len(earlier.file) > len(mapped.data)
     ):

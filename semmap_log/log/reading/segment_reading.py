@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from semmap_log.event_batch import EventBatch
 from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.kind_bits import COMMIT_BIT
 from semmap_log.log.pages import Page
+from semmap_log.log.reading.ahead import ahead
+from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.page_reading import read_page
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import numbers_of
@@ -47,15 +50,38 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     Raises:
         CorruptLogError: They are not what was written, or not the events that must be there.
     """
+    tasks = _tasks(segment, chunks)
+    yield from ahead(tasks) if len(chunks) > FEW_CHUNKS else (task() for task in tasks)
+
+
+FEW_CHUNKS = 3
+"""So few are read at once: to hand them to other threads would take longer."""
+
+
+def _tasks(
+    segment: Segment, chunks: NDArray[np.intp]
+) -> Iterator[Callable[[], tuple[Page, EventBatch]]]:
     firsts, ends = numbers_of(segment)
+    is_sound = 2 * len(chunks) > len(firsts) and segment.is_sound  # to know it, all is read
     at = 0
     for group in segment.chunks.chosen(chunks).groups(CHUNK_BYTES):
-        page = read_page(group, segment.header.first_event)
-        batch = page.events()
         mine = chunks[at : at + len(group)]
         at += len(group)
-        _check_numbers(page, batch, firsts[mine], ends[mine])
-        yield page, batch
+        yield partial(_read, segment, group, firsts[mine], ends[mine], is_sound=is_sound)
+
+
+def _read(
+    segment: Segment,
+    group: ChunkTable,
+    firsts: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    *,
+    is_sound: bool,
+) -> tuple[Page, EventBatch]:
+    page = read_page(group, segment.header.first_event, is_sound=is_sound)
+    batch = page.events()
+    _check_numbers(page, batch, firsts, ends)
+    return page, batch
 
 
 def _check_numbers(

@@ -15,12 +15,13 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import NO_SPAN, ChunkDamage, StoredChunk, read_chunk_head
+from semmap_log.log.chunks import NO_SPAN, StoredChunk, read_chunk_head
 from semmap_log.log.form import (
     FLOOR_MAP_CHANNEL,
     LAST_EVENT_CHANNEL,
     ZSTD_LEVEL,
 )
+from semmap_log.log.walking import ChunkDamage
 
 Message = tuple[int, int, int, int, int, int]
 """Channel, sequence, log time, publish time, start and end in the chunk's records."""

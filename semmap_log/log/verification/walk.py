@@ -14,10 +14,10 @@ from functools import cache
 from mcap.opcode import Opcode
 
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import ChunkDamage
 from semmap_log.log.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, floor_map_topic, topics
 from semmap_log.log.segment import channel_record, schema_records
 from semmap_log.log.verification.pieces import Piece, examine, find_piece
+from semmap_log.log.walking import ChunkDamage
 from semmap_log.messages import layout
 
 

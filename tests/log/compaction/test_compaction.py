@@ -15,7 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import BuiltChunk, build_chunk, walk
+from semmap_log.log.chunks import BuiltChunk, build_chunk
 from semmap_log.log.compaction import compact, compact_segment, rechunk
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.log.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
@@ -23,6 +23,7 @@ from semmap_log.log.pages import Page
 from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import last_commit, page_at
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.walking import walk
 from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.log.logs import (

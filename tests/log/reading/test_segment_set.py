@@ -12,13 +12,14 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
-from semmap_log.log.chunks import build_chunk, walk
+from semmap_log.log.chunks import build_chunk
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading import segment_folder
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import chunk_of, commit_of, pages_of
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.walking import walk
 from semmap_log.log.writing import segment_chain
 
 

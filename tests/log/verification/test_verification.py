@@ -14,11 +14,12 @@ from mcap.opcode import Opcode
 
 import semmap_log as sl
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import build_chunk, frames
+from semmap_log.log.chunks import build_chunk
 from semmap_log.log.compaction import compact
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.verification import Finding, Severity, Verification, verify
+from semmap_log.log.walking import frames
 from tests.log.eventful import contents, eventful_log, flip
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
