@@ -87,6 +87,8 @@ class Measured:
     """Whether its answer was the expected one."""
     problem: str = ""
     """Why there is no figure."""
+    cpu_seconds: tuple[float, ...] = ()
+    """Of the processor, all cores together, in each turn that counts."""
     read_bytes: tuple[int, ...] = ()
     """What each turn that counts had the disk read."""
 
@@ -94,6 +96,11 @@ class Measured:
     def median_s(self) -> float:
         """Seconds per unit."""
         return median(self.seconds) / self.peer.units
+
+    @property
+    def cpu_s(self) -> float:
+        """Seconds of the processor per unit: less at the mercy of what else the machine does."""
+        return median(self.cpu_seconds) / self.peer.units
 
     @property
     def least_s(self) -> float:

@@ -49,7 +49,7 @@ THAN_DUCKDB = {PLAIN: "≥ 1x", ZSTD: "≥ 0.5x"}
 
 def fold_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
     """Yield: every event of the log read and folded, for each form of log."""
-    for form in FORMS:
+    for form in FORMS if count < LARGEST else (PLAIN, ZSTD):  # none that is live is so long
         for per_commit in commit_sizes(count):
             yield _fold_case(shop, shop.log(count, per_commit, form), form, per_commit, rounds)
 
@@ -95,14 +95,15 @@ def _reading_peers(log: BenchLog, form: str, per_commit: int) -> tuple[Peer, Pee
     count, start = log.count, log.start()
     ours = Peer(on_cores(OURS, 1), partial(_fold, log.path), plain_answer(count), count, cores=1)
     mcap = Peer(MCAP, partial(_mcap, start.segments), plain_answer(count, start.count),
-                start.count, THAN_MCAP[form, per_commit])  # fmt: skip
+                start.count, THAN_MCAP[form, per_commit], cores=1)  # fmt: skip
     return ours, mcap
 
 
 def _other_peers(shop: Workshop, log: BenchLog, form: str) -> Iterator[Peer]:
     count, start, answer = log.count, log.start(), plain_answer(log.count)
     recorded = plain_answers(count, start.count, (None,), late_counts=False)[None]
-    yield Peer(ROSBAGS, partial(_rosbags, start.segments), without_times(recorded), start.count)
+    yield Peer(ROSBAGS, partial(_rosbags, start.segments), without_times(recorded), start.count,
+               cores=1)  # fmt: skip
     if form != LIVE:
         parquet = parquet_table(shop, count)
         promise = THAN_DUCKDB[form] if count >= PROMISED else ""
@@ -110,16 +111,17 @@ def _other_peers(shop: Workshop, log: BenchLog, form: str) -> Iterator[Peer]:
             yield Peer(on_cores(DUCKDB, cores), partial(_duckdb, parquet, cores), answer, count,
                        promise, beside=cores - 1, cores=cores)  # fmt: skip
     if form == ZSTD:
-        yield Peer(SQLITE, partial(_sqlite, sqlite_table(shop, count)), answer, count)
+        yield Peer(SQLITE, partial(_sqlite, sqlite_table(shop, count)), answer, count,
+                   cores=1)  # fmt: skip
 
 
 def _limit(log: BenchLog, form: str) -> Peer:
     if form == LIVE:
         return Peer("limit: crc32 + numpy", partial(_limit_files, log.segments),
-                    limit.whole_files_expected(log.segments), log.count)  # fmt: skip
+                    limit.whole_files_expected(log.segments), log.count, cores=1)  # fmt: skip
     name = f"limit: {'zstd + ' if form == ZSTD else ''}crc32 + numpy"
     return Peer(name, partial(_limit_records, log.segments),
-                limit.all_records_expected(log.segments), log.count)  # fmt: skip
+                limit.all_records_expected(log.segments), log.count, cores=1)  # fmt: skip
 
 
 def _fold(path: Path) -> Work:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmark import duckdb_peer, mcap_fold, sqlite_peer
 from benchmark.case import Case, Peer, Work
-from benchmark.folding import commit_sizes
+from benchmark.folding import LARGEST, commit_sizes
 from benchmark.logs import LIVE, ZSTD, BenchLog, Workshop
 from benchmark.patrol import START_NS, STEP_NS
 from benchmark.peers import (
@@ -47,7 +47,8 @@ def moment_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Cas
     log = shop.log(count, per_commit, ZSTD)
     yield _warm_case(shop, log, ZSTD, per_commit, rounds)
     yield _cold_case(shop, log, per_commit, rounds)
-    yield _warm_case(shop, shop.log(count, per_commit, LIVE), LIVE, per_commit, rounds)
+    if count < LARGEST:
+        yield _warm_case(shop, shop.log(count, per_commit, LIVE), LIVE, per_commit, rounds)
 
 
 def moments(count: int) -> list[int]:

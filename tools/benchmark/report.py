@@ -117,6 +117,7 @@ def _peer_json(case: Case, measured: Measured, peers: Sequence[Measured]) -> dic
         "turns": len(measured.seconds),
         "median_s": measured.median_s,
         "least_s": measured.least_s,
+        "median_cpu_s": measured.cpu_s,
         "times_ours": times_of(measured, peers),
         "beside": peers[measured.peer.beside].peer.name,
         "kept": speed_kept(measured, peers),

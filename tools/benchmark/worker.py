@@ -53,6 +53,7 @@ class _Child:
         self._process.start()
         theirs.close()
         self._seconds: list[float] = []
+        self._cpu_seconds: list[float] = []
         self._read_bytes: list[int] = []
         self._missing = ""
 
@@ -61,7 +62,8 @@ class _Child:
         said = self._ask((count, limit_s))
         if counts and said:
             self._seconds += said[0]
-            self._read_bytes += said[1]
+            self._cpu_seconds += said[1]
+            self._read_bytes += said[2]
 
     def finish(self) -> Measured:
         """Return its figures, its answer compared."""
@@ -71,7 +73,7 @@ class _Child:
         peak_bytes, answer = said
         agrees = bool(answer == self._peer.expected)
         return Measured(self._peer, tuple(self._seconds), peak_bytes, agrees,
-                        read_bytes=tuple(self._read_bytes))  # fmt: skip
+                        cpu_seconds=tuple(self._cpu_seconds), read_bytes=tuple(self._read_bytes))  # fmt: skip
 
     def await_answer(self) -> Any:
         """Return what it says next.
@@ -116,17 +118,18 @@ def _serve(pipe: Connection, prepare: Callable[[], Work], cores: int | None) -> 
         pipe.send(("ready", None))
         result = None
         while (asked := pipe.recv()) is not None:
-            times, reads = [], []
+            seconds, cpu_seconds, read_bytes = [], [], []
             turns, limit_s = asked
-            while len(times) < turns and sum(times) < limit_s:
+            while len(seconds) < turns and sum(seconds) < limit_s:
                 result = None  # two results at a time are not the task's memory
                 given = next(work.inputs)
-                before = _read_bytes()
+                before = (_read_bytes(), time.process_time())
                 start = time.perf_counter()
                 result = work.once(given)
-                times.append(time.perf_counter() - start)
-                reads.append(_read_bytes() - before)
-            pipe.send(("turns", (times, reads)))
+                seconds.append(time.perf_counter() - start)
+                cpu_seconds.append(time.process_time() - before[1])
+                read_bytes.append(_read_bytes() - before[0])
+            pipe.send(("turns", (seconds, cpu_seconds, read_bytes)))
         peak_bytes = _peak_bytes()
         pipe.send(("answer", (peak_bytes, work.answer(result))))
     except (EOFError, ConnectionError):
