@@ -53,6 +53,7 @@ def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
         for peer in measured:
             assert peer["agrees"], (case["title"], peer["name"])
             assert 0 < peer["least_s"] <= peer["median_s"]
+            assert 0 <= peer["median_cpu_s"]
             assert (peer["peak_bytes"] is None) == (case["group"] == "start")
     assert [picture] == list(tmp_path.iterdir())
 

@@ -72,8 +72,14 @@ class _Child:
             return Measured(self._peer, problem=self._missing)
         peak_bytes, answer = said
         agrees = bool(answer == self._peer.expected)
-        return Measured(self._peer, tuple(self._seconds), peak_bytes, agrees,
-                        cpu_seconds=tuple(self._cpu_seconds), read_bytes=tuple(self._read_bytes))  # fmt: skip
+        return Measured(
+            self._peer,
+            tuple(self._seconds),
+            peak_bytes,
+            agrees,
+            cpu_seconds=tuple(self._cpu_seconds),
+            read_bytes=tuple(self._read_bytes),
+        )
 
     def await_answer(self) -> Any:
         """Return what it says next.
