@@ -191,7 +191,11 @@ def write_days(path: Path, days: int) -> None:
     clock = SimulatedClock(START_NS, bytes(16))
     source = path.with_name("running") / path.name
     source.parent.mkdir()
-    options = {"tz": "UTC", "clock": clock, "entropy": random.Random(days).randbytes}
+    options: dict[str, Any] = {
+        "tz": "UTC",
+        "clock": clock,
+        "entropy": random.Random(days).randbytes,
+    }
     with sl.create(source, **options, durability="flush", compact=False) as log:
         door = log.add_door()
         for _ in range(days - 1):

@@ -51,8 +51,9 @@ def mcap_chunks(files: Sequence[Path]) -> int:
 def compressed_share(files: Sequence[Path]) -> float:
     """Return which part of the records lies in compressed chunks."""
     chunks = [chunk for path in files for chunk in _summary(path).chunk_indexes]
-    size = sum(chunk.uncompressed_size for chunk in chunks)
-    return sum(c.uncompressed_size for c in chunks if c.compression) / size
+    size: int = sum(chunk.uncompressed_size for chunk in chunks)
+    compressed: int = sum(chunk.uncompressed_size for chunk in chunks if chunk.compression)
+    return compressed / size
 
 
 def stored_chunks(files: Sequence[Path]) -> Iterator[tuple[Path, int, str, int, int]]:

@@ -180,7 +180,9 @@ def states(rows: Rows) -> NDArray[np.uint8]:
 def _last_of_each_door(rows: Rows, *, late_counts: bool) -> Rows:
     time = rows["happened_ns"] if late_counts else rows["number"]
     rows = rows[np.lexsort((rows["number"], time, rows["door_id"]))]
-    return rows[np.append(rows["door_id"][1:] != rows["door_id"][:-1], True)[: len(rows)]]
+    is_last = np.append(rows["door_id"][1:] != rows["door_id"][:-1], True)[: len(rows)]
+    last: Rows = rows[is_last]
+    return last
 
 
 def _answer(latest: dict[str, Rows]) -> Answer:

@@ -24,6 +24,7 @@ from benchmark.peers import (
 )
 
 if TYPE_CHECKING:
+    from semmap_log.doors import DoorId
     from semmap_log.event_batch import EventBatch
 
 DOOR = 17
@@ -38,10 +39,12 @@ Stamps = list[tuple[int, int]]
 
 def history_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
     """Yield: all events about a door."""
+    from semmap_log.doors import DoorId
+
     per_commit = commit_sizes(count)[-1]
     log = shop.log(count, per_commit, ZSTD)
     start = log.start()
-    door = min(DOOR, max(1, count // 20))
+    door = DoorId(min(DOOR, max(1, count // 20)))
     expected = _of_door(count, door)
     parquet = parquet_table(shop, count)
     peers = (
@@ -105,7 +108,7 @@ def _of_batches(batches: list[EventBatch]) -> Stamps:
     ]
 
 
-def _history(path: Path, door: int) -> Work:
+def _history(path: Path, door: DoorId) -> Work:
     import semmap_log as sl
 
     log = sl.read(path)
@@ -115,7 +118,7 @@ def _history(path: Path, door: int) -> Work:
     )
 
 
-def _door_batches(path: Path, door: int) -> Work:
+def _door_batches(path: Path, door: DoorId) -> Work:
     import semmap_log as sl
 
     log = sl.read(path)

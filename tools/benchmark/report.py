@@ -103,7 +103,8 @@ def figure(seconds: float, unit: str) -> str:
     if unit == "µs":
         return f"{seconds * 1e6:,.0f}"
     if unit == "ms":
-        return f"{seconds * 1e3:,.{1 if seconds < 0.1 else 0}f}"
+        digits = 2 if seconds < 0.001 else 1 if seconds < 0.1 else 0
+        return f"{seconds * 1e3:,.{digits}f}"
     rate = 1 / seconds
     return f"{round(rate, 3 - len(str(int(rate)))):,.0f}"
 

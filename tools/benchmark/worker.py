@@ -124,8 +124,10 @@ def _serve(pipe: Connection, prepare: Callable[[], Work], cores: int | None) -> 
         pipe.send(("ready", None))
         result = None
         while (asked := pipe.recv()) is not None:
-            seconds, cpu_seconds, read_bytes = [], [], []
             turns, limit_s = asked
+            seconds: list[float] = []
+            cpu_seconds: list[float] = []
+            read_bytes: list[int] = []
             while len(seconds) < turns and sum(seconds) < limit_s:
                 result = None  # two results at a time are not the task's memory
                 given = next(work.inputs)
