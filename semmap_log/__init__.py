@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from semmap_log.errors import SemmapError
     from semmap_log.event_batch import EventBatch
     from semmap_log.opening import append, create, read
+    from semmap_log.projections.projection import Projection
 
 __all__ = [
     "Door",
@@ -34,6 +35,7 @@ __all__ = [
     "DoorState",
     "EventBatch",
     "Note",
+    "Projection",
     "SemmapError",
     "append",
     "create",
@@ -48,6 +50,7 @@ _HOMES = {
     "errors": ("SemmapError",),
     "event_batch": ("EventBatch",),
     "opening": ("append", "create", "read"),
+    "projections.projection": ("Projection",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

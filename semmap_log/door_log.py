@@ -23,7 +23,9 @@ from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import LogError, MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import Event, FloorMap
+from semmap_log.events import DoorAdded, DoorAnnotated, Event, FloorMap
+from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
+from semmap_log.folding.live import LiveState, fold_live
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.log.reading.commit_finder import CommitFinder
@@ -32,9 +34,12 @@ from semmap_log.log.reading.reader import LogReader, Progress
 from semmap_log.log.reading.window import Window
 from semmap_log.moments import Moment, parse_moment, parse_range
 from semmap_log.projections.diff import Diff, diff
+from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry, history
+from semmap_log.projections.projection import Projection
 from semmap_log.projections.retraction import Retractions
-from semmap_log.replay import Projection, Scope, fold, replay
+from semmap_log.projections.timeline import Timeline, timeline
+from semmap_log.replay import Scope, replay, visible_batches
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -43,7 +48,7 @@ Time = int | str | datetime | Moment | None
 """Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
 datetime (a naive one is in the log's zone), or what `moment` made of one."""
 
-P = TypeVar("P", bound=Projection)
+S = TypeVar("S")
 
 
 class DoorLog:
@@ -95,9 +100,84 @@ class DoorLog:
         state = replay(self.reader, scope, progress=progress)
         return state.door_map(at_ns=scope.at_ns, known_at_ns=scope.known_at_ns)
 
-    def fold(self, projection: P, at: Time = None, known_at: Time = None) -> P:
-        """Fold the events of a moment into a projection of yours, and return it."""
-        return fold(self.reader, projection, self.scope(at, known_at))
+    def fold(
+        self,
+        projection: Projection[S],
+        at: Time = None,
+        known_at: Time = None,
+        event: int | None = None,
+        *,
+        checkpoint: str | Path | None = None,
+        save_every_s: float = SAVE_EVERY_S,
+        progress: Progress | None = None,
+    ) -> S:
+        """Return the state that a projection of yours makes of the events up to a moment.
+
+        Args:
+            projection: A class with `initial()` and `apply(state, batch)`: see `Projection`.
+            at: What was true then, with all that is known today.
+            known_at: Only what had been recorded by then, whole commits.
+            event: Only what has a number up to that.
+            checkpoint: A file to go on from, and to save to: see `semmap_log.folding.checkpoint`.
+            save_every_s: How often it is saved at most, before the end.
+            progress: Told how far the reading is.
+
+        Raises:
+            CheckpointError: The file is of something else, or the state cannot be stored in one.
+            OutputError: It cannot be written.
+        """
+        return fold(
+            self.reader,
+            projection,
+            self.scope(at, known_at, event),
+            checkpoint=None if checkpoint is None else Path(checkpoint),
+            save_every_s=save_every_s,
+            progress=progress,
+        )
+
+    def fold_part(self, projection: Projection[S], first: int, last: int) -> S:
+        """Return the state that a part of the log makes: events `first` to `last`, inclusive.
+
+        Retractions count as they are known now. Where the projection can `merge`, the states of
+        parts, made by as many processes, make that of the whole log.
+        """
+        return fold_part(self.reader, projection, first, last)
+
+    def fold_live(
+        self,
+        projection: Projection[S],
+        *,
+        checkpoint: str | Path | None = None,
+        save_every_s: float = SAVE_EVERY_S,
+        poll_s: float = 0.1,
+        stop: Callable[[], bool] | None = None,
+    ) -> Iterator[LiveState[S]]:
+        """Yield a projection's state now, then after each commit, or those that came together.
+
+        It goes on where `follow` does; a retraction of what was taken in folds the log anew. What
+        this object answers stays as it was opened.
+
+        Args:
+            projection: As for `fold`.
+            checkpoint: A file to go on from, and to save to.
+            save_every_s: How often it is saved at most, before the end.
+            poll_s: How long to wait before looking again.
+            stop: Asked before each look; once it says yes, what is there then is the end.
+
+        Raises:
+            CheckpointError: The file is of something else, or the state cannot be stored in one.
+            OutputError: It cannot be written.
+            CorruptLogError: The log is damaged, or was exchanged for another state of itself.
+            LogError: Another log lies there now.
+        """
+        return fold_live(
+            LogReader(self.path),
+            projection,
+            checkpoint=None if checkpoint is None else Path(checkpoint),
+            save_every_s=save_every_s,
+            poll_s=poll_s,
+            stop=stop,
+        )
 
     def batches(
         self,
@@ -250,6 +330,53 @@ class DoorLog:
         batches = (about(b, doors) for b in reader.batches(window, on_page=finder.look_at))
         return history(batches, finder.commit_at, reader.retractions())
 
+    def timeline(
+        self,
+        door: DoorId | str,
+        at: Time = None,
+        known_at: Time = None,
+        *,
+        since: Time = None,
+        until: Time = None,
+        progress: Progress | None = None,
+    ) -> Timeline:
+        """Return when a door was in which state, as numpy columns; empty while it was not there.
+
+        At each time t of an interval, `replay(at=t, known_at=known_at)` shows its state. The last
+        interval ends at the moment asked for, else at the log's end.
+
+        Args:
+            door: Its id, name, or level/name; a removed one, too.
+            at: What was true up to then, with all that is known today.
+            known_at: Only what had been recorded by then, whole commits.
+            since: Only from then on: an interval is cut there.
+            until: Only before then.
+            progress: Told how far the reading is.
+
+        Raises:
+            UnknownDoorError: There is no such door, and never was.
+            MomentError: `since` comes after `until`.
+        """
+        door_id = self.resolve_ever(door) if isinstance(door, str) else DoorId(int(door))
+        scope = self.scope(at, known_at)
+        since_ns, until_ns = self._instant(since), self._instant(until)
+        if since_ns is not None and until_ns is not None and since_ns > until_ns:
+            raise MomentError("the first moment lies after the second; swap them.")
+        asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
+        batches = visible_batches(self.reader, scope, progress=progress)
+        found = timeline(batches, door_id, end_ns=asked_ns)
+        if not len(found):
+            self.resolve_ever(door_id)
+        return found.between(since_ns, until_ns)
+
+    def _instant(self, time: Time) -> int | None:
+        """Return a time in nanoseconds; of an event, the time from which it counts."""
+        moment = self.moment(time)
+        if moment.event is None:
+            return moment.ns
+        event = self.event(moment.event)
+        return min(event.happened_ns, event.recorded_ns)
+
     def floor_map(self, level: int = 0, at: Time = None) -> FloorMap | None:
         """Return a level's floor plan; None if it has none."""
         known = self.replay(at=at).levels.get(level)
@@ -278,7 +405,7 @@ class DoorLog:
         return replay(self.reader).names()
 
     def resolve_ever(self, door: str | int) -> DoorId:
-        """Return the door of that id, name, or level/name; a removed one, too.
+        """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
 
         Raises:
             UnknownDoorError: There is none, and never was.
@@ -287,12 +414,20 @@ class DoorLog:
         try:
             return resolve_door(door, state.door_map())
         except UnknownDoorError:
-            names = state.names()
-            gone = (i for i in sorted(state.used_door_ids) if not state.is_present(i))
-            for door_id in map(DoorId, gone):
-                if str(door) in (str(door_id), names.get(door_id)):
-                    return door_id
+            for ever in (state, self._ever_said()):
+                names = ever.names()
+                for door_id in map(DoorId, sorted(ever.used_door_ids)):
+                    is_meant = str(door) in (str(door_id), names.get(door_id))
+                    if is_meant and not state.is_present(door_id):
+                        return door_id
             raise
+
+    def _ever_said(self) -> DoorMapState:
+        """Return all doors and names that ever were, as if nothing had been retracted."""
+        state = DoorMapState()
+        for batch in self.batches(kinds=[DoorAdded, DoorAnnotated], retracted=True):
+            state.apply(batch)
+        return state
 
     def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
         """Return what a time means in this log.

@@ -25,7 +25,9 @@ from semmap_log.events import (
     Event,
     PatrolFinished,
     PatrolStarted,
+    Retracted,
 )
+from semmap_log.retracting import check_can_retract
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -245,6 +247,30 @@ class DoorLogWriter(AppendableLog):
             about,
             ("passed", door, passed, waited_s),
         )
+
+    def retract(self, first: int, last: int | None = None, **about: Unpack[About]) -> Appended:
+        """Take events back: every question asked with knowledge after this leaves them out.
+
+        They stay in the log: `known_at` before this still shows them, `history` marks them. A door
+        whose DoorAdded is taken back is gone; its id is not used again.
+
+        Args:
+            first: Number of the first event.
+            last: Number of the last, inclusive; None: only the first. Retractions in between, and
+                what is taken back already, stay as they are.
+            **about: When, who, why.
+
+        Raises:
+            CommandError: There is no such event, the range runs backwards, or nothing in it can be
+                taken back.
+        """
+        last = first if last is None else last
+
+        def event() -> Retracted:
+            check_can_retract(self.reader, first, last)
+            return Retracted(first_event=first, last_event=last, happened_ns=self._happened(about))
+
+        return self._commit_one(event, about, ("retract", first, last))
 
     def start_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
         """Record that a round began; return its number, one more than the last one's."""

@@ -18,6 +18,7 @@
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
     │   └── CorruptLogError         damage, with file and offset
     ├── FormatError                 a foreign file that cannot be read, with file and line
+    ├── CheckpointError             a checkpoint of something else, or of an odd state
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
@@ -140,6 +141,10 @@ class FormatError(SemmapError, ValueError):
         super().__init__("\n".join(shown))
         self.path = path
         self.problems = lines
+
+
+class CheckpointError(SemmapError):
+    """A checkpoint is of something else, or cannot be read; or a state cannot be stored in one."""
 
 
 class OutputError(SemmapError, OSError):

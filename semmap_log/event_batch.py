@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.events import KINDS, DoorEvent, Event, event_of
+
+if TYPE_CHECKING:
+    from semmap_log.arrow.sdk import DataFrame, pa
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,30 @@ class EventBatch:
             columns,
             objects,
         )
+
+    def to_arrow(self) -> pa.Table:
+        """Return the events as a pyarrow.Table, one row each: `arrow.columns` says what is in it.
+
+        A table, and not a record batch: it is what pandas, polars and DuckDB take, and
+        `pyarrow.concat_tables(batch.to_arrow() for batch in log.batches())` joins many without a
+        copy. Numbers and times share the batch's memory.
+
+        Raises:
+            MissingExtraError: pyarrow is not installed.
+        """
+        from semmap_log.arrow.table import table_of
+
+        return table_of(self)
+
+    def to_pandas(self) -> DataFrame:
+        """Return the same as a pandas.DataFrame: kinds and states as categories, times in UTC.
+
+        Raises:
+            MissingExtraError: pyarrow or pandas is not installed.
+        """
+        from semmap_log.arrow.sdk import frame_of
+
+        return frame_of(self.to_arrow())
 
     def __iter__(self) -> Iterator[RecordedEvent]:
         """Yield the events one by one, as objects."""

@@ -16,10 +16,14 @@ from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import whole_file
 from semmap_log.log.reading.commit_finder import CommitFinder
+from semmap_log.log.reading.reader import Progress
+from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches
 
-WRITABLE = ".yaml (the thesis's door database), .csv (states), .jsonl (events), .rrd (rerun)"
+WRITABLE = (
+    ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +36,12 @@ class Exported:
 
 
 def export(
-    log: DoorLog, out: Path, scope: Scope = Scope(), *, default_prob: float | None = None
+    log: DoorLog,
+    out: Path,
+    scope: Scope = Scope(),
+    *,
+    default_prob: float | None = None,
+    progress: Progress | None = None,
 ) -> Exported:
     """Write a file whose name tells its format; an old file of that name is replaced at once.
 
@@ -41,9 +50,11 @@ def export(
         out: The file.
         scope: The moment of the state, or up to which events count.
         default_prob: Thesis YAML: for doors without probabilities.
+        progress: Told how far the reading is, where events are written.
 
     Raises:
         FormatError: The name tells no format.
+        MissingExtraError: The format needs a package that is not installed.
         CommandError: The format cannot hold a door; the message says what to do.
         OutputError: The file cannot be written; what was there is whole.
     """
@@ -51,7 +62,8 @@ def export(
         ".yaml": lambda path: _thesis_yaml(log, path, scope, default_prob),
         ".yml": lambda path: _thesis_yaml(log, path, scope, default_prob),
         ".csv": lambda path: _csv(log, path, scope),
-        ".jsonl": lambda path: _event_lines(log, path, scope),
+        ".jsonl": lambda path: _event_lines(log, path, scope, progress),
+        ".parquet": lambda path: _parquet(log, path, scope, progress),
         ".rrd": lambda path: _rrd(log, path, scope),
     }
     if out.parent.resolve() == log.path.resolve():
@@ -76,9 +88,9 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
     return Exported(f"{len(door_map.doors) - len(left_out)} doors", tuple(left_out))
 
 
-def _event_lines(log: DoorLog, path: Path, scope: Scope) -> Exported:
+def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
     finder = CommitFinder(log.reader)
-    batches = visible_batches(log.reader, scope, on_page=finder.look_at)
+    batches = visible_batches(log.reader, scope, progress=progress, on_page=finder.look_at)
     count = 0
     with path.open("w", encoding="utf-8") as file:
         for entry in history(batches, finder.commit_at, log.reader.retractions()):
@@ -88,6 +100,30 @@ def _event_lines(log: DoorLog, path: Path, scope: Scope) -> Exported:
             file.write(json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n")
             count += 1
     return Exported(f"{count} events")
+
+
+def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
+    from semmap_log.arrow.history_table import HISTORY_SCHEMA, HistoryTables
+    from semmap_log.arrow.parquet import write_parquet
+
+    limit = scope.limit(log.reader)
+    window = Window(
+        happened_before_ns=None if scope.at_ns is None else scope.at_ns + 1,
+        before_event=None if limit is None else limit + 1,
+    )
+    retractions = log.reader.retractions(limit=limit)
+    joined = HistoryTables(log.commits())
+    tables = (
+        joined.table(batch, retractions.hidden(batch))
+        for batch in log.reader.batches(window, progress=progress)
+    )
+    said = {
+        "semmap_log.log_id": log.info.log_id,
+        "semmap_log.timezone": log.info.timezone,
+        "semmap_log.building": log.info.building,
+        "semmap_log.robot": log.info.robot,
+    }
+    return Exported(f"{write_parquet(path, tables, HISTORY_SCHEMA, said):,} events")
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:

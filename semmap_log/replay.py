@@ -1,26 +1,15 @@
-"""Log + projection + a moment -> state."""
+"""Log + a moment -> the events that count, and the door map."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 from semmap_log.event_batch import EventBatch
 from semmap_log.log.reading.reader import LogReader, OnPage, Progress
 from semmap_log.log.reading.state import state_at
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState
-
-
-class Projection(Protocol):
-    """A pure fold: a user's own is a class with this method."""
-
-    def apply(self, batch: EventBatch) -> None:
-        """Fold a batch in; batches come in the order of event numbers."""
-
-
-P = TypeVar("P", bound=Projection)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +29,6 @@ class Scope:
         if self.known_at_ns is not None:
             limits.append(reader.event_known_at(self.known_at_ns))
         return min(limits, default=None)
-
-
-def fold(
-    reader: LogReader, projection: P, scope: Scope = Scope(), *, progress: Progress | None = None
-) -> P:
-    """Fold the events of a scope into a projection, in place, and return it."""
-    for batch in visible_batches(reader, scope, progress=progress):
-        projection.apply(batch)
-    return projection
 
 
 def replay(

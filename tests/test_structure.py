@@ -16,11 +16,14 @@ ORDER = [
     {"doors"},
     {"commits"},
     {"events"},
+    {"arrow"},
     {"event_batch"},
     {"moments"},
     {"messages", "projections"},
     {"log"},
     {"replay", "commands", "command_content"},
+    {"folding"},
+    {"retracting"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},
@@ -43,6 +46,8 @@ EDGES = {
     "rerun_cli": "views",
     "yaml": "formats",
     "PIL": "formats",
+    "pyarrow": "arrow",
+    "pandas": "arrow",
     "mcap": "log",
     "zstandard": "log",
     "lz4": "log",
@@ -143,7 +148,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     """
     code = (
         "import sys, semmap_log\n"
-        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich')\n"
+        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
 

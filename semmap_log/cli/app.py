@@ -23,8 +23,10 @@ from semmap_log.cli import (
     recover,
     remove,
     replay,
+    retract,
     show,
     tail,
+    timeline,
     update,
     verify,
     view,
@@ -77,6 +79,7 @@ app.command("update", short_help="Set fields of a door.")(update.run)
 app.command("remove", short_help="Take a door out of the map.")(remove.run)
 app.command("observe", short_help="Record that a sensor saw a door.")(observe.run)
 app.command("annotate", short_help="Say something about a door in words.")(annotate.run)
+app.command("retract", short_help="Take events back.")(retract.run)
 app.command("patrol", short_help="Mark the start or end of a round.")(patrol.run)
 app.command("record", short_help="Record events from standard input.")(record.run)
 app.command("replay", short_help="Show the doors at a moment.")(replay.run)
@@ -86,6 +89,7 @@ app.command("log", hidden=True)(history.run)
 app.command("tail", short_help="Show the last events, and those to come.")(tail.run)
 app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
+app.command("timeline", short_help="Show when a door was open, when closed.")(timeline.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
 app.command("verify", short_help="Check that a log is as it was written.")(verify.run)

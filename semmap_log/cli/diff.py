@@ -20,7 +20,9 @@ def run(
 ) -> None:
     """Show the doors added, removed and changed between two moments, and the events that did it.
 
-    The events are those with T1 < happened <= T2.
+    The events are those with T1 < happened <= T2. JSON also names what the table leaves out: when
+    and by which event doors were last heard of, and levels; so that the state at T1 and the diff
+    give all of the state at T2.
 
     \b
     Examples:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import At, KnownAt, LogPath, UpToEvent, say
+from semmap_log.cli.common import At, KnownAt, LogPath, UpToEvent, progress, say
 
 
 def run(
@@ -35,6 +35,8 @@ def run(
       .yaml    the thesis's door database, as its server loads it
       .csv     timestamp,door,state,accuracy: every state that was set or seen
       .jsonl   every event but retracted ones, one JSON object a line
+      .parquet every event, retracted ones marked, with who and why: for pandas,
+               DuckDB, polars (needs semmap-log[arrow])
       .rrd     a recording for the rerun viewer
 
     \b
@@ -42,12 +44,15 @@ def run(
       semmap-log export office doors.yaml --default-prob 0.5
       semmap-log export office before.yaml --at "yesterday 14:00"
       semmap-log export office events.jsonl
+      semmap-log export office march.parquet --at 2026-04-01
     """
     import semmap_log as sl
     from semmap_log.exporting import export
 
     opened = sl.read(log)
-    done = export(opened, out, opened.scope(at, known_at, event), default_prob=default_prob)
+    scope = opened.scope(at, known_at, event)
+    with progress("Exporting") as told:
+        done = export(opened, out, scope, default_prob=default_prob, progress=told)
     for text in done.left_out:
         say(f"left out: {text}")
     say(f"{out}: {done.what}.")

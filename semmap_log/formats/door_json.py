@@ -13,7 +13,7 @@ from typing import Any
 from semmap_log.doors import Door, DoorMap, DoorState, Level
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.moments import format_utc
-from semmap_log.projections.diff import Diff
+from semmap_log.projections.diff import Diff, FieldChange
 from semmap_log.projections.history import HistoryEntry
 
 
@@ -69,7 +69,12 @@ def entry_to_json(entry: HistoryEntry) -> dict[str, Any]:
 
 
 def diff_to_json(found: Diff) -> dict[str, Any]:
-    """Return the difference of two moments, and the events that made it."""
+    """Return the difference of two moments, and the events that made it.
+
+    What `door_map_to_json` gives of the first, changed by this, is what it gives of the second:
+    `added`, `removed`, `changed`, `heard` (when and by which event doors were last heard of) and
+    `levels` name all that differs.
+    """
     return {
         "from": _time(found.before.at_ns),
         "from_event": found.before.event if found.before.event >= 0 else None,
@@ -77,17 +82,32 @@ def diff_to_json(found: Diff) -> dict[str, Any]:
         "to_event": found.after.event if found.after.event >= 0 else None,
         "added": [door_to_json(door, found.after) for door in found.added],
         "removed": [door_to_json(door, found.before) for door in found.removed],
-        "changed": [
+        "changed": [_change(change) for change in found.changed],
+        "heard": [_change(change) for change in found.heard],
+        "levels": [
             {
-                "door_id": change.door.door_id,
-                "name": change.door.name,
-                "field": change.field,
-                "before": _value(change.before),
-                "after": _value(change.after),
+                "level": change.number,
+                "before": None if change.before is None else _level(change.before),
+                "after": None if change.after is None else _level(change.after),
             }
-            for change in found.changed
+            for change in found.levels
         ],
         "events": [entry_to_json(entry) for entry in found.events],
+    }
+
+
+def _change(change: FieldChange) -> dict[str, Any]:
+    """Return a field's change; times are called as in `door_to_json`."""
+    is_time = change.field == "last_seen_ns"
+    before, after = (
+        _time(value) if is_time else _value(value) for value in (change.before, change.after)
+    )
+    return {
+        "door_id": change.door.door_id,
+        "name": change.door.name,
+        "field": change.field.removesuffix("_ns"),
+        "before": before,
+        "after": after,
     }
 
 

@@ -90,9 +90,9 @@ class Texts(Sequence[str]):
     @cached_property
     def _walked(self) -> tuple[list[str], int]:
         body, start = self._body, self._start
-        count, at = _length(body, start if isinstance(start, int) else start.end)
         texts = []
         try:
+            count, at = _length(body, start if isinstance(start, int) else start.end)
             for _ in range(count):  # inline: a map of 500 doors has a thousand texts
                 at += -at & 3
                 begin = at + 4
@@ -100,7 +100,7 @@ class Texts(Sequence[str]):
                 texts.append(str(body[begin : at - 1], "utf-8"))
                 if body[at - 1]:
                     raise ValueError("a text that does not end")
-        except IndexError:
+        except (IndexError, struct.error):
             raise ValueError("texts that reach beyond the end") from None
         return texts, at
 

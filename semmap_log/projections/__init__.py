@@ -1,5 +1,5 @@
 """Pure folds of events to states. They know events and values, never a file.
 
-A projection is a class with `apply(batch)`, which takes an `EventBatch` and changes the state in
-place; events may come in any order and any number of batches: the result is the same.
+`projection` says what a user's own looks like. The states here take an `EventBatch` in by
+`apply(batch)`, in place; the door map's takes batches in any order: the result is the same.
 """

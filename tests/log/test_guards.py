@@ -115,20 +115,13 @@ def test_a_keyframe_that_is_not_what_was_hashed_is_not_used() -> None:
     """
     A bit of a state's arrays, its chunk's checksum right: replay goes further back instead.
     """
-    state = DoorMapState()
-    data = bytearray(keyframes.encode(state))
+    data = bytearray(keyframes.encode(DoorMapState()))
     assert keyframes.decode(bytes(data)) is not None
-    version = keyframes.encode(state).index(keyframes._hash(_fields(data)))
-    data[version] ^= 1
+    for at in (20, len(data) - 1):
+        changed = bytearray(data)
+        changed[at] ^= 1
 
-    assert keyframes.decode(bytes(data)) is None
-
-
-def _fields(data: bytearray) -> dict[str, object]:
-    message = keyframes.deserialize(keyframes.type_name("Keyframe"), bytes(data))
-    left_out = ("__msgtype__", "state_hash", "state_version")
-    return {name: getattr(message, name) for name in message.__dataclass_fields__
-            if name not in left_out}  # fmt: skip
+        assert keyframes.decode(bytes(changed)) is None
 
 
 def _chunk() -> bytearray:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchmark import duckdb_peer, limit, mcap_fold, sqlite_peer
 from benchmark.case import Case, Peer, Work
-from benchmark.logs import FORMS, LIVE, PLAIN, ZSTD, BenchLog, Workshop
+from benchmark.logs import FORMS, LIVE, PLAIN, ZSTD, BenchLog, Sample, Workshop
 from benchmark.peers import (
     DUCKDB,
     MCAP,
@@ -92,17 +92,17 @@ def _fold_case(
 
 
 def _reading_peers(log: BenchLog, form: str, per_commit: int) -> tuple[Peer, Peer]:
-    count, start = log.count, log.start()
+    count, sample = log.count, log.sample()
     ours = Peer(on_cores(OURS, 1), partial(_fold, log.path), plain_answer(count), count, cores=1)
-    mcap = Peer(MCAP, partial(_mcap, start.segments), plain_answer(count, start.count),
-                start.count, THAN_MCAP[form, per_commit], cores=1)  # fmt: skip
+    mcap = Peer(MCAP, partial(_mcap, sample), plain_answer(count, sample.count),
+                sample.count, THAN_MCAP[form, per_commit], cores=1)  # fmt: skip
     return ours, mcap
 
 
 def _other_peers(shop: Workshop, log: BenchLog, form: str) -> Iterator[Peer]:
-    count, start, answer = log.count, log.start(), plain_answer(log.count)
-    recorded = plain_answers(count, start.count, (None,), late_counts=False)[None]
-    yield Peer(ROSBAGS, partial(_rosbags, start.segments), without_times(recorded), start.count,
+    count, sample, answer = log.count, log.sample(), plain_answer(log.count)
+    recorded = plain_answers(count, sample.count, (None,), late_counts=False)[None]
+    yield Peer(ROSBAGS, partial(_rosbags, sample), without_times(recorded), sample.count,
                cores=1)  # fmt: skip
     if form != LIVE:
         parquet = parquet_table(shop, count)
@@ -146,19 +146,19 @@ def _now(path: Path) -> Work:
     return Work(lambda _: sl.read(path).replay(), answer=answer_of)
 
 
-def _mcap(files: tuple[Path, ...]) -> Work:
+def _mcap(sample: Sample) -> Work:
     import mcap_ros2.decoder  # noqa: F401 - not timed
 
-    return Work(lambda _: mcap_fold.mcap_replay(files), answer=PlainFold.answer)
+    return Work(lambda _: mcap_fold.mcap_replay(sample), answer=PlainFold.answer)
 
 
-def _rosbags(files: tuple[Path, ...]) -> Work:
+def _rosbags(sample: Sample) -> Work:
     import rosbags.highlevel  # noqa: F401 - not timed
 
     def answer(fold: PlainFold) -> Answer:
         return without_times(fold.answer())
 
-    return Work(lambda _: mcap_fold.rosbags_replay(files), answer=answer)
+    return Work(lambda _: mcap_fold.rosbags_replay(sample), answer=answer)
 
 
 def _duckdb(path: Path | None, threads: int) -> Work:

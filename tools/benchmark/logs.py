@@ -22,7 +22,19 @@ TORN_BYTES = 200
 """The last commit of a log that was killed lacks so many bytes."""
 
 SLOW_EVENTS = 20_000
-"""A peer below 100,000 events/s reads the first segments only, with at least so many events."""
+"""A peer below 500,000 events/s reads so many events only, from the log's beginning."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The beginning of a log: what a slow peer is given."""
+
+    files: tuple[Path, ...]
+    """The segments that it lies in."""
+    count: int
+    """Events in it."""
+    until_ns: int
+    """Everything in it was recorded before then, and everything behind it after."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +49,13 @@ class BenchLog:
     """Number of the first event of each segment."""
     chunks: tuple[int, ...]
     """How many chunks each segment has."""
+
+    def sample(self) -> Sample:
+        """Return its first `SLOW_EVENTS`, or all."""
+        count = min(self.count, SLOW_EVENTS)  # a whole number of commits, whatever their size
+        files = [path for path, first in zip(self.segments, self.first_events, strict=True)
+                 if first < count]  # fmt: skip
+        return Sample(tuple(files), count, START_NS + count * STEP_NS + STEP_NS // 2)
 
     def start(self, least: int = SLOW_EVENTS) -> BenchLog:
         """Return the log's first segments, as many as hold at least so many events."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmark.logs import Sample
 from benchmark.plain_fold import TOPICS, PlainFold
 
 LATEST_NS = 3600 * 10**9
@@ -13,24 +14,24 @@ LATEST_NS = 3600 * 10**9
 NO_EVENTS = ("Commit", "CommitNote", "Keyframe")
 
 
-def mcap_replay(files: Sequence[Path], at_ns: int | None = None) -> PlainFold:
-    """Return the fold of these segments' events that had happened by then.
+def mcap_replay(sample: Sample, at_ns: int | None = None) -> PlainFold:
+    """Return the fold of those events that had happened by then.
 
     Only topics that matter to the doors are read. A log's event number is its `sequence`.
     """
     fold = PlainFold()
-    for kind, message, said in _decoded(files, topics=TOPICS):
+    for kind, message, said in _decoded(sample.files, topics=TOPICS, end_time=sample.until_ns):
         number, happened_ns = _stamp(message)
         if at_ns is None or happened_ns <= at_ns:
             fold.apply(kind, said, (happened_ns, number))
     return fold
 
 
-def mcap_history(files: Sequence[Path], door: int) -> list[tuple[int, int]]:
-    """Return number and happened time of a door's events in these segments."""
+def mcap_history(sample: Sample, door: int) -> list[tuple[int, int]]:
+    """Return number and happened time of a door's events."""
     topics = (*TOPICS, "/semmap/door_requested")
-    return [_stamp(message) for _, message, said in _decoded(files, topics=topics)
-            if said.door_id == door]  # fmt: skip
+    told = _decoded(sample.files, topics=topics, end_time=sample.until_ns)
+    return [_stamp(message) for _, message, said in told if said.door_id == door]
 
 
 def mcap_range(files: Sequence[Path], since_ns: int, until_ns: int) -> list[tuple[int, int]]:
@@ -64,17 +65,17 @@ def stored_chunks(files: Sequence[Path]) -> Iterator[tuple[Path, int, str, int, 
                    chunk.uncompressed_size)  # fmt: skip
 
 
-def rosbags_replay(files: Sequence[Path]) -> PlainFold:
-    """Return the fold of these segments' events by rosbags, in the order of recording.
+def rosbags_replay(sample: Sample) -> PlainFold:
+    """Return the fold of those events by rosbags, in the order of recording.
 
     It does not hand out when they happened (`publish_time`): the best that can be done with it.
     """
     from rosbags.highlevel import AnyReader
 
     fold = PlainFold()
-    with AnyReader(list(files)) as reader:
+    with AnyReader(list(sample.files)) as reader:
         told = [known for known in reader.connections if known.topic in TOPICS]
-        for known, recorded_ns, data in reader.messages(connections=told):
+        for known, recorded_ns, data in reader.messages(told, stop=sample.until_ns):
             said = reader.deserialize(data, known.msgtype)
             fold.apply(known.msgtype.rpartition("/")[2], said, (recorded_ns, 0))
     return fold

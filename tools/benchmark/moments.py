@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from benchmark import duckdb_peer, mcap_fold, sqlite_peer
 from benchmark.case import Case, Peer, Work
 from benchmark.folding import LARGEST, commit_sizes
-from benchmark.logs import LIVE, ZSTD, BenchLog, Workshop
+from benchmark.logs import LIVE, ZSTD, BenchLog, Sample, Workshop
 from benchmark.patrol import START_NS, STEP_NS
 from benchmark.peers import (
     DUCKDB,
@@ -60,12 +60,12 @@ def moments(count: int) -> list[int]:
 def _warm_case(
     shop: Workshop, log: BenchLog, form: str, per_commit: int, rounds: int | None
 ) -> Case:
-    count, start = log.count, log.start()
+    count, sample = log.count, log.sample()
     expected = _expected(count)
     peers = [
         Peer(OURS, partial(_ours, log.path, count), expected),
-        Peer(MCAP, partial(_mcap, start.segments, count), _expected(count, start.count),
-             start.count / count),
+        Peer(MCAP, partial(_mcap, sample, count), _expected(count, sample.count),
+             sample.count / count),
     ]  # fmt: skip
     if form == ZSTD:
         peers += _tables(shop, count, cold=False)
@@ -140,8 +140,8 @@ def _ours_cold(log: BenchLog) -> Work:
     return _work(at, answer_of, log.count, log.segments)
 
 
-def _mcap(files: tuple[Path, ...], count: int) -> Work:
-    return _work(partial(mcap_fold.mcap_replay, files), PlainFold.answer, count)
+def _mcap(sample: Sample, count: int) -> Work:
+    return _work(partial(mcap_fold.mcap_replay, sample), PlainFold.answer, count)
 
 
 def _duckdb(table: Path | None, count: int, threads: int, *, cold: bool) -> Work:

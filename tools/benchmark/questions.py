@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from benchmark import duckdb_peer, mcap_fold, sqlite_peer
 from benchmark.case import Case, Peer, Work
 from benchmark.folding import commit_sizes
-from benchmark.logs import ZSTD, Workshop
+from benchmark.logs import ZSTD, Sample, Workshop
 from benchmark.patrol import POSE, START_NS, STEP_NS, blocks
 from benchmark.peers import (
     DUCKDB,
@@ -43,15 +43,15 @@ def history_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Ca
 
     per_commit = commit_sizes(count)[-1]
     log = shop.log(count, per_commit, ZSTD)
-    start = log.start()
+    sample = log.sample()
     door = DoorId(min(DOOR, max(1, count // 20)))
     expected = _of_door(count, door)
     parquet = parquet_table(shop, count)
     peers = (
         Peer(f"{OURS}, history()", partial(_history, log.path, door), expected),
         Peer(f"{OURS}, batches()", partial(_door_batches, log.path, door), expected),
-        Peer(MCAP, partial(_mcap_history, start.segments, door),
-             [stamp for stamp in expected if stamp[0] < start.count], start.count / count),
+        Peer(MCAP, partial(_mcap_history, sample, door),
+             [stamp for stamp in expected if stamp[0] < sample.count], sample.count / count),
         Peer(SQLITE, partial(_sqlite_history, sqlite_table(shop, count), door),
              expected),
         Peer(on_cores(DUCKDB, 1), partial(_duckdb_history, parquet, door), expected,
@@ -132,8 +132,8 @@ def _day(path: Path, since_ns: int, until_ns: int) -> Work:
     return Work(lambda _: list(log.batches(since=since_ns, until=until_ns)), answer=_of_batches)
 
 
-def _mcap_history(files: tuple[Path, ...], door: int) -> Work:
-    return Work(lambda _: mcap_fold.mcap_history(files, door))
+def _mcap_history(sample: Sample, door: int) -> Work:
+    return Work(lambda _: mcap_fold.mcap_history(sample, door))
 
 
 def _mcap_day(files: tuple[Path, ...], since_ns: int, until_ns: int) -> Work:

@@ -27,7 +27,7 @@ or bytes given); where it differs, the figure is WRONG.
 Logs: 100 doors, an event every 10 s, 2 % of them told up to an hour late. live: as it was \
 written; plain, zstd: compacted, in chunks of about a MiB. Whole log: every event read, checked \
 and folded; State now: opened and asked, where a keyframe helps.
-mcap, rosbags: the log's first segments only, at least 20,000 events, scaled per event, and only \
+mcap, rosbags: the log's first 20,000 events only, scaled per event, and only \
 topics that matter to the doors. rosbags does not tell when events happened: it folds them as they \
 were recorded, and last_seen is left out. limit: the bytes through crc32 and numpy, nothing made.
 SQLite, DuckDB: given the events as a table of what each of them sets, written beforehand: Parquet \

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.mutant import Mutant
 
 LOG = "semmap_log/log/"
@@ -188,5 +189,5 @@ REFUSALS = (
 )  # fmt: skip
 
 GUARDS: tuple[Mutant, ...] = (
-    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS,
+    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *CHECKPOINTS,
 )  # fmt: skip

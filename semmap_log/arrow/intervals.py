@@ -1,0 +1,41 @@
+"""The intervals of a timeline as an Arrow table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.arrow.columns import STATE, TIME, Column
+from semmap_log.arrow.schema import schema_of
+from semmap_log.arrow.sdk import pa
+from semmap_log.arrow.table import states_array, times_array
+
+INTERVAL_SCHEMA = schema_of(
+    (
+        Column("start", TIME, "when the state began", nullable=False),
+        Column("end", TIME, "when it ended", nullable=False),
+        Column("state", STATE, "the state", nullable=False),
+        Column("event", "int64", "number of the event that began it", nullable=False),
+        Column("sightings", "int64", "how many events said so", nullable=False),
+    )
+)
+
+
+def interval_table(
+    start_ns: NDArray[np.int64],
+    end_ns: NDArray[np.int64],
+    state: NDArray[np.uint8],
+    event: NDArray[np.int64],
+    sightings: NDArray[np.int64],
+) -> pa.Table:
+    """Return the columns of a `Timeline` as a table of `INTERVAL_SCHEMA`."""
+    columns: list[Any] = [
+        times_array(start_ns),
+        times_array(end_ns),
+        states_array(state),
+        pa.array(event),
+        pa.array(sightings),
+    ]
+    return pa.Table.from_arrays(columns, schema=INTERVAL_SCHEMA)

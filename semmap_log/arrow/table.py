@@ -1,0 +1,152 @@
+"""Events as numpy columns -> one Arrow table. No loop over events but for kinds with texts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.arrow.columns import CELLS, CHANGED, COLUMNS, KIND, STATE, TIME, Column
+from semmap_log.arrow.schema import DICTIONARIES, schema_of, type_of
+from semmap_log.arrow.sdk import pa
+from semmap_log.doors import DoorState
+from semmap_log.events import ALL_CHANGED, Changed, DoorUpdated, Event
+
+Array = NDArray[Any]
+
+SCHEMA = schema_of(COLUMNS)
+
+_BIT_OF = {
+    "level": Changed.POSE, "x": Changed.POSE, "y": Changed.POSE, "theta": Changed.POSE,
+    "width": Changed.WIDTH, "state": Changed.STATE,
+    "prob_open": Changed.PROB_OPEN, "prob_closed": Changed.PROB_CLOSED,
+}  # fmt: skip
+"""Field of a DoorUpdated -> the bit that says that it is set."""
+
+_WORDS = {name: pa.array(words) for name, words in DICTIONARIES.items()}
+
+_STORED = {TIME: "int64", STATE: "uint8", CHANGED: "uint8"}
+"""Type -> how its values wait in numpy."""
+
+
+class Events(Protocol):
+    """What is turned into a table: an `EventBatch`, which says what these are."""
+
+    @property
+    def number(self) -> NDArray[np.int64]: ...  # noqa: D102
+    @property
+    def kind(self) -> NDArray[np.uint8]: ...  # noqa: D102
+    @property
+    def happened_ns(self) -> NDArray[np.int64]: ...  # noqa: D102
+    @property
+    def recorded_ns(self) -> NDArray[np.int64]: ...  # noqa: D102
+    @property
+    def columns(self) -> Mapping[int, NDArray[np.void]]: ...  # noqa: D102
+    @property
+    def objects(self) -> Mapping[int, Sequence[Event]]: ...  # noqa: D102
+
+
+def table_of(events: Events) -> pa.Table:
+    """Return events as a table of `COLUMNS`; numbers and times share the events' memory."""
+    where = {
+        kind: np.flatnonzero(events.kind == kind) for kind in (*events.columns, *events.objects)
+    }
+    heads = {
+        "event": pa.array(events.number),
+        "kind": _dictionary(KIND, events.kind - 1),
+        "happened": times_array(events.happened_ns),
+        "recorded": times_array(events.recorded_ns),
+    }
+    arrays = [heads.get(c.name) if c.name in heads else _field(c, events, where) for c in COLUMNS]
+    return pa.Table.from_arrays(arrays, schema=SCHEMA)
+
+
+def _field(column: Column, events: Events, where: Mapping[int, NDArray[np.intp]]) -> pa.Array:
+    """Return one field of all kinds that have it; null for the others."""
+    kinds = [kind for kind in column.kinds if kind in where]
+    if not kinds:
+        return _nulls(column, len(events.number))
+    if column.type in {"str", CELLS}:
+        return _of_objects(column, events, kinds, where)
+    values = np.zeros(len(events.number), _STORED.get(column.type, column.type))
+    given = np.zeros(len(values), np.bool_)
+    for kind in kinds:
+        if kind in events.columns:
+            rows = events.columns[kind]
+            values[where[kind]] = rows[column.field_name]
+            given[where[kind]] = _is_set(column.field_name, kind, rows)
+        else:
+            values[where[kind]] = [_value(column, event) for event in events.objects[kind]]
+            given[where[kind]] = True
+    return _array(column, values, given)
+
+
+def _nulls(column: Column, count: int) -> pa.Array:
+    if column.type in DICTIONARIES:  # Arrow's own nulls would bring a dictionary without words
+        return _dictionary(column.type, np.zeros(count, np.int8), np.ones(count, np.bool_))
+    return pa.nulls(count, type_of(column))
+
+
+def _is_set(field: str, kind: int, rows: NDArray[np.void]) -> Array | bool:
+    """Return which rows mean something by this field: an update's only what it changes."""
+    if kind == DoorUpdated.kind and field in _BIT_OF:
+        set_: Array = (rows["changed"] & int(_BIT_OF[field])) != 0
+        return set_
+    return True
+
+
+def _array(column: Column, values: Array, given: NDArray[np.bool_]) -> pa.Array:
+    if column.type == STATE:
+        return states_array(values, ~given)
+    if column.type == CHANGED:
+        bits = values & int(ALL_CHANGED)
+        return _dictionary(CHANGED, bits - 1, ~given | (bits == 0))
+    if values.dtype.kind == "f":
+        given &= ~np.isnan(values)
+    missing = None if given.all() else ~given
+    return times_array(values, missing) if column.type == TIME else pa.array(values, mask=missing)
+
+
+def _of_objects(
+    column: Column, events: Events, kinds: Sequence[int], where: Mapping[int, NDArray[np.intp]]
+) -> pa.Array:
+    """Return texts or grids, which only kinds that are read as objects have."""
+    place = np.zeros(len(events.number), np.int64)
+    given = np.zeros(len(place), np.bool_)
+    found: list[Any] = []
+    for kind in kinds:
+        place[where[kind]] = np.arange(len(found), len(found) + len(where[kind]))
+        given[where[kind]] = True
+        found += [_value(column, event) for event in events.objects[kind]]
+    return pa.array(found, type_of(column)).take(pa.array(place, mask=~given))
+
+
+def _value(column: Column, event: Event) -> Any:
+    value = getattr(event, column.field_name)
+    match column.name:
+        case "cells":
+            return value.reshape(-1)
+        case "cells_height":
+            return value.shape[0]
+        case "cells_width":
+            return value.shape[1]
+        case _:
+            return value
+
+
+def states_array(states: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+    """Return numbers of states as their names; one that only a later version knows is UNKNOWN."""
+    known = np.where(states < len(DoorState), states, np.uint8(DoorState.UNKNOWN))
+    return _dictionary(STATE, known, missing)
+
+
+def times_array(ns: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+    """Return nanoseconds since the Unix epoch as instants, in the same memory."""
+    return pa.array(ns, mask=missing).view(pa.timestamp("ns", "UTC"))
+
+
+def _dictionary(type_: str, places: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+    indices = pa.array(places.astype(np.int8), mask=missing)
+    return pa.DictionaryArray.from_arrays(indices, _WORDS[type_])

@@ -1,0 +1,60 @@
+"""`timeline`: when a door was in which state."""
+
+from __future__ import annotations
+
+from semmap_log.cli.common import (
+    AsJson,
+    At,
+    DoorName,
+    KnownAt,
+    LogPath,
+    Since,
+    Until,
+    console,
+    print_json,
+    progress,
+    say,
+)
+
+
+def run(
+    log: LogPath,
+    door: DoorName,
+    *,
+    since: Since = None,
+    until: Until = None,
+    at: At = None,
+    known_at: KnownAt = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show when a door was in which state: since, until, how long, and how often it was seen so.
+
+    A row begins with the event that changed the state (`semmap-log show LOG N` tells who and
+    why) and counts all events that said the same, the first one included. --since and --until
+    cut the rows; --at and --known-at choose what counts, and the last row ends there.
+
+    \b
+    Examples:
+      semmap-log timeline office front
+      semmap-log timeline office front --since yesterday --until now
+      semmap-log timeline office 17 --known-at 2026-03-01T14:02 --json
+    """
+    import semmap_log as sl
+    from semmap_log.formats.timeline_json import timeline_to_json
+    from semmap_log.views.timeline_table import timeline_pages, timeline_totals
+
+    opened = sl.read(log)
+    start, end = opened.span(since) if since and ".." in since else (since, until)
+    door_id = opened.resolve_ever(door)
+    with progress("Reading") as told:
+        found = opened.timeline(door_id, at, known_at, since=start, until=end, progress=told)
+    if as_json:
+        print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
+        return
+    if not len(found):
+        say(f"door {door} was not in the map then; without times, all its intervals are shown.")
+        return
+    out = console()
+    for page in timeline_pages(found, tz=opened.info.timezone):
+        out.print(page)
+    out.print(timeline_totals(found, tz=opened.info.timezone))

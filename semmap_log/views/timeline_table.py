@@ -1,0 +1,83 @@
+"""A door's timeline for people: a row an interval, and how much of the time it was open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+
+from rich.table import Table
+from rich.text import Text
+
+from semmap_log.doors import DoorState
+from semmap_log.moments import DAY_NS, SECOND_NS, format_local
+from semmap_log.projections.timeline import Interval, Timeline
+from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
+
+PAGE_ROWS = 500
+TIME_WIDTH = len("2026-03-02 08:00:00")
+UNITS = ((DAY_NS, "d"), (3600 * SECOND_NS, "h"), (60 * SECOND_NS, "min"), (SECOND_NS, "s"))
+"""Nanoseconds in a unit, and its name."""
+
+
+def timeline_pages(timeline: Timeline, *, tz: str) -> Iterator[Table]:
+    """Yield the intervals as tables whose columns line up; the first has the head.
+
+    Args:
+        timeline: A door's.
+        tz: IANA zone of the times.
+    """
+    waiting = iter(timeline)
+    page = list(islice(waiting, PAGE_ROWS))
+    is_first = True
+    while page:
+        yield _page(page, tz=tz, show_header=is_first)
+        page, is_first = list(islice(waiting, PAGE_ROWS)), False
+
+
+def timeline_totals(timeline: Timeline, *, tz: str) -> Text:
+    """Return how much of the known time the door was open, and how the timeline ends, in words."""
+    opened, closed = timeline.total_ns(DoorState.OPEN), timeline.total_ns(DoorState.CLOSED)
+    known, whole = opened + closed, int(timeline.duration_ns.sum())
+    said = "never known to be open or closed for any time"
+    if known:
+        said = (
+            f"open {opened / known:.1%}, closed {closed / known:.1%} "
+            f"of the {duration(known)} in which that was known"
+        )
+        if whole > known:
+            said += f" ({known / whole:.1%})"
+    end = format_local(int(timeline.end_ns[-1]), tz)
+    ending = "removed at" if timeline.removed else "up to"
+    return Text(f"{said}\n{ending} {end} ({tz})", style="dim")
+
+
+def duration(ns: int) -> str:
+    """Return a length of time in its largest unit and the next: `2 d 3 h`, `5 min`, `0.250 s`."""
+    if ns < 10 * SECOND_NS:
+        return f"{ns / SECOND_NS:.3f} s" if ns % SECOND_NS else f"{ns // SECOND_NS} s"
+    place = next(i for i, (unit_ns, _) in enumerate(UNITS) if ns >= unit_ns)
+    parts = []
+    for unit_ns, name in UNITS[place : place + 2]:
+        count, ns = divmod(ns, unit_ns)
+        parts.append(f"{count} {name}" if count else "")
+    return " ".join(filter(None, parts))
+
+
+def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), show_header=show_header)
+    table.add_column("since", width=TIME_WIDTH, overflow="fold")
+    table.add_column("until", width=TIME_WIDTH, overflow="fold")
+    table.add_column("lasted", width=len("23 h 59 min"), justify="right", overflow="fold")
+    table.add_column("state", width=len(DoorState.UNKNOWN.name))
+    table.add_column("seen", width=5, justify="right", overflow="fold")
+    table.add_column("event", width=9, justify="right", overflow="fold")
+    for interval in intervals:
+        table.add_row(
+            format_local(interval.start_ns, tz)[:TIME_WIDTH],
+            format_local(interval.end_ns, tz)[:TIME_WIDTH],
+            duration(interval.duration_ns),
+            Text(interval.state.name, style=STATE_COLOURS.get(interval.state, OTHER_STATE_COLOUR)),
+            str(interval.sightings),
+            str(interval.event),
+        )
+    return table

@@ -1,0 +1,95 @@
+"""What the tables should hold, told event by event; and logs with something of everything."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+import semmap_log as sl
+from semmap_log.arrow.columns import COLUMNS
+from semmap_log.commands import Gatekeeper
+from semmap_log.doors import DoorId, DoorState
+from semmap_log.errors import CommandError, InvalidEventError
+from semmap_log.event_batch import RecordedEvent
+from semmap_log.events import Changed, DoorEvent, DoorUpdated, Event, FloorMap, field_names
+from tests.conftest import SteadyClock
+
+UPDATED = {
+    "level": Changed.POSE, "x": Changed.POSE, "y": Changed.POSE, "theta": Changed.POSE,
+    "width": Changed.WIDTH, "state": Changed.STATE,
+    "prob_open": Changed.PROB_OPEN, "prob_closed": Changed.PROB_CLOSED,
+}  # fmt: skip
+
+
+def row_of(recorded: RecordedEvent) -> dict[str, Any]:
+    """Return the row of one event, times as nanoseconds."""
+    event = recorded.event
+    row: dict[str, Any] = {column.name: None for column in COLUMNS}
+    row |= {
+        "event": recorded.number,
+        "kind": type(event).__name__,
+        "happened": recorded.happened_ns,
+        "recorded": recorded.recorded_ns,
+    }
+    for name in field_names(type(event)):
+        if isinstance(event, DoorUpdated) and name in UPDATED and not event.changed & UPDATED[name]:
+            continue
+        row |= _cells(name, getattr(event, name))
+    return row
+
+
+def _cells(name: str, value: Any) -> dict[str, Any]:
+    if name == "salt":
+        return {}
+    if name == "cells":
+        height, width = value.shape
+        return {"cells": value.flatten().tolist(), "cells_width": width, "cells_height": height}
+    if isinstance(value, DoorState):
+        return {name: value.name}
+    if isinstance(value, Changed):
+        return {name: "|".join(bit.name or "" for bit in Changed if bit in value)}
+    if isinstance(value, float) and math.isnan(value):
+        return {name: None}
+    return {"at" if name == "at_ns" else name: value}
+
+
+def rows_of(table: pa.Table) -> list[dict[str, Any]]:
+    """Return the rows of a table, times as nanoseconds."""
+    for i, field in enumerate(table.schema):
+        if pa.types.is_timestamp(field.type):
+            table = table.set_column(i, field.name, table.column(i).cast(pa.int64()))
+    return table.to_pylist()
+
+
+def write_any(path: Path, commits: Iterable[tuple[list[Event], sl.Note]]) -> Path:
+    """Write a log of four doors and those of the events that the map lets pass, and return it."""
+    with sl.create(path, tz="Europe/Vienna", clock=SteadyClock(), compact=False) as log:
+        for _ in range(4):
+            log.add_door()
+        for events, note in commits:
+            gatekeeper = Gatekeeper(log.roster, log.state.event + 1)
+            passed = [event for event in map(_about_our_doors, events) if _may(gatekeeper, event)]
+            if passed:
+                log.append(passed, note=note)
+    return path
+
+
+def _about_our_doors(event: Event) -> Event:
+    if isinstance(event, DoorEvent):
+        return replace(event, door_id=DoorId(1 + event.door_id % 4))
+    if isinstance(event, FloorMap):
+        return replace(event, level=event.level % 3)
+    return event
+
+
+def _may(gatekeeper: Gatekeeper, event: Event) -> bool:
+    try:
+        gatekeeper.check(event)
+    except (CommandError, InvalidEventError):
+        return False
+    return True

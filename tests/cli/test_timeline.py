@@ -1,0 +1,106 @@
+"""`timeline` and `export x.parquet` as a user types them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+
+
+@pytest.fixture
+def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the log `office`, whose door `front` opens at nine and closes at ten."""
+    monkeypatch.chdir(tmp_path)
+    with sl.create("office", tz="Europe/Vienna") as log:
+        door = log.add_door(name="front", at="2026-03-01T08:00")
+        log.observe(door, "open", at="2026-03-01T09:00")
+        log.observe(door, "open", at="2026-03-01T09:30")
+        log.observe(door, "closed", at="2026-03-01T10:00")
+    return tmp_path
+
+
+def run(*arguments: str) -> int:
+    try:
+        main(arguments)
+    except SystemExit as left:
+        return int(left.code or 0)
+    return 0
+
+
+def test_the_table_fits_a_terminal(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    80 columns, in the log's zone, with the shares at the end.
+    """
+    code = run("timeline", "office", "front", "--at", "2026-03-01T13:00")
+
+    out = capsys.readouterr().out
+    assert 0 == code
+    assert "2026-03-01 09:00:00 2026-03-01 10:00:00         1 h OPEN        2" in out
+    assert "open 25.0%, closed 75.0% of the 4 h in which that was known" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_a_range_cuts_it(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    --since and --until, or T1..T2; one JSON document, in seconds and UTC.
+    """
+    codes = [
+        run("timeline", "office", "1", "--since", "2026-03-01T09:15", "--until",
+            "2026-03-01T09:45", "--json"),
+    ]  # fmt: skip
+    separate = json.loads(capsys.readouterr().out)
+    codes.append(
+        run("timeline", "office", "1", "--since", "2026-03-01T09:15..2026-03-01T09:45", "--json")
+    )
+    together = json.loads(capsys.readouterr().out)
+
+    assert [0, 0] == codes
+    assert separate == together
+    assert {
+        "door_id": 1,
+        "name": "front",
+        "removed": False,
+        "intervals": [
+            {
+                "since": "2026-03-01T08:15:00.000000000Z",
+                "until": "2026-03-01T08:45:00.000000000Z",
+                "state": "OPEN",
+                "sightings": 2,
+                "event": 2,
+            }
+        ],
+        "seconds": {"OPEN": 1800.0},
+    } == together
+
+
+def test_before_the_door_was_there_nothing_is_shown(
+    office: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    That is no error; a door that never was is one.
+    """
+    codes = [run("timeline", "office", "front", "--at", "2026-02-01")]
+    early = capsys.readouterr()
+    codes.append(run("timeline", "office", "side"))
+    unknown = capsys.readouterr()
+
+    assert [0, 1] == codes
+    assert ("", True) == (early.out, "was not in the map" in early.err)
+    assert "side" in unknown.err
+
+
+def test_an_export_says_how_many_events_there_are(
+    office: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Those that had happened by --at.
+    """
+    code = run("export", "office", "x.parquet", "--at", "2026-03-01T09:00")
+
+    assert 0 == code
+    assert "x.parquet: 3 events." in capsys.readouterr().err
+    assert (office / "x.parquet").is_file()

@@ -1,0 +1,104 @@
+"""A door's timeline for people."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from semmap_log.doors import DoorId, DoorState
+from semmap_log.projections.timeline import Timeline
+from semmap_log.views.timeline_table import PAGE_ROWS, duration, timeline_pages, timeline_totals
+from tests.views.test_tables import printed
+
+SECOND = 10**9
+MINUTE, HOUR, DAY = 60 * SECOND, 3600 * SECOND, 24 * 3600 * SECOND
+START = 1_772_400_000 * SECOND
+
+
+def lasting(*lengths: tuple[int, DoorState], removed: bool = False) -> Timeline:
+    """Return a timeline of these lengths and states, which begins at `START`."""
+    ends = START + np.cumsum([ns for ns, _ in lengths])
+    return Timeline(
+        DoorId(1),
+        start_ns=np.append(START, ends)[:-1],
+        end_ns=ends,
+        state=np.array([state for _, state in lengths], np.uint8),
+        event=np.arange(len(lengths)) * 1000,
+        sightings=np.arange(len(lengths)) + 1,
+        removed=removed,
+    )
+
+
+def test_a_row_an_interval_and_the_shares_below() -> None:
+    """
+    In the log's zone; shares are of the time in which it was known to be open or closed.
+    """
+    timeline = lasting(
+        (25 * MINUTE, DoorState.UNKNOWN),
+        (9 * HOUR, DoorState.OPEN),
+        (DAY - 9 * HOUR, DoorState.CLOSED),
+    )
+
+    text = printed(
+        *timeline_pages(timeline, tz="Europe/Vienna"), timeline_totals(timeline, tz="Europe/Vienna")
+    )
+
+    assert (
+        """\
+since               until                    lasted state    seen     event
+2026-03-01 22:20:00 2026-03-01 22:45:00      25 min UNKNOWN     1         0
+2026-03-01 22:45:00 2026-03-02 07:45:00         9 h OPEN        2      1000
+2026-03-02 07:45:00 2026-03-02 22:45:00        15 h CLOSED      3      2000
+open 37.5%, closed 62.5% of the 1 d in which that was known (98.3%)
+up to 2026-03-02 22:45:00+01:00 (Europe/Vienna)"""
+        == text
+    )
+
+
+def test_a_removed_door_and_one_that_nobody_saw() -> None:
+    """
+    Said in words; nothing is divided by nothing.
+    """
+    unseen = lasting((HOUR, DoorState.UNKNOWN), removed=True)
+
+    text = printed(timeline_totals(unseen, tz="UTC"))
+
+    assert "never known to be open or closed" in text
+    assert "removed at 2026-03-01 22:20:00+00:00 (UTC)" in text
+
+
+def test_pages_of_a_long_timeline_line_up() -> None:
+    """
+    The head stands once, and no row is lost.
+    """
+    states = (DoorState.OPEN, DoorState.OFFLINE)
+    timeline = lasting(*((23 * HOUR + 59 * MINUTE, states[i % 2]) for i in range(PAGE_ROWS + 20)))
+
+    lines = printed(*timeline_pages(timeline, tz="UTC")).splitlines()
+
+    assert 1 + PAGE_ROWS + 20 == len(lines)
+    assert ["23 h 59 min"] * (PAGE_ROWS + 20) == [line[40:51] for line in lines[1:]]
+    assert all(one[20:39] == other[:19] for one, other in pairwise(lines[1:]))
+
+
+@pytest.mark.parametrize(
+    ("ns", "expected"),
+    [
+        (0, "0 s"),
+        (250_000_000, "0.250 s"),
+        (9 * SECOND, "9 s"),
+        (45 * SECOND + 7, "45 s"),
+        (MINUTE, "1 min"),
+        (61 * SECOND, "1 min 1 s"),
+        (HOUR + 30 * SECOND, "1 h"),
+        (26 * HOUR, "1 d 2 h"),
+        (400 * DAY, "400 d"),
+    ],
+)
+def test_a_length_of_time_in_its_largest_unit_and_the_next(ns: int, expected: str) -> None:
+    """
+    Short ones to the millisecond.
+    """
+    assert expected == duration(ns)
