@@ -9,8 +9,9 @@ from typing import Any
 from benchmark.logs import Sample
 from benchmark.plain_fold import TOPICS, PlainFold
 
-LATEST_NS = 3600 * 10**9
-"""Nothing in a patrol is told later than that: how far a range of recorded time must reach on."""
+LATEST_NS = 5000 * 10**9
+"""How far a range of recorded time must reach on: events are told an hour late, and only when
+their commit of 100 is full."""
 NO_EVENTS = ("Commit", "CommitNote", "Keyframe")
 
 
@@ -37,7 +38,7 @@ def mcap_history(sample: Sample, door: int) -> list[tuple[int, int]]:
 def mcap_range(files: Sequence[Path], since_ns: int, until_ns: int) -> list[tuple[int, int]]:
     """Return number and happened time of what happened in a range; by the library's own index.
 
-    That is of recorded time, so it is asked for a range that reaches an hour further.
+    That is of recorded time, so it is asked for a range that reaches further.
     """
     told = _decoded(files, start_time=since_ns, end_time=until_ns + LATEST_NS)
     stamps = (_stamp(message) for kind, message, _ in told if kind not in NO_EVENTS)

@@ -33,7 +33,7 @@ were recorded, and last_seen is left out. limit: the bytes through crc32 and num
 SQLite, DuckDB: given the events as a table of what each of them sets, written beforehand: Parquet \
 with zstd, sorted by number; SQLite with nine indexes, one for each question. They check no CRC. \
 All read from the page cache, but for Moment, cold: opened anew, its pages dropped; read: what \
-came from the disk, of the whole.
+came from the disk, of the whole; the kernel reads more than it is asked for (read-ahead).
 One day: a 365th of the log's time. append: commits are given as event objects, as bytes, as rows.
 """.splitlines()
 
@@ -81,6 +81,7 @@ def machine_of(command: Sequence[str], folder: Path) -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "cpu": _cpu(),
         "file_system": file_system(folder),
+        "read_ahead_kib": _read_ahead_kib(folder),
         "python": platform.python_version(),
         "sqlite": sqlite3.sqlite_version,
         "versions": {name: found for name in PACKAGES if (found := _version(name))},
@@ -131,6 +132,17 @@ def _peer_json(case: Case, measured: Measured, peers: Sequence[Measured]) -> dic
     if measured.peer.store_bytes:
         said["share_read"] = measured.share_read
     return said
+
+
+def _read_ahead_kib(folder: Path) -> int | None:
+    """Return how much the kernel reads where one page of a file is touched; None: not to be seen.
+
+    What a cold moment reads from the disk is a multiple of it.
+    """
+    device = folder.stat().st_dev
+    place = Path(f"/sys/dev/block/{os.major(device)}:{os.minor(device)}")
+    files = (place / "queue/read_ahead_kb", place / "../queue/read_ahead_kb")
+    return next((int(file.read_text()) for file in files if file.exists()), None)
 
 
 def _cpu() -> str:

@@ -43,7 +43,9 @@ def show(results: Sequence[Result], machine: dict[str, Any]) -> None:
 
 def _machine_line(machine: dict[str, Any]) -> str:
     versions = [f"{name} {found}" for name, found in machine["versions"].items()]
-    parts = (f"{machine['cores']} cores", machine["cpu"], machine["file_system"],
+    ahead = machine["read_ahead_kib"]
+    disk = f"{machine['file_system']}, read-ahead {ahead} KiB" if ahead else machine["file_system"]
+    parts = (f"{machine['cores']} cores", machine["cpu"], disk,
              f"Python {machine['python']}", f"SQLite {machine['sqlite']}", *versions)  # fmt: skip
     return " · ".join(part for part in parts if part)
 
