@@ -77,7 +77,7 @@ class DoorLog:
 
     def refresh(self) -> None:
         """Take in what was written since the log was opened."""
-        self._reader.refresh()
+        self._reader = self._reader.refreshed()
         self._end_ns = None
 
     def replay(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from pathlib import Path
 from typing import TypeVar
 
@@ -46,7 +45,6 @@ def fold(
         OutputError: It cannot be written.
         CorruptLogError: The log is damaged.
     """
-    reader = copy(reader)  # as it is now, whatever another thread has it take in meanwhile
     if checkpoint is None:
         return _from_the_start(reader, projection, scope, progress)
     file = Checkpoint(checkpoint, projection, reader)
@@ -66,7 +64,6 @@ def fold_part(reader: LogReader, projection: Projection[S], first: int, last: in
     Retractions count as they are known now, wherever in the log they are: so the states of parts
     that follow each other, merged, are that of the whole log.
     """
-    reader = copy(reader)
     hidden = reader.retractions()
     state = projection.initial()
     for batch in reader.batches(Window(first_event=first, before_event=last + 1)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mutation.checkpoint_guards import CHECKPOINTS
+from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
 
 LOG = "semmap_log/log/"
@@ -84,8 +85,6 @@ CHECKSUMS = (
     _without("digest of a segment's head", "header.py",
              'if entries.pop(DIGEST_KEY, "") != _digest(entries):', GUARDED, SEGMENTS, FLIPS,
              put="if entries.pop(DIGEST_KEY, None) is None:"),
-    _without("hash of a keyframe's state", "keyframes.py",
-             " or bytes(message.state_hash) != _hash(fields)", GUARDED, put=""),
     _without("hash of the commit before, between commits", "reading/reader.py",
              "if commit.previous_hash != previous:", GUARDED, SCAN,
              put="if False:"),
@@ -107,22 +106,19 @@ SIZES = (
              put="if False:"),
     _without("limit of a chunk's size", "chunks.py", "if size > MAX_CHUNK_BYTES:",
              GUARDED, put="if False:"),
-    _without("messages that tile a chunk", "chunks.py",
+    _without("messages that tile a chunk", "walking.py",
              "if opcode != Opcode.MESSAGE or length < least:", GUARDED,
              put="if False:"),
     _without("times in a chunk's head", "reading/page_reading.py",
-             'if first_misfit(page.heads["log_time"], ends, chunks.rows) is not None:', GUARDED,
-             put="if False:"),
+             'place = first_misfit(page.heads["log_time"], ends, rows)', GUARDED,
+             put="place = None"),
     _without("heads of chunks against the summary", "reading/chunk_table.py",
-             "if _row(chunk) != row.item():", GUARDED, put="if False:"),
-    _without("event numbers without gaps", "reading/reader.py",
-             "if batch.number[0] != expected or (np.diff(batch.number) != 1).any():",
-             GUARDED, put="if False:"),
+             "if _head_of(chunk) != row.item()[:-1]:", GUARDED, put="if False:"),
     _without("event numbers without gaps in a live segment", "reading/grammar.py",
              "self._sequence != ((numbers - 1) & _SEQUENCE_MASK).astype(np.uint32)", GUARDED,
              SCAN, put="np.zeros(len(numbers), np.bool_)"),
     _without("log times that grow in a live segment", "reading/grammar.py",
-             "np.diff(self._log_time, prepend=start.log_time_ns) <= 0", GUARDED,
+             "step < (self._channel != KEYFRAME_CHANNEL)", GUARDED,
              SCAN, put="np.zeros(len(self._log_time), np.bool_)"),
     _without("commits that count their events", "reading/grammar.py",
              '(commits["count"] != reached - first)', GUARDED, SCAN,
@@ -189,5 +185,5 @@ REFUSALS = (
 )  # fmt: skip
 
 GUARDS: tuple[Mutant, ...] = (
-    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *CHECKPOINTS,
+    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *CHECKPOINTS, *MOMENTS,
 )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -76,6 +77,16 @@ class LogReader:
         """Of each segment and those before it, the latest happened time."""
         self._are_counted = False
         self.refresh()
+
+    def refreshed(self) -> LogReader:
+        """Return the log as it is now; this object stays as it was, for who is reading with it.
+
+        Raises:
+            LogError: As `refresh`.
+        """
+        reader = copy(self)
+        reader.refresh()
+        return reader
 
     def refresh(self) -> None:
         """Take in what was written since; what is known is not read again.
