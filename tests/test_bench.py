@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from benchmark.case import Case, Measured, Peer, Work
+from benchmark.moments import moments
 from benchmark.patrol import START_NS, STEP_NS, patrol
 from benchmark.plain_fold import PlainFold, plain_answer, plain_answers
 from benchmark.promises import Result, growths, is_kept
@@ -126,6 +127,15 @@ def test_the_plain_fold_knows_late_events() -> None:
 
     assert by_time.keys() == by_number.keys()
     assert by_time != by_number
+
+
+def test_a_few_moments_lie_as_evenly_as_all() -> None:
+    """
+    Whoever answers only seven of them in his time meets each eighth of the log but the first.
+    """
+    few = [(at_ns - START_NS) / (1000 * STEP_NS) for at_ns in moments(1000)[:7]]
+
+    assert [n / 8 for n in range(1, 8)] == sorted(few)
 
 
 def _grown(promise: str, *seconds: float) -> list[Result]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from functools import partial
@@ -52,9 +51,19 @@ def moment_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Cas
 
 
 def moments(count: int) -> list[int]:
-    """Return moments between a patrol's start and its end, the same at each run."""
-    rng = random.Random(7)
-    return [START_NS + rng.randrange(count * STEP_NS) for _ in range(MOMENTS)]
+    """Return moments between a patrol's start and its end, the same at each run.
+
+    They are spread so that the first few, which are all that a slow peer is asked for, lie as
+    evenly as all of them do (van der Corput's sequence): later moments cost most peers more.
+    """
+    span_ns = count * STEP_NS
+    return [START_NS + int(_reversed_bits(n) * span_ns) for n in range(1, MOMENTS + 1)]
+
+
+def _reversed_bits(number: int) -> float:
+    """Return a number's binary digits mirrored at the point: of 1, 2, 3 that is 0.1, 0.01, 0.11."""
+    digits = f"{number:b}"
+    return int(digits[::-1], 2) / 2 ** len(digits)
 
 
 def _warm_case(
