@@ -72,7 +72,7 @@ def _bars(document: Document) -> list[tuple[str, float, str]]:
 def _label(name: str, form: str) -> tuple[str, str]:
     colour = next(colour for start, colour in COLOURS.items() if name.startswith(start))
     if name.startswith("limit"):
-        return f"limit: CRC + numpy, {form}", colour
+        return f"limit: {'zstd + ' * (form == 'zstd')}CRC + numpy, {form}", colour
     if name.startswith(OURS):
         return f"{name.replace(', ', f', {form}, ')}", colour
     return SHORT.get(name, name), colour
@@ -142,7 +142,7 @@ def _draw_lines(axes: Any, lines: dict[str, list[tuple[int, float]]]) -> None:
     _clear(axes, "both")
 
 
-def _apart(ends: list[list[Any]], least: float = 2.6) -> list[list[Any]]:
+def _apart(ends: list[list[Any]], least: float = 3.4) -> list[list[Any]]:
     """Return the labels, lowest first, each at least so many times above the one before."""
     ends = sorted(ends, key=lambda end: end[0])
     for below, end in pairwise(ends):
