@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,15 @@ class _Columns(Mapping[int, NDArray[np.void]]):
         return len(self._offsets)
 
 
+_NO_NOTE = Note()
+
+
+def _each(blobs: NDArray[np.uint8]) -> list[bytes]:
+    """Return the rows of a matrix of bytes."""
+    data, size = blobs.tobytes(), blobs.shape[1]
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
 @dataclass(frozen=True)
 class Page:
     """Message records that follow each other in a segment, whole chunks joined."""
@@ -169,10 +178,12 @@ class Page:
         Raises:
             CorruptLogError: One is not what its channel carries.
         """
-        chosen = np.flatnonzero(self.heads["channel_id"] == COMMIT_CHANNEL).tolist()
+        places = self.commit_places()
         try:
-            return [self._commit(i) for i in chosen]
-        except (ValueError, struct.error) as error:
+            if len(places) < np.count_nonzero(self.heads["channel_id"] == COMMIT_CHANNEL):
+                raise ValueError("a Commit of a wrong size")  # noqa: TRY301
+            return self._commits(places)
+        except ValueError as error:
             raise CorruptLogError(self.path, self.offset, str(error)) from None
 
     def last_commit(self) -> Commit | None:
@@ -240,6 +251,28 @@ class Page:
         level = max(0, int(self.heads["channel_id"][i]) - FLOOR_MAP_CHANNEL)
         return decode(kind, self._payload(i), int(self.heads["publish_time"][i]), level)
 
+    def _commits(self, places: NDArray[np.intp]) -> list[Commit]:
+        """Return the commits whose Commit messages are at these places: `_commit` of many."""
+        rows = self.commit_rows(places)
+        if len(rows) and rows["durability"].max() > max(Durability):
+            raise ValueError(f"a Commit of durability {rows['durability'].max()}")
+        has_note = (places > 0) & (self.heads["channel_id"][places - 1] == NOTE_CHANNEL)
+        recorded_ns = self.heads["log_time"][places] - rows["count"] - has_note
+        notes = [
+            self._note(place - 1) if has else _NO_NOTE
+            for place, has in zip(places.tolist(), has_note.tolist(), strict=True)
+        ]
+        columns = (
+            rows["first_event"].tolist(), rows["count"].tolist(),
+            recorded_ns.tolist(), self.heads["log_time"][places].tolist(),
+            _each(rows["command_id"]), rows["wall_clock_ns"].tolist(),
+            rows["monotonic_clock_ns"].tolist(), _each(rows["boot_id"]),
+            _each(rows["previous_hash"]), _each(rows["hash"]),
+            map(Durability, rows["durability"].tolist()), rows["durable_before"].tolist(),
+            _each(rows["content"]), notes,
+        )  # fmt: skip
+        return list(starmap(Commit, zip(*columns, strict=True)))
+
     def _commit(self, i: int) -> Commit:
         fields: dict[str, Any] = layout("Commit").unpack(self._payload(i))
         has_note = i > 0 and bool(self.heads["channel_id"][i - 1] == NOTE_CHANNEL)
@@ -248,7 +281,7 @@ class Page:
         return Commit(
             recorded_ns=closed_ns - fields["count"] - has_note,
             closed_ns=closed_ns,
-            note=self._note(i - 1) if has_note else Note(),
+            note=self._note(i - 1) if has_note else _NO_NOTE,
             **fields,
         )
 
