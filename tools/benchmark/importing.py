@@ -133,8 +133,6 @@ def _ours_columns(count: int, folder: Path) -> Work:
     from semmap_log.event_batch import EventBatch
     from semmap_log.events import DoorAdded, DoorObserved
 
-    if not hasattr(EventBatch, "of"):
-        raise ModuleNotFoundError(name="a version that appends columns")
     blocks = list(_columns(count))
     columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     del blocks

@@ -63,7 +63,7 @@ def moments(count: int) -> list[int]:
 def _reversed_bits(number: int) -> float:
     """Return a number's binary digits mirrored at the point: of 1, 2, 3 that is 0.1, 0.01, 0.11."""
     digits = f"{number:b}"
-    return int(digits[::-1], 2) / 2 ** len(digits)
+    return int(digits[::-1], 2) / (1 << len(digits))
 
 
 def _warm_case(
