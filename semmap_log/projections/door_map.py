@@ -69,7 +69,7 @@ _OF_A_DOOR = (
 
 
 @dataclass(frozen=True, slots=True)
-class _Writes:
+class Writes:
     """What some events of a batch write to one register."""
 
     register: str
@@ -109,7 +109,7 @@ class DoorMapState:
         self.note_used_ids(batch)
         rows = self._rows(batch.door_ids())
         self._touch(rows, batch.number)
-        for writes in _writes_of(batch):
+        for writes in writes_of(batch):
             where = writes.positions
             self._write(writes, rows[where], happened[where], batch.number[where])
         self._apply_objects(batch, happened)
@@ -190,6 +190,24 @@ class DoorMapState:
         columns = self._columns
         happened = int(columns[f"{register}_happened_ns"][row])
         return happened, int(columns[f"{register}_event"][row])
+
+    def register_of(
+        self, door_ids: Array, register: str
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, Array]]:
+        """Return what a register of some doors holds: happened times, event numbers, values.
+
+        The number is `NEVER` for a door of which it was never set.
+        """
+        names = (f"{register}_happened_ns", f"{register}_event", *REGISTERS[register])
+        empty = _new_columns(1)
+        rows = np.array([self._row_of.get(door_id, -1) for door_id in door_ids.tolist()], np.intp)
+        columns = [np.append(self._columns[name], empty[name])[rows] for name in names]
+        happened, numbers, *values = columns
+        return happened, numbers, dict(zip(REGISTERS[register], values, strict=True))
+
+    def text(self, door_id: int, key: str) -> tuple[Stamp, str] | None:
+        """Return what a door's annotation says, and since when; None: it was never made."""
+        return self._annotations.get(door_id, key)
 
     def door_map(self, *, at_ns: int | None = None, known_at_ns: int | None = None) -> DoorMap:
         """Return the doors that are in the map, as values; the moments are only written on it."""
@@ -318,7 +336,7 @@ class DoorMapState:
         np.maximum(self._columns["last_event"], last[:-1], out=self._columns["last_event"])
 
     def _write(
-        self, writes: _Writes, rows: NDArray[np.intp], happened: Array, numbers: Array
+        self, writes: Writes, rows: NDArray[np.intp], happened: Array, numbers: Array
     ) -> None:
         last = _last_per_row(rows, happened, len(self._columns["door_id"]))
         rows, happened, numbers = rows[last], happened[last], numbers[last]
@@ -379,31 +397,31 @@ def _new_columns(n: int) -> dict[str, Array]:
     return columns
 
 
-def _writes_of(batch: EventBatch) -> Iterator[_Writes]:
+def writes_of(batch: EventBatch) -> Iterator[Writes]:
     """Yield what the batch writes, register by register."""
     if DoorAdded in batch:
         rows, where = batch[DoorAdded], batch.where(DoorAdded)
         for register in REGISTERS:
             if register != "removed":
-                yield _Writes(register, where, rows["door_id"], _values(rows, register))
+                yield Writes(register, where, rows["door_id"], _values(rows, register))
     if DoorUpdated in batch:
         rows, where = batch[DoorUpdated], batch.where(DoorUpdated)
         for register, bit in _CHANGED.items():
             set_ = (rows["changed"] & int(bit)) != 0
             if set_.any():
                 chosen = rows[set_]
-                yield _Writes(register, where[set_], chosen["door_id"], _values(chosen, register))
+                yield Writes(register, where[set_], chosen["door_id"], _values(chosen, register))
     if DoorRemoved in batch:
-        yield _Writes("removed", batch.where(DoorRemoved), batch[DoorRemoved]["door_id"], {})
+        yield Writes("removed", batch.where(DoorRemoved), batch[DoorRemoved]["door_id"], {})
     if DoorObserved in batch:
         rows = batch[DoorObserved]
-        yield _Writes("state", batch.where(DoorObserved), rows["door_id"], _values(rows, "state"))
+        yield Writes("state", batch.where(DoorObserved), rows["door_id"], _values(rows, "state"))
     if DoorPassed in batch:
         rows, where = batch[DoorPassed], batch.where(DoorPassed)
         through = rows["passed"]
         opened = np.full(int(np.count_nonzero(through)), int(DoorState.OPEN), "u1")
         if len(opened):
-            yield _Writes("state", where[through], rows["door_id"][through], {"state": opened})
+            yield Writes("state", where[through], rows["door_id"][through], {"state": opened})
 
 
 def _values(rows: NDArray[np.void], register: str) -> dict[str, Array]:
