@@ -329,7 +329,7 @@ class DoorLog:
     ) -> Iterator[HistoryEntry]:
         """Yield the events of a window with who and why, retracted ones marked."""
         reader = self.reader
-        finder, changes = CommitFinder(reader), ChangeFinder(reader)
+        finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
 
         def look_at(segment: Segment, page: Page) -> None:
             finder.look_at(segment, page)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from semmap_log.errors import InvalidEventError
 from semmap_log.event_columns import (
     NO_TIME,
+    LazyColumns,
     as_type,
     check_rows,
     check_times,
@@ -256,7 +257,12 @@ class EventBatch:
         if keep.all():
             return self
         inside = {kind: keep[self.kind == kind] for kind in (*self.columns, *self.objects)}
-        columns = {k: self.columns[k][inside[k]] for k in self.columns if inside[k].any()}
+        lazy = self.columns if isinstance(self.columns, LazyColumns) else None
+        columns = {
+            k: lazy.of(k, inside[k]) if lazy is not None else self.columns[k][inside[k]]
+            for k in self.columns
+            if inside[k].any()
+        }
         objects = {
             k: [event for event, kept in zip(events, inside[k], strict=True) if kept]
             for k, events in self.objects.items()

@@ -6,7 +6,7 @@ same rules, and the first that breaks one is named.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -30,6 +30,47 @@ from semmap_log.events import (
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 
 Rows = NDArray[np.void]
+
+
+Chosen = NDArray[np.bool_] | slice
+"""Which rows: for each whether it is wanted, or all."""
+
+
+class LazyColumns(Mapping[int, Rows]):
+    """Kind -> the fields of its events, made when somebody asks for that kind."""
+
+    def __init__(self, kinds: Collection[int], make: Callable[[int, Chosen], Rows]) -> None:
+        """Take note of them.
+
+        Args:
+            kinds: Which there are.
+            make: Returns the rows of a kind, or those that are chosen.
+        """
+        self._kinds = kinds
+        self._make = make
+        self._made: dict[int, Rows] = {}
+
+    def __getitem__(self, kind: int) -> Rows:
+        rows = self._made.get(kind)
+        if rows is None:
+            if kind not in self._kinds:
+                raise KeyError(kind)
+            rows = self._made[kind] = self._make(kind, slice(None))
+        return rows
+
+    def of(self, kind: int, chosen: Chosen) -> Rows:
+        """Return some rows of a kind; the others are not made for it."""
+        return self._made[kind][chosen] if kind in self._made else self._make(kind, chosen)
+
+    def __contains__(self, kind: object) -> bool:
+        return kind in self._kinds
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._kinds)
+
+    def __len__(self) -> int:
+        return len(self._kinds)
+
 
 NO_TIME = -1
 """Stands in a column of happened times for one that was not given: the log's clock says it."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import starmap
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from semmap_log.commits import Commit, Durability, Note
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
+from semmap_log.event_columns import LazyColumns
 from semmap_log.events import Event
 from semmap_log.log import records as mcap
 from semmap_log.log.form import (
@@ -60,33 +60,6 @@ class Heads:
 
     def __len__(self) -> int:
         return len(self._rows)
-
-
-class _Columns(Mapping[int, NDArray[np.void]]):
-    """Kind -> the fields of its events, gathered when somebody asks for that kind."""
-
-    def __init__(self, page: Page, offsets: Mapping[int, NDArray[np.int64]]) -> None:
-        self._page = page
-        self._offsets = offsets
-        """Of each kind's records."""
-        self._made: dict[int, NDArray[np.void]] = {}
-
-    def __getitem__(self, kind: int) -> NDArray[np.void]:
-        rows = self._made.get(kind)
-        if rows is None:
-            offsets = self._offsets[kind] + mcap.MESSAGE.size
-            rows = gather(self._page.records, offsets, fixed_layout(kind).dtype)
-            self._made[kind] = rows
-        return rows
-
-    def __contains__(self, kind: object) -> bool:
-        return kind in self._offsets
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._offsets)
-
-    def __len__(self) -> int:
-        return len(self._offsets)
 
 
 _NO_NOTE = Note()
@@ -168,7 +141,7 @@ class Page:
             kind=kinds,
             happened_ns=happened,
             recorded_ns=recorded,
-            columns=_Columns(self, columns),
+            columns=LazyColumns(columns, lambda kind, some: self._rows(kind, columns[kind][some])),
             objects=objects,
         )
 
@@ -236,6 +209,9 @@ class Page:
         numbers: NDArray[np.int64] = (sequence - first).astype(np.int64)
         numbers += self.first_event
         return numbers
+
+    def _rows(self, kind: int, offsets: NDArray[np.int64]) -> NDArray[np.void]:
+        return gather(self.records, offsets + mcap.MESSAGE.size, fixed_layout(kind).dtype)
 
     def _check_lengths(self, kind: int, lengths: NDArray[np.uint64]) -> None:
         fixed = fixed_layout(kind)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -23,8 +23,15 @@ FAR = 20_000
 class ChangeFinder:
     """Finds what one batch after another changed; quick where they come in order."""
 
-    def __init__(self, reader: LogReader) -> None:
+    def __init__(self, reader: LogReader, doors: Collection[int] | None = None) -> None:
+        """Begin.
+
+        Args:
+            reader: Of the log.
+            doors: Only what changed of these is asked for; None: of all.
+        """
         self._reader = reader
+        self._doors = None if doors is None else list(doors)
         self._state: DoorMapState | None = None
         self._next = 0
         """Number of the first event that is not in the state."""
@@ -45,8 +52,9 @@ class ChangeFinder:
         """Return what events changed, as the log knew its doors then, and take them in."""
         first, last = int(batch.number[0]), int(batch.number[-1])
         state = self._state_before(first)
-        found = changes_of(batch, state)
-        state.apply(batch)
+        mine = self._about_doors(batch)
+        found = changes_of(mine, state)
+        state.apply(mine)
         self._state, self._next = state, last + 1
         if Retracted in batch:  # what it hides can only be left out by another fold
             self._state = None
@@ -62,8 +70,13 @@ class ChangeFinder:
             if any(Retracted in batch for batch in batches):
                 return state_at(self._reader, limit=event - 1)
             for batch in batches:
-                state.apply(batch)
+                state.apply(self._about_doors(batch))
         return state
+
+    def _about_doors(self, batch: EventBatch) -> EventBatch:
+        if self._doors is None:
+            return batch
+        return batch.select(np.isin(batch.door_ids(), self._doors))
 
 
 def _without_gaps(batch: EventBatch) -> Iterator[EventBatch]:
