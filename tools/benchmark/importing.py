@@ -131,16 +131,10 @@ def _ours(csv: Path, folder: Path) -> Work:
 
 
 def _ours_columns(count: int, folder: Path) -> Work:
-    import numpy as np
-
     import semmap_log as sl
     from semmap_log.doors import DoorId
     from semmap_log.event_batch import EventBatch
     from semmap_log.events import DoorAdded, DoorObserved
-
-    blocks = list(_columns(count))
-    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    del blocks
 
     def logs() -> Iterator[sl.DoorLogWriter]:
         for i in counting():
@@ -151,8 +145,10 @@ def _ours_columns(count: int, folder: Path) -> Work:
 
     def once(log: sl.DoorLogWriter) -> sl.DoorLogWriter:
         with log:
-            log.append(EventBatch.of(DoorObserved, **columns, accuracy_open=0.9,
-                                     accuracy_closed=0.9))  # fmt: skip
+            log.append(
+                EventBatch.of(DoorObserved, **block, accuracy_open=0.9, accuracy_closed=0.9)
+                for block in _columns(count)
+            )
         return log
 
     def answer(log: sl.DoorLogWriter) -> Last:
