@@ -319,6 +319,8 @@ class DoorMapState:
         have = len(self._row_by_id)
         if size > have:
             more = np.full(max(size, 2 * have) - have, UNKNOWN_ROW, np.intp)
+            if not have:
+                more[0] = -1  # no door
             self._row_by_id = np.concatenate([self._row_by_id, more])
 
     def _grow(self, size: int) -> None:
