@@ -65,6 +65,10 @@ class EventBatch:
     """Kind number -> structured array, for the kinds of fixed size."""
     objects: Mapping[int, Sequence[Event]]
     """Kind number -> events, for the kinds with text or arrays."""
+    _places: dict[int, NDArray[np.intp]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """Kind number -> positions of its events, once they were looked for."""
     _is_checked: bool = field(default=False, init=False, repr=False, compare=False)
     """Its columns were checked, and cannot be written to any more."""
 
@@ -172,17 +176,24 @@ class EventBatch:
 
     def where(self, kind: type[Event]) -> NDArray[np.intp]:
         """Return the positions of that kind's events."""
-        return np.flatnonzero(self.kind == kind.kind)
+        return self.places_of(kind.kind)
+
+    def places_of(self, kind: int) -> NDArray[np.intp]:
+        """Return the same by the kind's number."""
+        places = self._places.get(kind)
+        if places is None:
+            places = self._places[kind] = np.flatnonzero(self.kind == kind)
+        return places
 
     def door_ids(self) -> NDArray[np.uint32]:
         """Return the door each event is about; 0 where it is about none."""
         ids = np.zeros(len(self), np.uint32)
         for kind in self.columns:
             if issubclass(KINDS[kind - 1], DoorEvent):
-                ids[self.kind == kind] = self.columns[kind]["door_id"]
+                ids[self.places_of(kind)] = self.columns[kind]["door_id"]
         for kind, events in self.objects.items():
             if issubclass(KINDS[kind - 1], DoorEvent):
-                ids[self.kind == kind] = [e.door_id for e in events if isinstance(e, DoorEvent)]
+                ids[self.places_of(kind)] = [e.door_id for e in events if isinstance(e, DoorEvent)]
         return ids
 
     @property

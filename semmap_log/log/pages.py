@@ -129,14 +129,7 @@ class Page:
         )
         columns: dict[int, NDArray[np.int64]] = {}
         objects: dict[int, list[Event]] = {}
-        for kind in np.flatnonzero(np.bincount(kinds)).tolist():
-            mine = np.flatnonzero(kinds == kind)
-            if kind in OBJECT_KINDS:
-                objects[kind] = [self._object(kind, chosen[i]) for i in mine]
-            else:
-                self._check_lengths(kind, lengths[mine])
-                columns[kind] = offsets[mine]
-        return EventBatch(
+        batch = EventBatch(
             number=self._numbers(sequence),
             kind=kinds,
             happened_ns=happened,
@@ -144,6 +137,14 @@ class Page:
             columns=LazyColumns(columns, lambda kind, some: self._rows(kind, columns[kind][some])),
             objects=objects,
         )
+        for kind in np.flatnonzero(np.bincount(kinds)).tolist():
+            mine = batch.places_of(kind)
+            if kind in OBJECT_KINDS:
+                objects[kind] = [self._object(kind, chosen[i]) for i in mine]
+            else:
+                self._check_lengths(kind, lengths[mine])
+                columns[kind] = offsets[mine]
+        return batch
 
     def commits(self) -> list[Commit]:
         """Return the commits whose Commit record is here, notes included.
