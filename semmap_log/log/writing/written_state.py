@@ -76,7 +76,9 @@ class WrittenState:
         if not self._unfolded:
             return
         batch = Page(b"".join(self._unfolded), self._first_event, self._folder).events()
+        needs_reading = self._needs_reading or Retracted in batch
+        self._needs_reading = True  # if it is interrupted: half a fold must not become a keyframe
         self._unfolded, self._unfolded_size = [], 0
         self._state.apply(batch)
         self._first_event = self._state.event + 1
-        self._needs_reading |= Retracted in batch
+        self._needs_reading = needs_reading
