@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from semmap_log.command_content import are_same
 from semmap_log.commands import Gatekeeper, Roster, resolve_door
@@ -16,6 +16,7 @@ from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
+from semmap_log.event_batch import EventBatch, one_by_one
 from semmap_log.events import Event, RobotPose
 from semmap_log.log.clock import believable_ns
 from semmap_log.log.reading.reader import LogReader
@@ -25,6 +26,9 @@ from semmap_log.projections.door_map import DoorMapState
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
+"""What can be appended: events, and batches of them, in any order."""
 
 POSES_WAIT_S = 1.0
 """Robot poses join the next commit; without one, they are written after this time."""
@@ -135,7 +139,7 @@ class AppendableLog(DoorLog):
 
     def append(
         self,
-        events: Iterable[Event],
+        events: Events,
         *,
         note: Note = Note(),
         command_id: bytes | None = None,
@@ -146,7 +150,8 @@ class AppendableLog(DoorLog):
         """Append events as one commit, all or none; waiting robot poses go before them.
 
         Args:
-            events: At least one.
+            events: At least one: events, batches of them as columns, or a batch. Of many, give a
+                generator of batches: they are written as they come, in memory of about one chunk.
             note: Who, with what, why.
             command_id: 16 bytes; a command that is stored already is not stored again.
             content: Digest of what the command asks for (`content_of`), if the same command may
@@ -156,22 +161,25 @@ class AppendableLog(DoorLog):
                 durability says.
 
         Raises:
-            CommandError: The map forbids an event; nothing is written.
+            InvalidEventError: A batch holds a value that no event can have; as for:
+            CommandError: The map forbids an event; nothing is stored.
             CommandReusedError: The command is stored already, with other events.
             UnexpectedEventError: The log went on since.
             LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
         compares = command_id is not None and content == NO_CONTENT
-        given = list(events) if compares else events
+        given = [events] if isinstance(events, EventBatch) else events
+        if compares and not isinstance(given, list):
+            given = list(given)
 
         def is_stored(commit: Commit) -> bool:
             if not compares:
                 return commit.content == content
-            assert isinstance(given, list)
-            stored = self._stored(commit)[-len(given) :]
-            return note == commit.note and are_same(given, stored)
+            wanted = list(one_by_one(given))
+            stored = self._stored(commit)[-len(wanted) :]
+            return note == commit.note and are_same(wanted, stored)
 
-        def expected() -> Iterable[Event]:
+        def expected() -> Iterable[Event | EventBatch]:
             self._check_last_event("the log", expected_event, self._writer.next_event - 1)
             return given
 
@@ -242,7 +250,7 @@ class AppendableLog(DoorLog):
 
     def _append_once(
         self,
-        make: Callable[[], Iterable[Event]],
+        make: Callable[[], Iterable[Event | EventBatch]],
         note: Note,
         command_id: bytes | None,
         content: bytes,
@@ -284,7 +292,7 @@ class AppendableLog(DoorLog):
 
     def _append_now(
         self,
-        make: Callable[[], Iterable[Event]],
+        make: Callable[[], Iterable[Event | EventBatch]],
         note: Note,
         command_id: bytes | None,
         content: bytes,
@@ -366,8 +374,13 @@ class AppendableLog(DoorLog):
                 self._make_last(commit, sync=None)
 
 
-def _checked(events: Iterable[Event], gatekeeper: Gatekeeper) -> Iterator[Event]:
+def _checked(
+    events: Iterable[Event | EventBatch], gatekeeper: Gatekeeper
+) -> Iterator[Event | EventBatch]:
     """Pass the events on, each once it is checked."""
     for event in events:
-        gatekeeper.check(event)
+        if isinstance(event, EventBatch):
+            gatekeeper.check_batch(event)
+        else:
+            gatekeeper.check(event)
         yield event

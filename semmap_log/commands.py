@@ -9,6 +9,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semmap_log.commits import Commit
 from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap
 from semmap_log.errors import (
@@ -18,7 +21,9 @@ from semmap_log.errors import (
     UnknownDoorError,
     UnknownLevelError,
 )
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
+    KINDS,
     MAX_TIME_NS,
     Changed,
     DoorAdded,
@@ -32,7 +37,10 @@ from semmap_log.events import (
     Event,
     FloorMap,
     LevelAdded,
+    PatrolFinished,
+    PatrolStarted,
     Retracted,
+    RobotPose,
 )
 from semmap_log.projections.door_map import DoorMapState
 
@@ -125,7 +133,7 @@ class Gatekeeper:
         self._next_event = next_event
         self._timeless: list[DoorAdded | DoorRemoved] = []
 
-    def check_all(self, events: Sequence[Event]) -> None:
+    def check_all(self, events: Sequence[Event | EventBatch]) -> None:
         """Let these events pass, one after the other.
 
         Raises:
@@ -133,14 +141,59 @@ class Gatekeeper:
         """
         placed = self.roster.placed
         for event in events:
-            if type(event) in _SIGHTINGS and event.door_id in placed:  # type: ignore[attr-defined]
+            if type(event) in _SIGHTINGS and event.door_id in placed:  # type: ignore[union-attr]
                 continue
             break
         else:  # nearly every commit of a patrol: nothing else can be wrong
             self._next_event += len(events)
             return
         for event in events:
-            self.check(event)
+            if isinstance(event, EventBatch):
+                self.check_batch(event)
+            else:
+                self.check(event)
+
+    def check_batch(self, batch: EventBatch) -> None:
+        """Let many events pass, all at once but for those that `check` has more to ask about.
+
+        Raises:
+            InvalidEventError: A value that no event can have.
+            CommandError: As `check`.
+        """
+        batch.check()
+        for part in batch.parts(ROWS_AT_A_TIME):
+            first = self._next_event
+            asked = self._to_be_asked(part)
+            if asked is not None:
+                rows = np.flatnonzero(asked).tolist()
+                for row, recorded in zip(rows, part.select(asked), strict=True):
+                    self._next_event = first + row
+                    self.check(recorded.event)
+            self.keeps_names &= DoorUpdated not in part
+            self._next_event = first + len(part)
+
+    def _to_be_asked(self, batch: EventBatch) -> NDArray[np.bool_] | None:
+        """Return which events `check` must see; the others it would let pass whatever they say.
+
+        None stands for none. Those are the kinds that change the roster, and what is about doors
+        that are not in the map or that the batch takes out of it.
+        """
+        kinds = [KINDS[kind - 1] for kind in (*batch.columns, *batch.objects)]
+        about = [batch[kind] for kind in kinds if issubclass(kind, DoorEvent) and kind in _ROWS]
+        doors = set().union(*(_distinct(rows["door_id"]) for rows in about))
+        is_known = doors <= self.roster.placed.keys()
+        if is_known and all(kind in _HARMLESS for kind in kinds):
+            return None
+        ids = batch.door_ids()
+        harmless = np.isin(batch.kind, [kind.kind for kind in _HARMLESS])
+        if DoorUpdated in batch:
+            placing = batch[DoorUpdated]["changed"] & int(PLACING) != 0
+            harmless[batch.where(DoorUpdated)] = ~placing
+        if not is_known:
+            harmless &= ~np.isin(ids, list(doors - self.roster.placed.keys()))
+        if DoorRemoved in batch:
+            harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])
+        return ~harmless
 
     def check(self, event: Event) -> None:
         """Let the event pass.
@@ -243,11 +296,26 @@ class Gatekeeper:
 _SIGHTINGS = (DoorObserved, DoorPassed, DoorRequested)
 """Kinds that can be said of every door in the map, and change neither doors nor names."""
 
+_HARMLESS = (*_SIGHTINGS, PatrolStarted, PatrolFinished, RobotPose)
+"""Those, and the kinds that are about no door: nothing of a batch of them can be wrong."""
+
+_ROWS = (DoorAdded, DoorUpdated, DoorRemoved, *_SIGHTINGS)
+"""Kinds about a door that a batch holds as columns."""
+
+ROWS_AT_A_TIME = 8192
+FEW_ROWS = 256
+
 NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
 """Kinds that may change which name means which door (an update: by its level)."""
 
 PLACING = Changed.POSE | Changed.WIDTH
 """What an update must set together to give a door its first place."""
+
+
+def _distinct(ids: NDArray[np.uint32]) -> set[int]:
+    """Return the ids that occur."""
+    return set(ids.tolist() if len(ids) <= FEW_ROWS else np.unique(ids).tolist())
+
 
 MOST_ID_DIGITS = len(str(MAX_DOOR_ID))
 

@@ -29,9 +29,12 @@ from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live import LiveState, fold_live
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
+from semmap_log.log.pages import Page
+from semmap_log.log.reading.change_finder import ChangeFinder
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.following import FollowedCommit, follow
 from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import Window
 from semmap_log.moments import Moment, parse_moment, parse_range
 from semmap_log.projections.diff import Diff, diff
@@ -329,9 +332,14 @@ class DoorLog:
     ) -> Iterator[HistoryEntry]:
         """Yield the events of a window with who and why, retracted ones marked."""
         reader = self.reader
-        finder = CommitFinder(reader)
-        batches = (about(b, doors) for b in reader.batches(window, on_page=finder.look_at))
-        return history(batches, finder.commit_at, reader.retractions())
+        finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
+
+        def look_at(segment: Segment, page: Page) -> None:
+            finder.look_at(segment, page)
+            changes.look_at(segment, page)
+
+        batches = (about(b, doors) for b in reader.batches(window, on_page=look_at))
+        return history(batches, finder.commit_at, reader.retractions(), changes.changes_in)
 
     def timeline(
         self,

@@ -45,6 +45,11 @@ class InvalidEventError(SemmapError, ValueError):
     def __init__(self, where: str, expected: str, got: object) -> None:
         super().__init__(f"{where}: expected {expected}, got {got!r}.")
         self.where = where
+        self._said = (expected, got)
+
+    def of_row(self, row: int) -> InvalidEventError:
+        """Return the same of an event that is a row of columns."""
+        return InvalidEventError(f"row {row}: {self.where}", *self._said)
 
 
 class CommandError(SemmapError):

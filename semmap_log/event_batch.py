@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from semmap_log.errors import InvalidEventError
+from semmap_log.event_columns import (
+    NO_TIME,
+    LazyColumns,
+    as_type,
+    check_rows,
+    check_times,
+    common_length,
+    rows_of,
+)
 from semmap_log.events import KINDS, DoorEvent, Event, event_of
+from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
 
 if TYPE_CHECKING:
     from semmap_log.arrow.sdk import DataFrame, pa
@@ -37,6 +48,9 @@ class EventBatch:
 
     `batch[DoorObserved]` gives that kind's own fields, `batch.where(DoorObserved)` the positions
     of its rows among `number`, `happened_ns`, `recorded_ns`.
+
+    A log gives batches, and `append` takes them: `of` makes one from columns, `from_events` from
+    events. On the way in `number` and `recorded_ns` do not count, since the log gives its own.
     """
 
     number: NDArray[np.int64]
@@ -44,15 +58,110 @@ class EventBatch:
     kind: NDArray[np.uint8]
     """`Event.kind` of each."""
     happened_ns: NDArray[np.int64]
-    """As given; one later than recorded folds as the recorded time: see `folds_ns`."""
+    """As given; one later than recorded folds as the recorded time: see `folds_ns`. On the way in
+    -1 stands for one that was not given: the log's clock says it."""
     recorded_ns: NDArray[np.int64]
     columns: Mapping[int, NDArray[np.void]]
     """Kind number -> structured array, for the kinds of fixed size."""
     objects: Mapping[int, Sequence[Event]]
     """Kind number -> events, for the kinds with text or arrays."""
+    _is_checked: bool = field(default=False, init=False, repr=False, compare=False)
+    """Its columns were checked, and cannot be written to any more."""
+
+    @classmethod
+    def of(
+        cls, kind: type[Event], *, happened_ns: ArrayLike | None = None, **fields: ArrayLike
+    ) -> EventBatch:
+        """Return events of one kind from columns, to append them.
+
+            EventBatch.of(DoorObserved, door_id=ids, state=states, accuracy_open=0.9)
+
+        Args:
+            kind: Of fixed size.
+            happened_ns: When each happened, int64; default: when the log records them.
+            **fields: The kind's own fields; those left out have the defaults of the event. One
+                value stands for all rows.
+
+        Raises:
+            InvalidEventError: Columns of different lengths, a value that no event can have, or
+                that its type does not hold: nothing is wrapped or cut.
+        """
+        times = np.asarray(NO_TIME if happened_ns is None else happened_ns)
+        times = as_type(f"{kind.__name__}.happened_ns", times, np.dtype(np.int64))
+        if happened_ns is not None and times.size and times.min() < 0:
+            raise InvalidEventError("happened_ns", "nanoseconds since 1970", int(times.min()))
+        given = {name: np.asarray(column) for name, column in fields.items()}
+        count = common_length(kind.__name__, {"happened_ns": times, **given})
+        happened = np.empty(count, np.int64)
+        happened[:] = times
+        kinds = np.full(count, kind.kind, np.uint8)
+        return cls._of_rows({kind.kind: rows_of(kind, given, count)}, {}, kinds, happened)
+
+    @classmethod
+    def from_events(cls, events: Iterable[Event]) -> EventBatch:
+        """Return events as columns, in their order, numbered from 0 on.
+
+        The columns of a batch that was made so, or by `of`, cannot be written to.
+        """
+        listed = list(events)
+        kinds = np.array([event.kind for event in listed], np.uint8)
+        columns: dict[int, NDArray[np.void]] = {}
+        objects: dict[int, Sequence[Event]] = {}
+        for kind in np.unique(kinds).tolist():
+            chosen = [event for event in listed if event.kind == kind]
+            if kind in OBJECT_KINDS:
+                objects[kind] = chosen
+            else:
+                data = b"".join([encode(event, 0) for event in chosen])
+                columns[kind] = np.frombuffer(data, fixed_layout(kind).dtype)
+        happened = [NO_TIME if e.happened_ns is None else e.happened_ns for e in listed]
+        return cls._of_rows(columns, objects, kinds, np.array(happened, np.int64))
+
+    @classmethod
+    def mixed(cls, kinds: ArrayLike, *batches: EventBatch) -> EventBatch:
+        """Return batches of one kind each as one.
+
+            EventBatch.mixed([DoorObserved.kind, DoorPassed.kind, DoorObserved.kind], seen, passed)
+
+        Args:
+            kinds: `Event.kind` of each event: which of the batches gives the next.
+            *batches: Of different kinds, made by `of`.
+
+        Raises:
+            InvalidEventError: `kinds` asks for more events of a batch, or for fewer, than it has.
+        """
+        wanted = np.asarray(kinds).astype(np.uint8)
+        happened_ns = np.full(len(wanted), NO_TIME, np.int64)
+        columns: dict[int, NDArray[np.void]] = {}
+        for batch in batches:
+            ((kind, rows),) = batch.columns.items()
+            where = np.flatnonzero(wanted == kind)
+            if len(where) != len(rows) or kind in columns:
+                expected = f"{len(rows)} events of kind {kind}"
+                raise InvalidEventError("kinds", expected, len(where))
+            happened_ns[where], columns[kind] = batch.happened_ns, rows
+        if sum(map(len, batches)) != len(wanted):
+            raise InvalidEventError("kinds", f"{sum(map(len, batches))} events", len(wanted))
+        return cls._of_rows(columns, {}, wanted, happened_ns)
+
+    @classmethod
+    def _of_rows(
+        cls,
+        columns: Mapping[int, NDArray[np.void]],
+        objects: Mapping[int, Sequence[Event]],
+        kinds: NDArray[np.uint8],
+        happened_ns: NDArray[np.int64],
+    ) -> EventBatch:
+        numbers = np.arange(len(kinds), dtype=np.int64)
+        batch = cls(numbers, kinds, happened_ns, happened_ns, columns, objects)
+        written: list[NDArray[Any]] = [numbers, kinds, happened_ns, *columns.values()]
+        for column in written:
+            column.flags.writeable = False
+        object.__setattr__(batch, "_is_checked", True)
+        return batch
 
     def __len__(self) -> int:
-        return len(self.number)
+        return len(self.kind)
 
     def __getitem__(self, kind: type[Event]) -> NDArray[np.void]:
         """Return the fields of that fixed-size kind, one row an event (KeyError: none here)."""
@@ -81,12 +190,79 @@ class EventBatch:
         """The time by which each event is ordered: when it happened, but never after recording."""
         return np.minimum(self.happened_ns, self.recorded_ns)
 
+    def check(self) -> None:
+        """Return if these are events that a log can take; where they come from does not count.
+
+        Raises:
+            InvalidEventError: Columns that do not fit each other, or a value that no event can
+                have: the row is named.
+        """
+        if self._is_checked:
+            return
+        if self.happened_ns.dtype != np.int64 or self.happened_ns.shape != self.kind.shape:
+            got = f"{self.happened_ns.dtype} {self.happened_ns.shape}"
+            raise InvalidEventError("happened_ns", f"int64 ({len(self)},)", got)
+        check_times(self.happened_ns)
+        there = {kind: len(rows) for kind, rows in self.columns.items()}
+        there |= {kind: len(events) for kind, events in self.objects.items()}
+        if sum(there.values()) != len(self) or any(
+            np.count_nonzero(self.kind == kind) != count for kind, count in there.items()
+        ):
+            raise InvalidEventError("kind", f"rows as in the columns, {there}", self.kind)
+        fixed = {kind.kind for kind in KINDS} - OBJECT_KINDS
+        if not (self.columns.keys() <= fixed and self.objects.keys() <= OBJECT_KINDS):
+            expected = "kinds of fixed size as columns, others as objects"
+            raise InvalidEventError("kind", expected, sorted(there))
+        for number, rows in self.columns.items():
+            check_rows(KINDS[number - 1], rows)
+        for number, events in self.objects.items():
+            strangers = [event for event in events if event.kind != number]
+            if strangers:
+                raise InvalidEventError("objects", KINDS[number - 1].__name__, strangers[:1])
+
+    def parts(self, rows: int) -> Iterator[EventBatch]:
+        """Yield the events in batches of at most so many rows, which share these columns."""
+        if len(self) <= rows:
+            yield self
+            return
+        done = dict.fromkeys((*self.columns, *self.objects), 0)
+        for start in range(0, len(self), rows):
+            yield self._part(slice(start, start + rows), done)
+
+    def split(self, at: int) -> tuple[EventBatch, EventBatch]:
+        """Return the events before a position, and the others; they share these columns."""
+        done = dict.fromkeys((*self.columns, *self.objects), 0)
+        return self._part(slice(at), done), self._part(slice(at, None), done)
+
+    def _part(self, inside: slice, done: dict[int, int]) -> EventBatch:
+        """Return the events of a slice; `done` counts those of each kind before it, and in it."""
+        kinds = self.kind[inside]
+        spans = {}
+        for kind, first in done.items():
+            count = len(kinds) if len(done) == 1 else int(np.count_nonzero(kinds == kind))
+            if count:
+                spans[kind] = slice(first, first + count)
+                done[kind] = first + count
+        return EventBatch(
+            self.number[inside],
+            kinds,
+            self.happened_ns[inside],
+            self.recorded_ns[inside],
+            {kind: rows[spans[kind]] for kind, rows in self.columns.items() if kind in spans},
+            {kind: found[spans[kind]] for kind, found in self.objects.items() if kind in spans},
+        )
+
     def select(self, keep: NDArray[np.bool_]) -> EventBatch:
         """Return the events where `keep`, one bool an event, is true."""
         if keep.all():
             return self
         inside = {kind: keep[self.kind == kind] for kind in (*self.columns, *self.objects)}
-        columns = {k: self.columns[k][inside[k]] for k in self.columns if inside[k].any()}
+        lazy = self.columns if isinstance(self.columns, LazyColumns) else None
+        columns = {
+            k: lazy.of(k, inside[k]) if lazy is not None else self.columns[k][inside[k]]
+            for k in self.columns
+            if inside[k].any()
+        }
         objects = {
             k: [event for event, kept in zip(events, inside[k], strict=True) if kept]
             for k, events in self.objects.items()
@@ -100,6 +276,10 @@ class EventBatch:
             columns,
             objects,
         )
+
+    def to_events(self) -> Iterator[Event]:
+        """Yield the events as objects, without what a log knows of them."""
+        return (recorded.event for recorded in self)
 
     def to_arrow(self) -> pa.Table:
         """Return the events as a pyarrow.Table, one row each: `arrow.columns` says what is in it.
@@ -146,5 +326,15 @@ class EventBatch:
                 event = next(sources[kind])
             else:
                 values = dict(zip(names[kind], next(rows[kind]), strict=True))
-                event = event_of(kind, values, happened_ns)
+                known_ns = None if happened_ns == NO_TIME else happened_ns
+                event = event_of(kind, values, known_ns)
             yield RecordedEvent(number, recorded_ns, event)
+
+
+def one_by_one(events: Iterable[Event | EventBatch]) -> Iterator[Event]:
+    """Yield events, those of batches, too, as objects."""
+    for event in events:
+        if isinstance(event, EventBatch):
+            yield from event.to_events()
+        else:
+            yield event

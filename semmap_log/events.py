@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from enum import IntFlag
 from typing import Any, ClassVar
 
@@ -383,3 +383,9 @@ def event_of(kind: int, values: Mapping[str, Any], happened_ns: int | None) -> E
 def field_names(kind: type[Event]) -> tuple[str, ...]:
     """Return the names of a kind's own fields, without `happened_ns`."""
     return tuple(f.name for f in fields(kind) if f.name != "happened_ns")
+
+
+def defaults_of(kind: type[Event]) -> dict[str, Any]:
+    """Return the defaults of a kind's own fields, as far as they have any."""
+    known = ((f.name, f.default) for f in fields(kind) if f.name != "happened_ns")
+    return {name: default for name, default in known if default is not MISSING}

@@ -12,6 +12,7 @@ from semmap_log.commits import NO_CONTENT, Note
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorId
 from semmap_log.errors import FormatError
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event, FloorMap
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_csv import read_door_csv
@@ -24,6 +25,10 @@ from semmap_log.formats.thesis_yaml import read_thesis_yaml
 from semmap_log.log.reading.reader import Progress
 
 READABLE = "*.building.yaml (Open-RMF), .yaml (the thesis's), .csv, .csv.gz, .jsonl, .jsonl.gz"
+
+
+TOLD_EVERY = 1000
+"""Events between two words of progress, or a whole batch of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +182,14 @@ def _digest(path: Path) -> bytes:
     return digest.digest()
 
 
-def _told(events: Iterable[Event], count: int, progress: Progress | None) -> Iterator[Event]:
+def _told(
+    events: Iterable[Event | EventBatch], count: int, progress: Progress | None
+) -> Iterator[Event | EventBatch]:
     """Pass the events on, and tell how many there were."""
-    for done, event in enumerate(events, start=1):
+    done = told = 0
+    for event in events:
         yield event
-        if progress is not None and done % 1000 == 0:
+        done += len(event) if isinstance(event, EventBatch) else 1
+        if progress is not None and done - told >= TOLD_EVERY:
+            told = done
             progress(done, count)

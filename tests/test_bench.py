@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
-from benchmark.case import Case, Peer, Work
+from benchmark.case import Case, Measured, Peer, Work
+from benchmark.moments import moments
+from benchmark.patrol import START_NS, STEP_NS, patrol
+from benchmark.plain_fold import PlainFold, plain_answer, plain_answers
+from benchmark.promises import Result, growths, is_kept
 from benchmark.worker import PeerFailedError, measure
 
 TOOLS = Path(__file__).parents[1] / "tools"
-ROWS = {"append": 3, "replay": 6, "import": 1, "moment": 1, "open": 3, "start": 2}
+ROWS = {
+    "append": 3, "fold": 3, "now": 1, "moment": 3, "history": 1, "day": 1, "open": 3, "import": 2,
+    "start": 2,
+}  # fmt: skip
 MIB = 2**20
 
 
@@ -27,24 +37,26 @@ def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
     """
     One document with all rows: each peer's answer is right, its figures are there.
     """
-    pytest.importorskip("mcap_ros2")
+    for name in ("mcap_ros2", "duckdb", "pyarrow", "matplotlib"):
+        pytest.importorskip(name)
+    picture = tmp_path / "bench.svg"
 
-    done = bench("--json", "--dir", tmp_path)
+    done = bench("--json", "--plot", picture, "--dir", tmp_path)
 
     assert 0 == done.returncode, done.stderr
     said = json.loads(done.stdout)
-    assert {"date", "command", "cores", "python", "versions", "cases", "notes"} <= said.keys()
+    assert {"date", "command", "cores", "python", "versions", "cases", "growth"} <= said.keys()
     groups = [case["group"] for case in said["cases"]]
     assert ROWS == {group: groups.count(group) for group in ROWS}
     for case in said["cases"]:
-        ours, *others = case["peers"]
-        assert others
-        assert 1 == ours["times_ours"]
-        for peer in case["peers"]:
+        measured = [peer for peer in case["peers"] if "problem" not in peer]
+        assert 2 <= len(measured), case["peers"]
+        for peer in measured:
             assert peer["agrees"], (case["title"], peer["name"])
             assert 0 < peer["least_s"] <= peer["median_s"]
+            assert 0 <= peer["median_cpu_s"]
             assert (peer["peak_bytes"] is None) == (case["group"] == "start")
-    assert [] == list(tmp_path.iterdir())
+    assert [picture] == list(tmp_path.iterdir())
 
 
 def test_the_table_fits_a_terminal(tmp_path: Path) -> None:
@@ -59,6 +71,23 @@ def test_the_table_fits_a_terminal(tmp_path: Path) -> None:
     assert "Replay" not in done.stdout
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_nothing_is_left_of_a_run_that_was_stopped(tmp_path: Path, number: int) -> None:
+    """
+    Ctrl-C, or a kill, in the middle: its logs are removed, and the exit code says it.
+    """
+    command = [sys.executable, TOOLS / "bench.py", "--only", "fold", "--dir", tmp_path]
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+        while not list(tmp_path.glob(".bench_*/*/log")):
+            time.sleep(0.05)
+
+        process.send_signal(number)
+        code = process.wait(timeout=60)
+
+    assert 130 == code
+    assert [] == list(tmp_path.iterdir())
+
+
 def test_a_group_that_does_not_exist_is_named() -> None:
     """
     A wrong word on the command line is the user's error, and says what there is.
@@ -66,7 +95,98 @@ def test_a_group_that_does_not_exist_is_named() -> None:
     done = bench("--only", "append,speed")
 
     assert 2 == done.returncode
-    assert "no group speed; there are: append, replay" in done.stderr
+    assert "no group speed; there are: append, fold" in done.stderr
+
+
+def test_a_patrol_is_the_same_as_events_and_as_columns() -> None:
+    """
+    Events in a dictionary fold and columns that are sorted give the same doors, now and earlier.
+    """
+    count, first, at_ns = 6_000, 5_500, START_NS + 4_000 * STEP_NS
+    now, then = PlainFold(), PlainFold()
+    for number, event in enumerate(patrol(count)):
+        stamp = (event.happened_ns or 0, number)
+        if number < first:
+            now.apply(type(event).__name__, event, stamp)
+        if event.happened_ns <= at_ns:
+            then.apply(type(event).__name__, event, stamp)
+
+    by_columns = plain_answer(count, first), plain_answer(count, at_ns=at_ns)
+
+    assert (now.answer(), then.answer()) == by_columns
+    assert (99, 100) == (len(now.answer()), len(then.answer()))
+
+
+def test_the_plain_fold_knows_late_events() -> None:
+    """
+    A fold in the order of recording gives another answer: the patrol has late events that matter.
+    """
+    by_time, by_number = (
+        plain_answers(100_000, None, (None,), late_counts=late)[None] for late in (True, False)
+    )
+
+    assert by_time.keys() == by_number.keys()
+    assert by_time != by_number
+
+
+def test_a_few_moments_lie_as_evenly_as_all() -> None:
+    """
+    Whoever answers only seven of them in his time meets each eighth of the log but the first.
+    """
+    few = [(at_ns - START_NS) / (1000 * STEP_NS) for at_ns in moments(1000)[:7]]
+
+    assert [n / 8 for n in range(1, 8)] == sorted(few)
+
+
+def _grown(promise: str, *seconds: float) -> list[Result]:
+    """Return a case at sizes 10, 100 …, whose one peer took so long."""
+    peer = Peer("semmap-log", partial(_answers, 1), expected=1)
+    return [
+        (
+            Case("moment", "Moment, warm", "ms", (peer,), 1, events=10**n, growth_promise=promise),
+            [Measured(peer, (time,), agrees=True)],
+        )
+        for n, time in enumerate(seconds, start=1)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("promise", "value", "kept"),
+    [
+        ("≥ 80x", 80.0, True), ("≥ 80x", 79.9, False), ("< 150 ms", 150.0, False),
+        ("< 1 %", 0.5, True), ("", 1.0, None), ("≥ 80x", None, None),
+    ],
+)  # fmt: skip
+def test_a_promise_is_kept_or_not(promise: str, value: float | None, kept: bool | None) -> None:
+    """
+    The table's words are judged as they read; without a promise or a value there is no judgement.
+    """
+    judged = is_kept(promise, value)
+
+    assert kept is judged
+
+
+def test_growth_is_from_the_smallest_log_to_the_largest() -> None:
+    """
+    What lies between does not count; one size alone has no growth.
+    """
+    (growth,) = growths(_grown("< 2x", 0.010, 0.090, 0.015))
+
+    assert (10, 1000, 1.5) == (growth.from_events, growth.to_events, round(growth.times, 6))
+    assert is_kept(growth.promise, growth.times)
+    assert [] == list(growths(_grown("< 2x", 0.010)))
+
+
+def test_the_slowest_turns_and_the_share_read_are_told() -> None:
+    """
+    p99 of a hundred turns is the last but one; a share is the median of what was read.
+    """
+    peer = Peer("semmap-log", partial(_answers, 1), expected=1, store_bytes=1000)
+
+    measured = Measured(peer, tuple(range(1, 101)), read_bytes=(0, 10, 20))
+
+    assert 99 == measured.p99_s
+    assert 0.01 == measured.share_read
 
 
 def _answers(value: int) -> Work:
@@ -140,3 +260,35 @@ def test_a_peer_that_fails_stops_the_run(prepare: Callable[[], Work]) -> None:
     """
     with pytest.raises(PeerFailedError, match=r"(?s)broken:.*no such luck"):
         measure(_case(Peer("broken", prepare, expected=1)))
+
+
+def _takes(seconds: float) -> Work:
+    return Work(lambda _: time.sleep(seconds))
+
+
+def test_slow_peers_take_fewer_turns() -> None:
+    """
+    A round ends with the burst, or when its time is over; a turn is never cut off.
+    """
+    peers = tuple(Peer(str(s), partial(_takes, s), expected=None) for s in (0.0, 0.2))
+    case = Case("group", "A task", "ms", peers, rounds=1, burst=5, burst_s=0.3)
+
+    quick, slow = measure(case)
+
+    assert (5, 2) == (len(quick.seconds), len(slow.seconds))
+
+
+def _cores() -> Work:
+    return Work(lambda _: len(os.sched_getaffinity(0)))
+
+
+def test_a_peer_is_held_on_its_cores() -> None:
+    """
+    One core is one core, whatever the machine has; more than there are is said.
+    """
+    peers = tuple(Peer(str(n), _cores, expected=n, cores=n) for n in (1, 1000))
+
+    one, many = measure(_case(*peers))
+
+    assert one.agrees
+    assert "needs 1000 cores" == many.problem

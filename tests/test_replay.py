@@ -240,6 +240,26 @@ def test_a_retraction_hides_only_from_later_knowledge(tmp_path: Path) -> None:
         assert [False, True, False] == [entry.retracted for entry in log.history()]
 
 
+def test_a_removal_before_the_adding_is_of_no_door(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    In one commit: a door said to come in the future, which counts from its recorded time, and its
+    removal without a time, a nanosecond before that.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.add_door()
+        log.append(
+            [
+                DoorObserved(door_id=DoorId(1), state=DoorState.OPEN),
+                DoorAdded(door_id=DoorId(2), happened_ns=clock.now_ns + 10**12),
+                DoorRemoved(door_id=DoorId(2)),
+            ]
+        )
+
+        assert [1, 2] == sorted(log.replay().doors)
+        assert log.state.is_present(2)
+        assert not log.timeline(DoorId(2)).removed
+
+
 def test_a_commit_is_known_whole_or_not_at_all(tmp_path: Path, clock: SteadyClock) -> None:
     """
     A moment inside a commit's own nanoseconds shows all of it.

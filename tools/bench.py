@@ -1,42 +1,58 @@
 """Measure what we promise beside what others reach: one table, from one run.
 
-    python tools/bench.py                                   all of it, about two minutes
-    python tools/bench.py --only append,replay              a part
-    python tools/bench.py --events 10000 1000000 --json     other sizes, for machines
+    python tools/bench.py                                   all of it, about five minutes
+    python tools/bench.py --only append,fold                a part
+    python tools/bench.py --events 10000 10000000 --json    other sizes, for machines
+    python tools/bench.py --only fold,moment --events 10_000 1_000_000 --plot bench.svg
 
-The exit code is 1 if an answer was wrong or a peer failed: never because of a time.
+The exit code is 1 if an answer was wrong or a peer failed: never because of a time. Peers that are
+not installed only say so; `pip install semmap-log[bench]` has them all.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import FrameType
 
 from benchmark.appending import append_cases
 from benchmark.case import Case
+from benchmark.folding import SMALL, fold_cases, now_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
-from benchmark.reading import crash_case, moment_cases, open_cases, replay_cases
+from benchmark.moments import moment_cases
+from benchmark.opening import crash_case, open_cases
+from benchmark.promises import Result
+from benchmark.questions import day_cases, history_cases
 from benchmark.starting import start_cases
 from benchmark.worker import PeerFailedError, measure
 
 ROOT = Path(__file__).resolve().parent.parent
 INTERRUPTED = 130
-GROUPS = ("append", "replay", "import", "moment", "open", "start")
+SIZES = (10_000, 100_000)
+SIZED = {
+    "fold": fold_cases, "now": now_cases, "moment": moment_cases, "history": history_cases,
+    "day": day_cases, "open": open_cases, "import": import_cases,
+}  # fmt: skip
+"""Group -> its cases, for each size."""
+GROUPS = ("append", *SIZED, "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure what the command line asks for; 0 good, 1 a wrong answer or an error."""
     given = sys.argv[1:] if arguments is None else arguments
     args = _parsed(given)
+    signal.signal(signal.SIGTERM, _interrupted)  # then, too, the folder is removed
     try:
         with tempfile.TemporaryDirectory(dir=args.dir, prefix=".bench_") as name:
-            return _run(args, Workshop(Path(name), _say), given)
-    except (PeerFailedError, OSError) as error:
+            return _run(args, Workshop(Path(name), _teller()), given)
+    except (PeerFailedError, OSError, ModuleNotFoundError) as error:
         print(f"bench: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -44,21 +60,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
-    from benchmark.report import file_system, machine_of, show, to_json
+    from benchmark.report import file_system, machine_of, to_json
+    from benchmark.table import show
 
+    if args.plot:
+        pass  # said now, not after five minutes
     if file_system(shop.folder) in ("tmpfs", "ramfs"):
         print("bench: this folder is in memory: a sync costs nothing here, and the figures for "
-              "append mean nothing; choose another with --dir", file=sys.stderr)  # fmt: skip
+              "append and for what is cold mean nothing; choose another with --dir",
+              file=sys.stderr)  # fmt: skip
     machine = machine_of(given, shop.folder)
-    results = []
+    results: list[Result] = []
     for case in _cases(args, shop):
-        shop.say(f"measuring: {case.title}")
+        shop.say(f"measuring {case.title}")
         results.append((case, measure(case)))
     shop.say("")
+    document = to_json(results, {**machine, "disk_bytes": shop.most_bytes})
     if args.json:
-        print(json.dumps(to_json(results, machine), indent=2, ensure_ascii=False))
+        print(json.dumps(document, indent=2, ensure_ascii=False))
     else:
-        show(results, machine)
+        show(results, document)
+    if args.plot:
+        from benchmark.plot import draw
+
+        draw(document, args.plot)
+    return _judged(results)
+
+
+def _judged(results: Sequence[Result]) -> int:
     wrong = [f"{case.title}: {measured.peer.name}" for case, peers in results
              for measured in peers if not (measured.agrees or measured.problem)]  # fmt: skip
     for line in wrong:
@@ -69,17 +98,16 @@ def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
 def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
     if "append" in args.only:
         yield from append_cases(shop, args.rounds)
-    sized = {
-        "replay": replay_cases, "import": import_cases, "moment": moment_cases, "open": open_cases,
-    }  # fmt: skip
     for count in args.events:
-        for group, cases in sized.items():
+        for group, cases in SIZED.items():
             if group in args.only:
                 yield from cases(shop, count, args.rounds)
+        shop.clear()
     if "open" in args.only:
-        yield crash_case(shop, args.rounds)
+        yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "start" in args.only:
         yield from start_cases(args.rounds)
+    shop.look()
 
 
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
@@ -90,9 +118,10 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
         "--events",
         type=_count,
         nargs="+",
-        default=[100_000],
+        default=SIZES,
         metavar="N",
-        help="sizes of the logs to read and to import; default: 100000",
+        help="sizes of the logs to read and to import, such as 10_000 10_000_000; default: "
+        f"{' '.join(map(str, SIZES))}. Ten million take about ten minutes and 6 GB",
     )
     parser.add_argument(
         "--only",
@@ -105,6 +134,8 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
                         help="rounds that count; default: 20 of ten commits for append, 10 for "
                         "start, 5 for reading, 3 for import")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one document instead of the table")
+    parser.add_argument("--plot", type=Path, metavar="OUT.svg",
+                        help="draw it, too (.svg or .png); needs matplotlib")  # fmt: skip
     parser.add_argument("--dir", type=Path, default=ROOT, metavar="DIR",
                         help="where to put the temporary folder: a real disk; default: the "
                         "checkout")  # fmt: skip
@@ -128,10 +159,21 @@ def _groups(text: str) -> tuple[str, ...]:
     return chosen
 
 
-def _say(text: str) -> None:
-    """Show what is going on, in place of what was, if somebody is looking."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+def _teller() -> Callable[[str], None]:
+    """Return what shows what is going on, in place of what was, if somebody is looking."""
+    start = time.monotonic()
+
+    def say(text: str) -> None:
+        if sys.stderr.isatty():
+            minutes, seconds = divmod(int(time.monotonic() - start), 60)
+            line = f"{minutes}:{seconds:02}  {text}" if text else ""
+            print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+
+    return say
+
+
+def _interrupted(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

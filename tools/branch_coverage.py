@@ -23,6 +23,8 @@ MEASURED = (
     "semmap_log/log/writing/segment_chain.py",
     "semmap_log/log/segment.py",
     "semmap_log/log/commits.py",
+    "semmap_log/log/batch_records.py",
+    "semmap_log/log/filling.py",
     "semmap_log/log/writing/uniform_commit.py",
     "semmap_log/log/writing/recovery.py",
     "semmap_log/log/writing/opening.py",
@@ -36,6 +38,7 @@ TESTS = (
     "tests/log/test_guards.py",
     "tests/messages",
     "tests/test_command_content.py",
+    "tests/test_appending_batches.py",
 )
 """Enough for all of them, in a minute; others take the same ways, and longer."""
 SETTINGS = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 INTERRUPTED = 130
@@ -15,6 +16,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from semmap_log.errors import SemmapError
 
     _mend_streams()
+    warnings.showwarning = _show_warning
     try:
         app(args=arguments, prog_name="semmap-log")
     except SemmapError as error:
@@ -29,6 +31,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _forget_output()
         print(f"semmap-log: {error}", file=sys.stderr)  # noqa: T201
         sys.exit(1)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    """Tell a person what a library's user would get with file and line."""
+    print(f"semmap-log: warning: {message}", file=sys.stderr)  # noqa: T201
 
 
 def _mend_streams() -> None:

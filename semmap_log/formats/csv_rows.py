@@ -40,11 +40,11 @@ def read_rows(
     header = next(rows, None)
     if header is None:
         raise FormatError(path, f"expected a header {','.join(required)}, got an empty file")
-    places = _places(header, path, required, optional)
+    places = places_of(header, path, required, optional)
     picked = (
         Row(line, [cells[at] if at is not None else "" for at in places])
         for line, cells in rows
-        if _has_length(line, cells, len(header.texts), problems)
+        if has_length(line, cells, len(header.texts), problems)
     )
     total = 0
     while chunk := list(islice(picked, ROWS_AT_A_TIME)):
@@ -71,10 +71,14 @@ def _cells(reader: Iterator[list[str]], problems: Problems) -> Iterator[Row]:
             yield Row(reader.line_num, cells)  # type: ignore[attr-defined]
 
 
-def _places(
+def places_of(
     header: Row, path: Path, required: tuple[str, ...], optional: tuple[str, ...]
 ) -> list[int | None]:
-    """Return at which place each wanted column stands."""
+    """Return at which place each wanted column stands; None: the file has it not.
+
+    Raises:
+        FormatError: A required one is not there, another is, or one is there twice.
+    """
     names = [name.strip().lower() for name in header.texts]
     wanted = [*required, *optional]
     expected = ",".join(required) + "".join(f"[,{name}]" for name in optional)
@@ -88,7 +92,8 @@ def _places(
     return [names.index(name) if name in names else None for name in wanted]
 
 
-def _has_length(line: int, cells: list[str], length: int, problems: Problems) -> bool:
+def has_length(line: int, cells: list[str], length: int, problems: Problems) -> bool:
+    """Tell whether a row has as many cells as the header, and note it if not."""
     if len(cells) == length:
         return True
     problems.add(line, f"expected {length} cells as in the header, got {len(cells)}")

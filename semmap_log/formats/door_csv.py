@@ -7,11 +7,8 @@ wall clock. A second file may say in which windows of time a door's state is kno
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,53 +22,17 @@ from semmap_log.events import (
     DoorUpdated,
     Event,
 )
-from semmap_log.formats.csv_rows import Row, read_rows
-from semmap_log.formats.csv_times import instants_of
+from semmap_log.formats.csv_blocks import Columns, CsvBlocks
+from semmap_log.formats.csv_rows import Row
+from semmap_log.formats.csv_times import instants_in, instants_of
 from semmap_log.formats.csv_windows import KnownTimes, Window, read_windows
 from semmap_log.formats.problems import Problems, shown
+from semmap_log.formats.sightings import Sighting, SightingColumns, Sightings
+from semmap_log.formats.text_column import TextCodes, TextColumn, decimals_in
 from semmap_log.moments import format_wall, zone
 
 COLUMNS = ("timestamp", "door", "state", "accuracy")
 MOST_NAME = 1_000
-
-
-class Sighting(NamedTuple):
-    """What a door was at an instant."""
-
-    happened_ns: int
-    door: str
-    """Its name, as in the file."""
-    state: DoorState
-    accuracy: float
-    """NaN: an update, not a sighting."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sightings:
-    """The rows of a file, with those that its windows add, each door's in order of time."""
-
-    path: Path
-    doors: tuple[str, ...]
-    """Names, in order of their first rows."""
-    door: NDArray[np.uint32]
-    """Which of `doors`, for each row."""
-    happened_ns: NDArray[np.int64]
-    state: NDArray[np.uint8]
-    accuracy: NDArray[np.float64]
-    """NaN: an update, not a sighting."""
-    rows_in_file: int
-    """The others say what windows do: UNKNOWN at an end, the last state at a start."""
-    warnings: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.door)
-
-    def __iter__(self) -> Iterator[Sighting]:
-        columns = (self.happened_ns, self.door, self.state, self.accuracy)
-        for start in range(0, len(self), 65_536):
-            part = slice(start, start + 65_536)
-            for ns, door, state, accuracy in zip(*(c[part].tolist() for c in columns), strict=True):
-                yield Sighting(ns, self.doors[door], DoorState(state), accuracy)
 
 
 def read_door_csv(path: Path, *, windows: Path | None = None, tz: str) -> Sightings:
@@ -89,8 +50,13 @@ def read_door_csv(path: Path, *, windows: Path | None = None, tz: str) -> Sighti
     zone(tz)
     known = None if windows is None else read_windows(windows, tz=tz)
     reader = _Reader(Problems(path), known, tz)
-    for rows in read_rows(path, reader.problems, required=COLUMNS[:3], optional=COLUMNS[3:]):
-        reader.read(rows)
+    table = CsvBlocks(path, reader.problems, required=COLUMNS[:3], optional=COLUMNS[3:])
+    for block in table.blocks():
+        columns = table.columns(block) if known is None else None
+        if columns is None or not reader.take(columns):
+            reader.read(table.rows(block))
+        if reader.problems.is_full:
+            break
     reader.finish()
     if windows is not None and known is not None:
         _refuse_strangers(windows, known, reader.doors)
@@ -129,16 +95,6 @@ def sighting_of(event: Event, *, happened_ns: int, door: str) -> Sighting | None
     return None
 
 
-@dataclass(slots=True)
-class _Door:
-    """What the reader remembers of a door."""
-
-    index: int
-    last_ns: int
-    known: KnownTimes | None
-    """None: at all times."""
-
-
 class _Reader:
     """Takes rows, notes what is wrong, and keeps what is right as columns."""
 
@@ -148,15 +104,72 @@ class _Reader:
         self.problems = problems
         self.windows = windows
         self.tz = tz
-        self.doors: dict[str, _Door] = {}
+        self.names = TextCodes()
+        self.states = TextCodes()
+        self.known: list[KnownTimes | None] = []
+        """Of each door; None: at all times."""
+        self.last_ns = np.zeros(16, np.int64)
+        """Of each door: when its last row happened."""
         self.rows = 0
-        # Plain arrays: 13 bytes a row, 21 once there are accuracies.
-        self.door = array("I")
-        self.happened_ns = array("q")
-        self.state = array("B")
-        self.accuracy: array[float] | None = None
+        self.kept = SightingColumns()
+        self.waiting: list[tuple[int, int, int, float]] = []
+        """Rows that were read one by one and are not among the columns yet."""
+
+    @property
+    def doors(self) -> list[str]:
+        """Names, in order of their first rows."""
+        return [text.decode() for text in self.names.texts]
+
+    def take(self, columns: Columns) -> bool:
+        """Keep the rows of a plain block all at once; False: something about them is odd."""
+        times, names, states, accuracies = columns.texts
+        assert times is not None
+        assert names is not None
+        assert states is not None
+        if not columns.lines:
+            return True
+        ns, _, wrong = instants_in(times, tz=self.tz)
+        state = self.state_numbers(states)
+        accuracy = None if accuracies is None else decimals_in(accuracies)
+        if wrong or state is None or not _are_shares(accuracy, accuracies):
+            return False
+        door = self.door_numbers(names)
+        if door is None or not self.runs_forward(door, ns):
+            return False
+        self.rows += len(ns)
+        self.kept.add(door, ns, state, accuracy)
+        return True
+
+    def state_numbers(self, column: TextColumn) -> NDArray[np.uint8] | None:
+        """Return the states; None: one of the texts is none."""
+        codes = self.states.codes_of(column, accepts=_is_state)
+        if codes is None:
+            return None
+        known = [DoorState.parse(text.decode()) for text in self.states.texts]
+        return np.array(known, np.uint8)[codes]
+
+    def door_numbers(self, column: TextColumn) -> NDArray[np.int64] | None:
+        """Return the doors, new ones among them; None: a name is odd."""
+        codes = self.names.codes_of(column, accepts=lambda text: bool(text.decode().strip()))
+        for text in self.names.texts[len(self.known) :]:
+            self.begin(text.decode())
+        return codes
+
+    def runs_forward(self, door: NDArray[np.int64], ns: NDArray[np.int64]) -> bool:
+        """Tell whether no door's times run backwards, and remember the last ones if so."""
+        if not ((np.diff(ns) >= 0).all() and ns[0] >= self.last_ns.max()):
+            order = np.argsort(door, kind="stable")
+            doors, times = door[order], ns[order]
+            begins = np.flatnonzero(np.diff(doors, prepend=-1))
+            steps = np.diff(times, prepend=times[:1])
+            steps[begins] = times[begins] - self.last_ns[doors[begins]]
+            if (steps < 0).any():
+                return False
+        self.last_ns[door] = ns  # of assignments to the same place numpy keeps the last
+        return True
 
     def read(self, rows: list[Row]) -> None:
+        """Read rows one by one."""
         first, second, wrong = instants_of([row.texts[0].strip() for row in rows], tz=self.tz)
         stamps = zip(rows, first.tolist(), second.tolist(), strict=True)
         for index, ((line, (_, name, state_text, accuracy_text)), ns, later_ns) in enumerate(
@@ -164,36 +177,45 @@ class _Reader:
         ):
             state = self.parsed_state(state_text, line)
             accuracy = self.parsed_accuracy(accuracy_text, line) if accuracy_text else NAN
-            door = self.doors.get(name) or self.new_door(name, line)
+            door = self.names.code_of(name.encode())
+            if door is None:
+                door = self.new_door(name, line)
             if index in wrong:
                 self.problems.add(line, wrong[index])
             elif state is not None and door is not None:
-                self.add(door, ns if ns >= door.last_ns else later_ns, state, accuracy, line)
+                last_ns = int(self.last_ns[door])
+                self.add(door, ns if ns >= last_ns else later_ns, state, accuracy, line)
+        self.keep_waiting()
 
-    def add(self, door: _Door, ns: int, state: DoorState, accuracy: float, line: int) -> None:
-        if ns < door.last_ns:
-            last = format_wall(door.last_ns, self.tz)
+    def add(self, door: int, ns: int, state: DoorState, accuracy: float, line: int) -> None:
+        if ns < self.last_ns[door]:
+            last = format_wall(int(self.last_ns[door]), self.tz)
             self.problems.add(
                 line,
                 "expected a door's times not to run backwards, got one before "
                 f"that of its last row ({last}); sort the file by time",
             )
             return
-        door.last_ns = ns
+        self.last_ns[door] = ns
         self.rows += 1
-        if door.known is not None:
-            for edge_ns, edge_state in door.known.before_row(ns, state):
-                self.keep(door, edge_ns, edge_state)
-        self.keep(door, ns, state, accuracy)
+        known = self.known[door]
+        if known is not None:
+            for edge_ns, edge_state in known.before_row(ns, state):
+                self.waiting.append((door, edge_ns, edge_state, NAN))
+        self.waiting.append((door, ns, state, accuracy))
 
-    def keep(self, door: _Door, ns: int, state: DoorState, accuracy: float = NAN) -> None:
-        if self.accuracy is None and not math.isnan(accuracy):
-            self.accuracy = array("d", [NAN]) * len(self.door)
-        if self.accuracy is not None:
-            self.accuracy.append(accuracy)
-        self.door.append(door.index)
-        self.happened_ns.append(ns)
-        self.state.append(state)
+    def keep_waiting(self) -> None:
+        """Put the rows that wait among the columns."""
+        if self.waiting:
+            doors, ns, states, accuracies = zip(*self.waiting, strict=True)
+            accuracy = np.array(accuracies)
+            self.kept.add(
+                np.array(doors, np.int64),
+                np.array(ns, np.int64),
+                np.array(states, np.uint8),
+                None if np.isnan(accuracy).all() else accuracy,
+            )
+            self.waiting = []
 
     def parsed_state(self, text: str, line: int) -> DoorState | None:
         state = STATES.get(text)
@@ -218,17 +240,23 @@ class _Reader:
             )
         return value
 
-    def new_door(self, name: str, line: int) -> _Door | None:
+    def new_door(self, name: str, line: int) -> int | None:
         if not name.strip() or len(name) > MOST_NAME or "\0" in name:
             self.problems.add(
                 line,
                 f"expected a door's name, of at most {MOST_NAME} characters, got {shown(name)}",
             )
             return None
-        windows = (self.windows or {}).get(name)
-        door = _Door(len(self.doors), 0, KnownTimes(windows) if windows else None)
-        self.doors[name] = door
+        door = self.names.add(name.encode())
+        self.begin(name)
         return door
+
+    def begin(self, name: str) -> None:
+        """Make room for what is remembered of one more door."""
+        windows = (self.windows or {}).get(name)
+        self.known.append(KnownTimes(windows) if windows else None)
+        if len(self.known) > len(self.last_ns):
+            self.last_ns = np.concatenate([self.last_ns, np.zeros_like(self.last_ns)])
 
     def finish(self) -> None:
         """Let the windows after each door's last row have their say.
@@ -237,37 +265,40 @@ class _Reader:
             FormatError: Some row was wrong.
         """
         self.problems.raise_any()
-        for door in self.doors.values():
-            for ns, state in door.known.after_rows() if door.known else ():
-                self.keep(door, ns, state)
+        for door, known in enumerate(self.known):
+            for ns, state in known.after_rows() if known else ():
+                self.waiting.append((door, ns, state, NAN))
+        self.keep_waiting()
 
     def sightings(self, path: Path) -> Sightings:
-        length = len(self.door)
-        accuracy = (
-            np.broadcast_to(np.float64(NAN), length)
-            if self.accuracy is None
-            else np.frombuffer(self.accuracy, np.float64, length)
-        )
         return Sightings(
-            path,
-            tuple(self.doors),
-            np.frombuffer(self.door, np.uint32, length),
-            np.frombuffer(self.happened_ns, np.int64, length),
-            np.frombuffer(self.state, np.uint8, length),
-            accuracy,
-            rows_in_file=self.rows,
-            warnings=tuple(self.warnings()),
+            path, tuple(self.doors), self.kept, self.rows, warnings=tuple(self.warnings())
         )
 
     def warnings(self) -> Iterator[str]:
-        for name, door in self.doors.items():
-            if door.known is not None and door.known.rows_outside:
+        for name, known in zip(self.doors, self.known, strict=True):
+            if known is not None and known.rows_outside:
                 yield (
                     f"door {shown(name)}: rows in none of its windows: "
-                    f"{door.known.rows_outside}; UNKNOWN follows each"
+                    f"{known.rows_outside}; UNKNOWN follows each"
                 )
-            if door.known is None and self.windows is not None:
+            if known is None and self.windows is not None:
                 yield f"door {shown(name)}: no window; taken as known at all times"
+
+
+def _is_state(text: bytes) -> bool:
+    try:
+        DoorState.parse(text.decode())
+    except ValueError:
+        return False
+    return True
+
+
+def _are_shares(accuracy: NDArray[np.float64] | None, texts: TextColumn | None) -> bool:
+    """Tell whether all accuracies are from 0.5 to 1, or not given."""
+    if accuracy is None or texts is None:
+        return True
+    return bool((((accuracy >= 0.5) & (accuracy <= 1)) | (texts.lengths == 0)).all())
 
 
 STATES = {text: state for state in DoorState for text in (state.name, state.name.lower())}

@@ -65,6 +65,10 @@ def entry_to_json(entry: HistoryEntry) -> dict[str, Any]:
         "correlation": entry.correlation or None,
         "command_id": entry.command_id.hex(),
         "retracted": entry.retracted,
+        "changes": [
+            {"field": c.field, "before": _value(c.before), "after": _value(c.after)}
+            for c in entry.changes
+        ],
     }
 
 

@@ -68,11 +68,16 @@ def text_lines(path: Path, *, most_bytes: int) -> Iterator[str]:
             except (OSError, EOFError, zlib.error) as error:
                 raise FormatError(path, [(number, f"cannot be read on: {error}")]) from None
             if len(line) > most_bytes:
-                problem = f"expected lines of at most {most_bytes:,} bytes; this one is longer"
-                raise FormatError(path, [(number, problem)])
+                raise too_long(path, number, most_bytes)
             if not line:
                 return
             yield decode_utf8(line, path, first_line=number)
+
+
+def too_long(path: Path, line: int, most_bytes: int) -> FormatError:
+    """Return the error that says that a line is too long."""
+    problem = f"expected lines of at most {most_bytes:,} bytes; this one is longer"
+    return FormatError(path, [(line, problem)])
 
 
 def decode_utf8(data: bytes, path: Path, *, first_line: int = 1) -> str:

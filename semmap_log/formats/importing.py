@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from semmap_log.commands import Roster
 from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState, reduced
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
     DoorAdded,
@@ -51,8 +52,8 @@ class Present:
 class ImportPlan:
     """What to append, in one commit, and what to tell the user."""
 
-    events: Iterable[Event]
-    """Can be gone through more than once; of a large file they are made one by one."""
+    events: Iterable[Event | EventBatch]
+    """Can be gone through more than once; those of a large file are made as they are asked for."""
     count: int
     """How many events there are; 0: the log holds all of the file already."""
     summary: tuple[str, ...] = ()

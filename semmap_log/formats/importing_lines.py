@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from semmap_log.commands import Gatekeeper, Roster
@@ -38,13 +41,35 @@ def plan_event_lines(path: Path, present: Present, *, tz: str) -> ImportPlan:
         FormatError: The file cannot be read, or a line is wrong; names the lines.
     """
     planner = _LinePlanner(path, present, tz)
-    for number, text in enumerate(text_lines(path, most_bytes=MOST_LINE_BYTES), start=1):
-        if text.strip():
-            planner.read(number, text)
-        if planner.problems.is_full:
-            break
+    events = planner.events()
+    kept = list(islice(events, MOST_KEPT))
+    for _ in events:
+        pass  # only looked at
     planner.problems.raise_any()
-    return planner.plan()
+    if planner.count <= MOST_KEPT:
+        return planner.plan(kept)
+    return planner.plan(_LineEvents(path, present, tz, planner.count))
+
+
+MOST_KEPT = 100_000
+"""Of more events none is kept in memory: their file is read twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class _LineEvents:
+    """The events of a file that was found good, read anew each time: they may be many."""
+
+    path: Path
+    present: Present
+    tz: str
+    count: int
+
+    def __iter__(self) -> Iterator[Event]:
+        planner = _LinePlanner(self.path, self.present, self.tz)
+        yield from planner.events()
+        planner.problems.raise_any()
+        if planner.count != self.count:
+            raise FormatError(self.path, "the file changed while it was imported; import it again")
 
 
 class _LinePlanner:
@@ -55,7 +80,7 @@ class _LinePlanner:
         self.tz = tz
         self.problems = Problems(path)
         self.lookup = DoorLookup(self.resolve, self.next_id, self.level_of)
-        self.events: list[Event] = []
+        self.count = 0
         self.left_out: list[str] = []
         self.noted = 0
         self.door_map = present.door_map
@@ -66,40 +91,52 @@ class _LinePlanner:
         self.levels = {door.door_id: door.level for door in present.door_map.doors.values()}
         self.names = {door.door_id: door.name or "" for door in present.door_map.doors.values()}
 
-    def plan(self) -> ImportPlan:
+    def plan(self, events: Iterable[Event]) -> ImportPlan:
         warnings = [
             f"lines that say who or why: {self.noted:,}; an import is one commit, with one note"
         ]
         return ImportPlan(
-            self.events,
-            count=len(self.events),
-            summary=(f"events: {len(self.events):,}",),
+            events,
+            count=self.count,
+            summary=(f"events: {self.count:,}",),
             left_out=tuple(self.left_out),
             warnings=tuple(warnings) if self.noted else (),
         )
 
-    def read(self, number: int, text: str) -> None:
+    def events(self) -> Iterator[Event]:
+        """Yield the events of good lines, until there are too many bad ones."""
+        lines = text_lines(self.path, most_bytes=MOST_LINE_BYTES)
+        for number, text in enumerate(lines, start=1):
+            event = self.read(number, text) if text.strip() else None
+            if event is not None:
+                self.count += 1
+                yield event
+            if self.problems.is_full:
+                return
+
+    def read(self, number: int, text: str) -> Event | None:
         try:
             line = parse_event_line(
                 text, tz=self.tz, lookup=self.lookup, path=self.path, line=number
             )
-            self.take(line, number)
+            return self.take(line, number)
         except FormatError as error:
             self.problems.add(number, error.problems[0].removeprefix(f"{self.path}:{number}: "))
+            return None
 
-    def take(self, line: ParsedLine, number: int) -> None:
+    def take(self, line: ParsedLine, number: int) -> Event | None:
         event = line.event
         if isinstance(event, Retracted) and line.number is not None:
             self.left_out.append(
                 f"line {number}: Retracted, as it numbers the events of the log "
                 "that it was exported from"
             )
-            return
+            return None
         self.check(event, number)
         if isinstance(event, DoorEvent):
             self.learn(event)
         self.noted += bool(line.actor or line.source or line.reason or line.correlation)
-        self.events.append(event)
+        return event
 
     def check(self, event: Event, number: int) -> None:
         """Ask of each line what the log would ask of it, so that the line can be named."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semmap_log.doors import MAX_DOOR_ID, DoorId
 from semmap_log.errors import CommandError, UnknownDoorError
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
     DoorAdded,
@@ -16,8 +19,8 @@ from semmap_log.events import (
     DoorObserved,
     DoorUpdated,
 )
-from semmap_log.formats.door_csv import Sighting, Sightings
 from semmap_log.formats.importing import ImportPlan, Present
+from semmap_log.formats.sightings import Rows, Sightings
 
 
 def plan_sightings(
@@ -71,41 +74,71 @@ def plan_sightings(
 
 @dataclass(frozen=True, slots=True)
 class _SightingEvents:
-    """The events of a file's rows, made one by one, as often as they are asked for."""
+    """The events of a file's rows, as columns, made as often as they are asked for."""
 
     sightings: Sightings
     ids: tuple[DoorId, ...]
     new: tuple[bool, ...]
     level: int
 
-    def __iter__(self) -> Iterator[DoorEvent]:
-        id_of = dict(zip(self.sightings.doors, self.ids, strict=True))
-        to_add = {name for name, new in zip(self.sightings.doors, self.new, strict=True) if new}
-        for row in self.sightings:
-            if row.door in to_add:
-                to_add.remove(row.door)
-                yield from self._adding(row, id_of[row.door])
-            yield _event_of(row, id_of[row.door])
+    def __iter__(self) -> Iterator[DoorEvent | EventBatch]:
+        ids = np.array(self.ids, np.uint32)
+        seen = 0
+        """So many doors had rows: they are numbered in the order of their first ones."""
+        for rows in self.sightings.columns.parts():
+            batch = _batch_of(rows, ids)
+            highest = np.maximum(np.maximum.accumulate(rows.door.astype(np.int64)), seen - 1)
+            firsts = np.flatnonzero(np.diff(highest, prepend=seen - 1))
+            done = 0
+            for first in firsts.tolist():
+                door = int(rows.door[first])
+                if self.new[door]:
+                    before, batch = batch.split(first - done)
+                    done = first
+                    if len(before):
+                        yield before
+                    yield from self._adding(door, int(rows.happened_ns[first]))
+            if len(batch):
+                yield batch
+            seen = int(highest[-1]) + 1
 
-    def _adding(self, row: Sighting, door_id: DoorId) -> Iterator[DoorEvent]:
-        yield DoorAdded(happened_ns=row.happened_ns, door_id=door_id, level=self.level)
-        yield DoorAnnotated(
-            happened_ns=row.happened_ns, door_id=door_id, key="name", value=row.door
+    def _adding(self, door: int, happened_ns: int) -> Iterator[DoorEvent]:
+        door_id, name = self.ids[door], self.sightings.doors[door]
+        yield DoorAdded(happened_ns=happened_ns, door_id=door_id, level=self.level)
+        yield DoorAnnotated(happened_ns=happened_ns, door_id=door_id, key="name", value=name)
+
+
+def _batch_of(rows: Rows, ids: NDArray[np.uint32]) -> EventBatch:
+    """Return rows as events: with an accuracy sightings, without one updates of the state."""
+    door_ids = ids[rows.door]
+    if rows.accuracy is None:
+        return EventBatch.of(
+            DoorUpdated,
+            happened_ns=rows.happened_ns,
+            door_id=door_ids,
+            changed=Changed.STATE,
+            state=rows.state,
         )
-
-
-def _event_of(row: Sighting, door_id: DoorId) -> DoorEvent:
-    if math.isnan(row.accuracy):
-        return DoorUpdated(
-            happened_ns=row.happened_ns, door_id=door_id, changed=Changed.STATE, state=row.state
-        )
-    return DoorObserved(
-        happened_ns=row.happened_ns,
-        door_id=door_id,
-        state=row.state,
-        accuracy_open=row.accuracy,
-        accuracy_closed=row.accuracy,
+    seen = ~np.isnan(rows.accuracy)
+    accuracy = rows.accuracy[seen]
+    observed = EventBatch.of(
+        DoorObserved,
+        happened_ns=rows.happened_ns[seen],
+        door_id=door_ids[seen],
+        state=rows.state[seen],
+        accuracy_open=accuracy,
+        accuracy_closed=accuracy,
     )
+    if seen.all():
+        return observed
+    updated = EventBatch.of(
+        DoorUpdated,
+        happened_ns=rows.happened_ns[~seen],
+        door_id=door_ids[~seen],
+        changed=Changed.STATE,
+        state=rows.state[~seen],
+    )
+    return EventBatch.mixed(np.where(seen, DoorObserved.kind, DoorUpdated.kind), observed, updated)
 
 
 def _names(present: Present, level: int | None) -> dict[str, list[DoorId]]:

@@ -6,7 +6,7 @@ import struct
 import threading
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from mcap.records import ChunkIndex
@@ -79,6 +79,8 @@ class BuiltChunk:
     data: bytes
     """The bytes for the file."""
     facts: ChunkFacts
+    offsets: NDArray[np.int64] | None = field(default=None, compare=False)
+    """Where each record begins, if whoever built it knows: others must walk."""
 
 
 NO_SPAN = (-1, -1)

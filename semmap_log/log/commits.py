@@ -7,7 +7,6 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import accumulate, count
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,12 @@ from mcap.opcode import Opcode
 
 from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.errors import CommandError
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import NO_SPAN, BuiltChunk, assemble_chunk
+from semmap_log.log.batch_records import Start, block_of, is_columns, record_size, sizes_of
+from semmap_log.log.chunks import BuiltChunk
+from semmap_log.log.filling import Filling, wider
 from semmap_log.log.form import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
@@ -46,6 +48,9 @@ Entropy = Callable[[int], bytes]
 
 _MESSAGE = int(Opcode.MESSAGE)
 _LOW_32_BITS = 0xFFFF_FFFF
+
+ROWS_AT_A_TIME = 8192
+"""So many of a batch become records at a time: less than a chunk, and the CPU's cache holds it."""
 
 
 @dataclass(slots=True)
@@ -81,7 +86,8 @@ def _commit_packing() -> tuple[Callable[..., bytes], int]:
 class CommitBuilder:
     """Turns events into the chunks of one commit, in memory of about one chunk.
 
-    Works without numpy: most commits are one event, and then its calls would be most of the time.
+    Events that come one by one are packed without numpy: most commits are one event, and then its
+    calls would be most of the time.
     """
 
     def __init__(self, stamp: Stamp, note: Note, entropy: Entropy) -> None:
@@ -97,44 +103,53 @@ class CommitBuilder:
         self.levels: set[int] = set()
         """Levels whose floor map is in it: their channels must stand before the chunk."""
 
-    def chunks(self, events: Iterable[Event]) -> Iterator[BuiltChunk]:
-        """Yield the commit's chunks; only the last makes it visible."""
-        time, number = self._stamp.recorded_ns, self._stamp.first_event
-        wall_ns = self._stamp.wall_clock_ns
-        records: list[bytes] = []
-        channels: list[int] = []
-        span = NO_SPAN
-        size = 0
-        for event in events:
-            if size >= CHUNK_BYTES:
-                yield self._chunk(records, channels, time, span)
-                records, channels, span, size = [], [], NO_SPAN, 0
-            kind = event.kind
-            happened = wall_ns if event.happened_ns is None else event.happened_ns
-            if kind in OBJECT_KINDS:
-                channel, record = self._object(event, number, time, happened)
-            else:
-                channel = kind
-                pack, length, values = _packing(kind)
-                record = pack(
-                    _MESSAGE, length, kind, number & _LOW_32_BITS, time, happened,
-                    CDR_HEADER, *values(event),
-                )  # fmt: skip
-            records.append(record)
-            channels.append(channel)
-            span = _wider(span, min(time, happened))
-            size += len(record)
-            time += 1
-            number += 1
-        if number == self._stamp.first_event:
+    def chunks(self, events: Iterable[Event | EventBatch]) -> Iterator[BuiltChunk]:
+        """Yield the commit's chunks; only the last makes it visible.
+
+        Args:
+            events: Events, and batches of them, whose numbers and recorded times do not count.
+        """
+        filling = Filling(self._stamp.recorded_ns)
+        for part in _parts(events):
+            rest: Event | EventBatch | None = part
+            while rest is not None:
+                if filling.size >= CHUNK_BYTES:
+                    yield self._full(filling)
+                    filling = Filling(filling.time)
+                rest = self._fill(filling, rest)
+        if self._end_event == self._stamp.first_event:
             raise CommandError("a commit wants at least one event.")
-        self._end_event = number
         if self._note:
-            records.append(self._note_record(time))
-            channels.append(NOTE_CHANNEL)
-            time += 1
-        self._end_ns = time
-        yield self._last_chunk(records, channels, span)
+            filling.add(NOTE_CHANNEL, self._note_record(filling.time))
+        self._end_ns = filling.time
+        yield self._last_chunk(filling)
+
+    def _fill(self, filling: Filling, events: Event | EventBatch) -> EventBatch | None:
+        """Add an event, or as many of a batch as there is room for; return those that are left."""
+        number, wall_ns = self._end_event, self._stamp.wall_clock_ns
+        if not isinstance(events, EventBatch):
+            happened = wall_ns if events.happened_ns is None else events.happened_ns
+            self._add(filling, events, number, happened)
+            self._end_event = number + 1
+            return None
+        fits, rest = _split(events, CHUNK_BYTES - filling.size)
+        filling.add_block(block_of(fits, Start(number, filling.time), wall_ns))
+        self._end_event = number + len(fits)
+        return rest if len(rest) else None
+
+    def _add(self, filling: Filling, event: Event, number: int, happened: int) -> None:
+        kind, time = event.kind, filling.time
+        if kind in OBJECT_KINDS:
+            channel, record = self._object(event, number, time, happened)
+        else:
+            channel = kind
+            pack, length, values = _packing(kind)
+            record = pack(
+                _MESSAGE, length, kind, number & _LOW_32_BITS, time, happened,
+                CDR_HEADER, *values(event),
+            )  # fmt: skip
+        filling.add(channel, record)
+        filling.span = wider(filling.span, min(time, happened))
 
     @property
     def commit(self) -> Commit:
@@ -184,62 +199,45 @@ class CommitBuilder:
         self._drawn_salt = self._drawn_salt or self._entropy(SALT_BYTES)
         return hashlib.sha256(self._drawn_salt + struct.pack("<q", number)).digest()[:SALT_BYTES]
 
-    def _last_chunk(
-        self, records: list[bytes], channels: list[int], span: tuple[int, int]
-    ) -> BuiltChunk:
+    def _last_chunk(self, filling: Filling) -> BuiltChunk:
         """Return the chunk that closes the commit: the events that are left, note and Commit."""
-        self._hash_in(records, channels)
-        time = self._end_ns
+        filling.hash_into(self._digests)
         digests = {channel: digest.digest() for channel, digest in self._digests.items()}
-        record, self._hash = closing_record(self._stamp, self._end_event, time, digests)
-        records.append(record)
-        channels.append(COMMIT_CHANNEL)
-        return _chunk_of(records, channels, time + 1, span)
+        record, self._hash = closing_record(self._stamp, self._end_event, self._end_ns, digests)
+        filling.add(COMMIT_CHANNEL, record)
+        return filling.chunk()
 
-    def _chunk(
-        self, records: list[bytes], channels: list[int], end_ns: int, span: tuple[int, int]
-    ) -> BuiltChunk:
-        self._hash_in(records, channels)
-        return _chunk_of(records, channels, end_ns, span)
+    def _full(self, filling: Filling) -> BuiltChunk:
+        filling.hash_into(self._digests)
+        return filling.chunk()
 
-    def _hash_in(self, records: list[bytes], channels: list[int]) -> None:
-        """Take records into the digests of their channels."""
-        alone = len(channels) == channels.count(channels[0]) if channels else False
-        for channel in sorted(set(channels)):
-            mine = records if alone else [
-                record for record, its in zip(records, channels, strict=True) if its == channel
-            ]  # fmt: skip
-            joined = b"".join(mine) if len(mine) > 1 else mine[0]
-            known = self._digests.get(channel)
-            if known is None:
-                self._digests[channel] = hashlib.sha256(joined)
+
+def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
+    """Yield events, and of batches parts that can be made records at once.
+
+    What has texts or maps comes one by one, and so does a batch in which there are such.
+    """
+    for event in events:
+        if not isinstance(event, EventBatch):
+            yield event
+            continue
+        for part in event.parts(ROWS_AT_A_TIME):
+            if len(part) and is_columns(part):
+                yield part
             else:
-                known.update(joined)
+                yield from part.to_events()
 
 
-def _chunk_of(
-    records: list[bytes], channels: list[int], end_ns: int, span: tuple[int, int]
-) -> BuiltChunk:
-    """Return the chunk of these records, whose log times are one apart and end before `end_ns`."""
-    start_ns = end_ns - len(records)
-    entries: dict[int, list[int]] = {}
-    for channel, time, offset in zip(
-        channels, count(start_ns), accumulate(map(len, records), initial=0)
-    ):  # the offsets are one more: where the next record would begin
-        known = entries.get(channel)
-        if known is None:
-            entries[channel] = [time, offset]
-        else:
-            known += (time, offset)
-    return assemble_chunk(
-        b"".join(records),
-        {
-            channel: struct.pack(f"<{len(known)}Q", *known)
-            for channel, known in sorted(entries.items())
-        },
-        times=(start_ns, end_ns - 1),
-        happened=span,
-    )
+def _split(batch: EventBatch, room: int) -> tuple[EventBatch, EventBatch]:
+    """Return the events that a chunk takes which has so much room, at least one, and the rest.
+
+    A chunk takes one more as long as it has any room: it may become longer than it should.
+    """
+    if len(batch.columns) == 1:
+        (kind,) = batch.columns
+        return batch.split(-(-room // record_size(kind)))
+    ends = np.cumsum(sizes_of(batch))
+    return batch.split(int(np.searchsorted(ends, room, "left")) + 1)
 
 
 def closing_record(
@@ -284,10 +282,3 @@ def commit_hash(commit_record: bytes | memoryview, digests: dict[int, bytes]) ->
     for channel, digest in sorted(digests.items()):
         whole.update(channel.to_bytes(2, "little") + digest)
     return whole.digest()
-
-
-def _wider(span: tuple[int, int], time: int) -> tuple[int, int]:
-    if span is NO_SPAN:
-        return time, time
-    low, high = span
-    return (time, high) if time < low else (low, time) if time > high else span

@@ -5,7 +5,7 @@ Bit k stands for the kind of event with that number; the others are of the log i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,11 @@ def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
     """Return the bit of each channel."""
     bits: NDArray[np.uint32] = _BITS[np.minimum(channels, FLOOR_MAP_CHANNEL)]
     return bits
+
+
+def bits_of_counts(counts: Mapping[int, int]) -> int:
+    """Return the bits of all channels that have messages."""
+    return sum({_bit_of_channel(channel) for channel, count in counts.items() if count})
 
 
 def bits_of_kinds(kinds: Iterable[type[Event]]) -> int:

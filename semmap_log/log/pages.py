@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from semmap_log.commits import Commit, Durability, Note
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
+from semmap_log.event_columns import LazyColumns
 from semmap_log.events import Event
 from semmap_log.log import records as mcap
 from semmap_log.log.form import (
@@ -62,31 +62,13 @@ class Heads:
         return len(self._rows)
 
 
-class _Columns(Mapping[int, NDArray[np.void]]):
-    """Kind -> the fields of its events, gathered when somebody asks for that kind."""
+_NO_NOTE = Note()
 
-    def __init__(self, page: Page, offsets: Mapping[int, NDArray[np.int64]]) -> None:
-        self._page = page
-        self._offsets = offsets
-        """Of each kind's records."""
-        self._made: dict[int, NDArray[np.void]] = {}
 
-    def __getitem__(self, kind: int) -> NDArray[np.void]:
-        rows = self._made.get(kind)
-        if rows is None:
-            offsets = self._offsets[kind] + mcap.MESSAGE.size
-            rows = gather(self._page.records, offsets, fixed_layout(kind).dtype)
-            self._made[kind] = rows
-        return rows
-
-    def __contains__(self, kind: object) -> bool:
-        return kind in self._offsets
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._offsets)
-
-    def __len__(self) -> int:
-        return len(self._offsets)
+def _each(blobs: NDArray[np.uint8]) -> list[bytes]:
+    """Return the rows of a matrix of bytes."""
+    data, size = blobs.tobytes(), blobs.shape[1]
+    return [data[at : at + size] for at in range(0, len(data), size)]
 
 
 @dataclass(frozen=True)
@@ -159,7 +141,7 @@ class Page:
             kind=kinds,
             happened_ns=happened,
             recorded_ns=recorded,
-            columns=_Columns(self, columns),
+            columns=LazyColumns(columns, lambda kind, some: self._rows(kind, columns[kind][some])),
             objects=objects,
         )
 
@@ -169,10 +151,12 @@ class Page:
         Raises:
             CorruptLogError: One is not what its channel carries.
         """
-        chosen = np.flatnonzero(self.heads["channel_id"] == COMMIT_CHANNEL).tolist()
+        places = self.commit_places()
         try:
-            return [self._commit(i) for i in chosen]
-        except (ValueError, struct.error) as error:
+            if len(places) < np.count_nonzero(self.heads["channel_id"] == COMMIT_CHANNEL):
+                raise ValueError("a Commit of a wrong size")  # noqa: TRY301
+            return self._commits(places)
+        except ValueError as error:
             raise CorruptLogError(self.path, self.offset, str(error)) from None
 
     def last_commit(self) -> Commit | None:
@@ -226,6 +210,9 @@ class Page:
         numbers += self.first_event
         return numbers
 
+    def _rows(self, kind: int, offsets: NDArray[np.int64]) -> NDArray[np.void]:
+        return gather(self.records, offsets + mcap.MESSAGE.size, fixed_layout(kind).dtype)
+
     def _check_lengths(self, kind: int, lengths: NDArray[np.uint64]) -> None:
         fixed = fixed_layout(kind)
         if (lengths != mcap.MESSAGE_BODY_HEAD + fixed.dtype.itemsize).any():
@@ -240,6 +227,28 @@ class Page:
         level = max(0, int(self.heads["channel_id"][i]) - FLOOR_MAP_CHANNEL)
         return decode(kind, self._payload(i), int(self.heads["publish_time"][i]), level)
 
+    def _commits(self, places: NDArray[np.intp]) -> list[Commit]:
+        """Return the commits whose Commit messages are at these places: `_commit` of many."""
+        rows = self.commit_rows(places)
+        if len(rows) and rows["durability"].max() > max(Durability):
+            raise ValueError(f"a Commit of durability {rows['durability'].max()}")
+        has_note = (places > 0) & (self.heads["channel_id"][places - 1] == NOTE_CHANNEL)
+        recorded_ns = self.heads["log_time"][places] - rows["count"] - has_note
+        notes = [
+            self._note(place - 1) if has else _NO_NOTE
+            for place, has in zip(places.tolist(), has_note.tolist(), strict=True)
+        ]
+        columns = (
+            rows["first_event"].tolist(), rows["count"].tolist(),
+            recorded_ns.tolist(), self.heads["log_time"][places].tolist(),
+            _each(rows["command_id"]), rows["wall_clock_ns"].tolist(),
+            rows["monotonic_clock_ns"].tolist(), _each(rows["boot_id"]),
+            _each(rows["previous_hash"]), _each(rows["hash"]),
+            map(Durability, rows["durability"].tolist()), rows["durable_before"].tolist(),
+            _each(rows["content"]), notes,
+        )  # fmt: skip
+        return list(starmap(Commit, zip(*columns, strict=True)))
+
     def _commit(self, i: int) -> Commit:
         fields: dict[str, Any] = layout("Commit").unpack(self._payload(i))
         has_note = i > 0 and bool(self.heads["channel_id"][i - 1] == NOTE_CHANNEL)
@@ -248,7 +257,7 @@ class Page:
         return Commit(
             recorded_ns=closed_ns - fields["count"] - has_note,
             closed_ns=closed_ns,
-            note=self._note(i - 1) if has_note else Note(),
+            note=self._note(i - 1) if has_note else _NO_NOTE,
             **fields,
         )
 

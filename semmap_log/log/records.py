@@ -33,6 +33,7 @@ MESSAGE_DTYPE: np.dtype[np.void] = np.dtype(
 
 _CHUNK = struct.Struct("<BQQQQII")
 """Opcode, length, start and end time, uncompressed size, CRC, length of the compression's name."""
+_CHUNK_OPCODE = int(Opcode.CHUNK)
 _SIZE = struct.Struct("<Q")
 MESSAGE_INDEX = struct.Struct("<BQHI")
 """Opcode, length, channel id, bytes of entries; entries of (log time u64, offset u64) follow."""
@@ -68,7 +69,7 @@ def chunk_head(
     """
     name = compression.encode()
     length = _CHUNK.size - FRAME.size + len(name) + _SIZE.size + stored_size
-    head = _CHUNK.pack(Opcode.CHUNK, length, start, end, size, crc, len(name))
+    head = _CHUNK.pack(_CHUNK_OPCODE, length, start, end, size, crc, len(name))
     return head + name + _SIZE.pack(stored_size)
 
 

@@ -5,7 +5,6 @@ The only room that knows CDR. The `.msg` texts are the definition; layouts are d
 
 from semmap_log.messages.codec import (
     OBJECT_KINDS,
-    batch_of,
     decode,
     encode,
     field_getter,
@@ -25,7 +24,7 @@ from semmap_log.messages.typestore import (
 
 __all__ = [
     "CDR_HEADER",
-    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "batch_of", "decode", "deserialize",
+    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "decode", "deserialize",
     "encode", "field_getter", "fixed_layout", "layout", "message_text", "read_in_place", "ros_type",
     "schema_text", "serialize", "type_hash", "type_name",
 ]  # fmt: skip

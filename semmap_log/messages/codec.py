@@ -1,9 +1,9 @@
-"""Event <-> CDR bytes, one at a time; and events -> columns without a log, for tests and feeds."""
+"""Event <-> CDR bytes, one at a time."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from functools import cache
 from operator import attrgetter
 from typing import Any
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     KINDS,
     DoorAnnotated,
@@ -119,43 +118,6 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
         file_name=message.file_name,
         at_ns=message.at_ns,
     )
-
-
-def batch_of(
-    events: Iterable[Event], *, first_number: int = 0, recorded_ns: Sequence[int] | None = None
-) -> EventBatch:
-    """Return events as columns, numbered from `first_number` on.
-
-    Args:
-        events: Events; where `happened_ns` is None, the recorded time stands in.
-        first_number: Number of the first.
-        recorded_ns: Recorded time of each; default: 0, 1, 2 …
-    """
-    listed = list(events)
-    recorded = np.asarray(range(len(listed)) if recorded_ns is None else recorded_ns, np.int64)
-    happened = np.array(
-        [
-            known if (known := event.happened_ns) is not None else recorded[i]
-            for i, event in enumerate(listed)
-        ],
-        np.int64,
-    )
-    kinds = np.array([event.kind for event in listed], np.uint8)
-    columns: dict[int, np.ndarray[Any, np.dtype[np.void]]] = {}
-    objects: dict[int, list[Event]] = {}
-    for kind in np.unique(kinds).tolist():
-        chosen = [i for i, event in enumerate(listed) if event.kind == kind]
-        if kind in OBJECT_KINDS:
-            objects[kind] = [
-                decode(kind, encode(listed[i], int(happened[i])), int(happened[i]),
-                       getattr(listed[i], "level", 0))
-                for i in chosen
-            ]  # fmt: skip
-        else:
-            data = b"".join(encode(listed[i], int(happened[i])) for i in chosen)
-            columns[kind] = np.frombuffer(data, fixed_layout(kind).dtype)
-    numbers = np.arange(first_number, first_number + len(listed), dtype=np.int64)
-    return EventBatch(numbers, kinds, happened, recorded, columns, objects)
 
 
 def _salt(salt: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:

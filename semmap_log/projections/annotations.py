@@ -35,6 +35,10 @@ class Annotations:
         if key not in said or stamp > said[key][0]:
             said[key] = (stamp, value)
 
+    def get(self, door_id: int, key: str) -> tuple[Stamp, str] | None:
+        """Return a text and its stamp; None: it was never written."""
+        return self._unpacked().get(door_id, {}).get(key)
+
     def of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
         """Return what is said of a door since it was added, keys ascending."""
         said = self._unpacked().get(door_id, {})

@@ -69,7 +69,7 @@ _OF_A_DOOR = (
 
 
 @dataclass(frozen=True, slots=True)
-class _Writes:
+class Writes:
     """What some events of a batch write to one register."""
 
     register: str
@@ -109,7 +109,7 @@ class DoorMapState:
         self.note_used_ids(batch)
         rows = self._rows(batch.door_ids())
         self._touch(rows, batch.number)
-        for writes in _writes_of(batch):
+        for writes in writes_of(batch):
             where = writes.positions
             self._write(writes, rows[where], happened[where], batch.number[where])
         self._apply_objects(batch, happened)
@@ -151,7 +151,18 @@ class DoorMapState:
         row = self._row_of.get(door_id)
         if row is None:
             return False
-        return bool(self._columns["added_event"][row] >= 0 > self._columns["removed_event"][row])
+        return bool(self._is_here(slice(row, row + 1))[0])
+
+    def _is_here(self, rows: slice) -> NDArray[np.bool_]:
+        """Tell which doors are in the map: added, and not removed since.
+
+        A removal that comes before the adding was of no door: it leaves the map alone.
+        """
+        names = ("added_happened_ns", "added_event", "removed_happened_ns", "removed_event")
+        added_ns, added, removed_ns, removed = (self._columns[name][rows] for name in names)
+        is_later = (removed_ns > added_ns) | ((removed_ns == added_ns) & (removed > added))
+        here: NDArray[np.bool_] = (added >= 0) & ~((removed >= 0) & is_later)
+        return here
 
     def last_event(self, door_id: int) -> int:
         """Return the number of the last event about a door; -1 if there is none."""
@@ -180,12 +191,29 @@ class DoorMapState:
         happened = int(columns[f"{register}_happened_ns"][row])
         return happened, int(columns[f"{register}_event"][row])
 
+    def register_of(
+        self, door_ids: Array, register: str
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, Array]]:
+        """Return what a register of some doors holds: happened times, event numbers, values.
+
+        The number is `NEVER` for a door of which it was never set.
+        """
+        names = (f"{register}_happened_ns", f"{register}_event", *REGISTERS[register])
+        empty = _new_columns(1)
+        rows = np.array([self._row_of.get(door_id, -1) for door_id in door_ids.tolist()], np.intp)
+        columns = [np.append(self._columns[name], empty[name])[rows] for name in names]
+        happened, numbers, *values = columns
+        return happened, numbers, dict(zip(REGISTERS[register], values, strict=True))
+
+    def text(self, door_id: int, key: str) -> tuple[Stamp, str] | None:
+        """Return what a door's annotation says, and since when; None: it was never made."""
+        return self._annotations.get(door_id, key)
+
     def door_map(self, *, at_ns: int | None = None, known_at_ns: int | None = None) -> DoorMap:
         """Return the doors that are in the map, as values; the moments are only written on it."""
         n = len(self._row_of)
         columns = self._columns
-        is_here = (columns["added_event"][:n] >= 0) & (columns["removed_event"][:n] < 0)
-        here = np.flatnonzero(is_here)
+        here = np.flatnonzero(self._is_here(slice(n)))
         here = here[np.argsort(columns["door_id"][here])]
         chosen = {name: columns[name][here] for name in _OF_A_DOOR}
         return DoorMap(
@@ -291,6 +319,8 @@ class DoorMapState:
         have = len(self._row_by_id)
         if size > have:
             more = np.full(max(size, 2 * have) - have, UNKNOWN_ROW, np.intp)
+            if not have:
+                more[0] = -1  # no door
             self._row_by_id = np.concatenate([self._row_by_id, more])
 
     def _grow(self, size: int) -> None:
@@ -308,7 +338,7 @@ class DoorMapState:
         np.maximum(self._columns["last_event"], last[:-1], out=self._columns["last_event"])
 
     def _write(
-        self, writes: _Writes, rows: NDArray[np.intp], happened: Array, numbers: Array
+        self, writes: Writes, rows: NDArray[np.intp], happened: Array, numbers: Array
     ) -> None:
         last = _last_per_row(rows, happened, len(self._columns["door_id"]))
         rows, happened, numbers = rows[last], happened[last], numbers[last]
@@ -369,31 +399,31 @@ def _new_columns(n: int) -> dict[str, Array]:
     return columns
 
 
-def _writes_of(batch: EventBatch) -> Iterator[_Writes]:
+def writes_of(batch: EventBatch) -> Iterator[Writes]:
     """Yield what the batch writes, register by register."""
     if DoorAdded in batch:
         rows, where = batch[DoorAdded], batch.where(DoorAdded)
         for register in REGISTERS:
             if register != "removed":
-                yield _Writes(register, where, rows["door_id"], _values(rows, register))
+                yield Writes(register, where, rows["door_id"], _values(rows, register))
     if DoorUpdated in batch:
         rows, where = batch[DoorUpdated], batch.where(DoorUpdated)
         for register, bit in _CHANGED.items():
             set_ = (rows["changed"] & int(bit)) != 0
             if set_.any():
                 chosen = rows[set_]
-                yield _Writes(register, where[set_], chosen["door_id"], _values(chosen, register))
+                yield Writes(register, where[set_], chosen["door_id"], _values(chosen, register))
     if DoorRemoved in batch:
-        yield _Writes("removed", batch.where(DoorRemoved), batch[DoorRemoved]["door_id"], {})
+        yield Writes("removed", batch.where(DoorRemoved), batch[DoorRemoved]["door_id"], {})
     if DoorObserved in batch:
         rows = batch[DoorObserved]
-        yield _Writes("state", batch.where(DoorObserved), rows["door_id"], _values(rows, "state"))
+        yield Writes("state", batch.where(DoorObserved), rows["door_id"], _values(rows, "state"))
     if DoorPassed in batch:
         rows, where = batch[DoorPassed], batch.where(DoorPassed)
         through = rows["passed"]
         opened = np.full(int(np.count_nonzero(through)), int(DoorState.OPEN), "u1")
         if len(opened):
-            yield _Writes("state", where[through], rows["door_id"][through], {"state": opened})
+            yield Writes("state", where[through], rows["door_id"][through], {"state": opened})
 
 
 def _values(rows: NDArray[np.void], register: str) -> dict[str, Array]:

@@ -9,6 +9,7 @@ from semmap_log.commits import Commit
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import DoorEvent, Event
+from semmap_log.projections.changes import Changes, ValueChange
 from semmap_log.projections.retraction import Retractions
 
 
@@ -27,6 +28,8 @@ class HistoryEntry:
     correlation: str = ""
     command_id: bytes = b""
     retracted: bool = False
+    changes: tuple[ValueChange, ...] = ()
+    """What it changed in the map when it was recorded, where that was asked for."""
 
     @property
     def recorded(self) -> RecordedEvent:
@@ -48,6 +51,7 @@ def history(
     batches: Iterable[EventBatch],
     commit_at: Callable[[int], Commit],
     retractions: Retractions,
+    changes_in: Callable[[EventBatch], Changes] | None = None,
 ) -> Iterator[HistoryEntry]:
     """Yield the events of the batches with what their commits say.
 
@@ -55,8 +59,10 @@ def history(
         batches: Events, numbers ascending; gaps allowed.
         commit_at: Returns the commit that holds the event of a number.
         retractions: What is hidden; it is shown here, and marked.
+        changes_in: Returns what the events of a batch changed; None: that is not told.
     """
     for batch in batches:
+        changes = changes_in(batch) if changes_in is not None else {}
         hidden = retractions.hidden(batch).tolist()
         for recorded, retracted in zip(batch, hidden, strict=True):
             commit = commit_at(recorded.number)
@@ -72,4 +78,5 @@ def history(
                 correlation=note.correlation,
                 command_id=commit.command_id,
                 retracted=retracted,
+                changes=changes.get(recorded.number, ()),
             )

@@ -144,7 +144,7 @@ class _Told:
         self.door_id = door_id
         self.added: tuple[int, int] | None = None
         """(time, event number)."""
-        self.removed_ns: int | None = None
+        self._removed: tuple[int, int] | None = None
         self.latest_ns = 0
         """Of all events, whatever they are about."""
         self._parts: list[tuple[Times, NDArray[np.int64], NDArray[np.uint8]]] = []
@@ -166,13 +166,20 @@ class _Told:
         self, kind: type[Event], rows: NDArray[np.void], times: Times, numbers: Times
     ) -> None:
         if kind is DoorRemoved:
-            self.removed_ns = int(times[0])
+            self._removed = int(times[0]), int(numbers[0])
             return
         if kind is DoorAdded:
             self.added = int(times[0]), int(numbers[0])
         opened = np.full(len(rows), int(DoorState.OPEN), np.uint8)
         states = opened if kind is DoorPassed else rows["state"]
         self._parts.append((times, numbers, np.where(states < len(DoorState), states, UNKNOWN)))
+
+    @property
+    def removed_ns(self) -> int | None:
+        """When it was removed; a removal before the adding was of no door, and does not count."""
+        if self._removed is None or (self.added is not None and self._removed < self.added):
+            return None
+        return self._removed[0]
 
     def states(self) -> tuple[Times, NDArray[np.int64], NDArray[np.uint8]]:
         """Return (time, event number, state) from the adding on, in the order of the fold."""

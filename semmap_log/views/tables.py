@@ -166,6 +166,10 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> Table:
         table.add_row("door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id)))
     for field in _telling_fields(entry.event):
         table.add_row(field, _value(getattr(entry.event, field)))
+    for change in entry.changes:
+        if not _is_absent(change.before):
+            table.add_row("changed", _text(f"{change.field}: {_short(change.before)} -> "
+                                           f"{_short(change.after)}"))  # fmt: skip
     table.add_row("happened", format_local(entry.happened_ns, tz))
     table.add_row("recorded", format_local(entry.recorded_ns, tz))
     for part in ("actor", "source", "reason", "correlation"):
@@ -280,7 +284,26 @@ def _what(entry: HistoryEntry) -> Text:
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:
         said += f" (told {age(0, late_ns)} later)"
-    return _text(said + " (retracted)" * entry.retracted)
+    return _text(said + _before(entry) + " (retracted)" * entry.retracted)
+
+
+def _before(entry: HistoryEntry) -> str:
+    """Return what the fields that an event changed had been, such as `, was CLOSED`."""
+    known = [change for change in entry.changes if not _is_absent(change.before)]
+    if [change.field for change in known] == ["state"]:
+        return f", was {known[0].before.name}"
+    said = ", ".join(f"{change.field} {_short(change.before)}" for change in known)
+    return f"; was: {said}" if said else ""
+
+
+def _is_absent(value: object) -> bool:
+    return value is None or value == "" or (isinstance(value, float) and math.isnan(value))
+
+
+def _short(value: object) -> str:
+    if isinstance(value, DoorState):
+        return value.name
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
 def _plain_table(

@@ -13,7 +13,7 @@ from semmap_log.arrow.history_table import HistoryTables
 from semmap_log.commits import Commit, Note
 from semmap_log.doors import DoorId
 from semmap_log.events import DoorRemoved
-from semmap_log.messages import batch_of
+from tests.batches import batch_of
 
 EVENTS = 12
 cuts = st.sets(st.integers(1, EVENTS - 1)).map(lambda found: [0, *sorted(found), EVENTS])

@@ -12,7 +12,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import MissingExtraError
 from semmap_log.exporting import export
-from semmap_log.messages import batch_of
+from tests.batches import batch_of
 
 NEEDS_IT = ("sdk", "schema", "table", "history_table", "parquet", "intervals")
 INSTALL = r"pip install 'semmap-log\[arrow\]'"
@@ -49,10 +49,10 @@ class NoPandas:
 
 sys.meta_path.insert(0, NoPandas())
 from semmap_log.errors import MissingExtraError
-from semmap_log.messages import batch_of
-assert 0 == batch_of([]).to_arrow().num_rows
+from semmap_log.event_batch import EventBatch
+assert 0 == EventBatch.from_events([]).to_arrow().num_rows
 try:
-    batch_of([]).to_pandas()
+    EventBatch.from_events([]).to_pandas()
 except MissingExtraError as error:
     print(error)
 """

@@ -19,8 +19,9 @@ from semmap_log.events import (
     FloorMap,
     PatrolStarted,
 )
-from semmap_log.messages import batch_of, layout
+from semmap_log.messages import layout
 from tests.arrow.rows import row_of, rows_of
+from tests.batches import batch_of
 from tests.strategies import events
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -426,3 +427,29 @@ def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:
     )
 
     assert ("[\n", "") == (done.stdout, done.stderr)
+
+
+def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
+    """
+    A keyframe that cannot be used: the answer is there, the warning beside it, no Python in it.
+    """
+    path = tmp_path / "log"
+    with sl.create(path, tz="UTC") as log, pytest.MonkeyPatch.context() as patch:
+        patch.setattr("semmap_log.log.keyframes.STATE_VERSION", 99)
+        patch.setattr("semmap_log.log.writing.segment_chain.ROLL_COMMITS", 1)
+        log.add_door(name="front")
+        log.add_door(name="back")
+
+    done = subprocess.run(
+        [sys.executable, "-m", "semmap_log", "replay", path],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+
+    assert 0 == done.returncode
+    assert "front" in done.stdout
+    assert re.fullmatch(
+        r"semmap-log: warning: .*log_000001.mcap: the keyframe at byte \d+ is not used: it is of "
+        r"state version 99, ours is \d+\n", done.stderr
+    )  # fmt: skip

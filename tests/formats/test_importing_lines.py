@@ -8,6 +8,7 @@ import pytest
 from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import FormatError
 from semmap_log.events import Changed, DoorObserved, DoorUpdated, Retracted
+from semmap_log.formats import importing_lines
 from semmap_log.formats.importing import Present
 from semmap_log.formats.importing_lines import plan_event_lines
 
@@ -105,3 +106,21 @@ def test_who_and_why_of_single_lines_is_said_to_be_lost(tmp_path):
     assert (
         "lines that say who or why: 1; an import is one commit, with one note",
     ) == found.warnings
+
+
+def test_a_large_file_is_read_anew_each_time_and_may_not_change(tmp_path, monkeypatch):
+    """
+    Its events are not kept, they are too many; what was counted must still be there.
+    """
+    monkeypatch.setattr(importing_lines, "MOST_KEPT", 1)
+    found = plan(tmp_path, SEEN | {"door_id": 3}, SEEN | {"door_id": 3})
+    path = tmp_path / "in.jsonl"
+    text = path.read_text()
+
+    assert 2 == len(list(found.events)) == len(list(found.events))
+    path.write_text(text + json.dumps(SEEN | {"door_id": 3}))
+    with pytest.raises(FormatError, match=r"in.jsonl: the file changed while it was imported"):
+        list(found.events)
+    path.write_text(text.replace("OPEN", "AJAR"))
+    with pytest.raises(FormatError, match=r"in.jsonl:1: "):
+        list(found.events)

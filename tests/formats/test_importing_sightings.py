@@ -1,10 +1,14 @@
 """What a door CSV means for a log as it stands."""
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import UnknownDoorError
+from semmap_log.event_batch import one_by_one
 from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorUpdated
+from semmap_log.formats import csv_blocks
 from semmap_log.formats.door_csv import read_door_csv
 from semmap_log.formats.importing import Present
 from semmap_log.formats.importing_sightings import plan_sightings
@@ -30,7 +34,7 @@ def present(*doors, used=(), levels=()):
 
 
 def meant(plan):
-    return {event.door_id for event in plan.events}
+    return {event.door_id for event in one_by_one(plan.events)}
 
 
 def test_a_new_name_is_a_new_unplaced_door(tmp_path):
@@ -40,15 +44,16 @@ def test_a_new_name_is_a_new_unplaced_door(tmp_path):
     plan = plan_sightings(rows(tmp_path), present(door(3), used=[8]))
 
     nine = DoorId(9)
-    assert [
+    expected = [
         DoorAdded(door_id=nine, happened_ns=5 * 10**9),
         DoorAnnotated(door_id=nine, key="name", value="front", happened_ns=5 * 10**9),
         DoorObserved(door_id=nine, state=DoorState.OPEN, accuracy_open=0.9, accuracy_closed=0.9,
                      happened_ns=5 * 10**9),
         DoorUpdated(door_id=nine, changed=Changed.STATE, state=DoorState.CLOSED,
                     happened_ns=6 * 10**9),
-    ] == list(plan.events)  # fmt: skip
-    assert plan.count == len(list(plan.events))
+    ]  # fmt: skip
+    assert list(map(repr, expected)) == list(map(repr, one_by_one(plan.events)))
+    assert plan.count == len(list(one_by_one(plan.events)))
     assert "1 new, without a place yet" in plan.summary[0]
 
 
@@ -94,8 +99,35 @@ def test_hackerspaces_of_the_world(shared_data):
     folder = shared_data / "doors" / "spaces_polled"
     found = read_door_csv(folder / "doors.csv.gz", windows=folder / "obs_windows.csv", tz="UTC")
 
-    events = list(plan_sightings(found, present()).events)
+    events = list(one_by_one(plan_sightings(found, present()).events))
 
     assert 142 == sum(isinstance(event, DoorAdded) for event in events)
     assert list(found.doors) == [e.value for e in events if isinstance(e, DoorAnnotated)]
     assert len(found) == sum(isinstance(event, DoorUpdated) for event in events)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 6), st.booleans()), min_size=1, max_size=60))
+def test_doors_are_added_before_their_first_rows(tmp_path_factory, drawn):
+    """
+    However the rows fall into blocks; known doors are not added again.
+    """
+    lines = [
+        f"1970-01-01T00:{i:02}:00,door {name},OPEN,{'0.9' if sighted else ''}\n"
+        for i, (name, sighted) in enumerate(drawn)
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(csv_blocks, "BLOCK_BYTES", 120)
+        found = rows(tmp_path_factory.mktemp("csv"), "".join(lines))
+
+    plan = plan_sightings(found, present(door(1, "door 0"), door(2, "door 3")))
+
+    ids, expected = {"door 0": 1, "door 3": 2}, []
+    for name, sighted in drawn:
+        if f"door {name}" not in ids:
+            ids[f"door {name}"] = len(ids) + 1
+            expected += [("DoorAdded", ids[f"door {name}"]), ("DoorAnnotated", ids[f"door {name}"])]
+        expected.append((("DoorUpdated", "DoorObserved")[sighted], ids[f"door {name}"]))
+    events = list(one_by_one(plan.events))
+    assert expected == [(type(event).__name__, event.door_id) for event in events]
+    assert plan.count == len(events)

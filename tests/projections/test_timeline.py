@@ -26,8 +26,9 @@ from semmap_log.events import (
     Event,
     Retracted,
 )
-from semmap_log.messages import batch_of, layout
+from semmap_log.messages import layout
 from semmap_log.projections.timeline import Interval, Timeline, timeline
+from tests.batches import batch_of
 from tests.conftest import SteadyClock
 from tests.projections.dictionary_model import Told, model
 from tests.test_replay import random_log

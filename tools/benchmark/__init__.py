@@ -1,5 +1,5 @@
 """What `tools/bench.py` measures, and how.
 
 Each peer works in a child process of its own, whose memory is part of the result: modules here
-load nothing heavy at their head, only where it is used.
+load nothing heavier than numpy at their head.
 """

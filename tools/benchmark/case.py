@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import repeat
+from math import ceil
 from statistics import median
 from typing import Any
 
@@ -33,7 +34,13 @@ class Peer:
     units: float = 1
     """How many units of the case's figure a turn does; a slow peer may do a part of the task."""
     promise: str = ""
-    """What DESIGN section 9 says of it, in the table's words."""
+    """What is promised of it, in the table's words: `≥ 80x` our speed, `< 150 ms`."""
+    beside: int = 0
+    """Which of the case's peers it is compared with: ours, with as many cores."""
+    cores: int | None = None
+    """Its process is held on so many cores; None: it may use all."""
+    store_bytes: int = 0
+    """Size of what it reads from, where the share that it read is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,15 +56,22 @@ class Case:
     rounds: int
     burst: int = 1
     """Turns of a peer in a round."""
+    burst_s: float = float("inf")
+    """A peer's turns in a round end after this time: slow ones take fewer."""
     has_memory: bool = True
     """Whether the memory of the peer's process says something."""
     events: int | None = None
     """How many events the log holds; None: that does not matter."""
-
-    @property
-    def turns(self) -> int:
-        """How often each peer does the task: the first round warms up, and does not count."""
-        return (1 + self.rounds) * self.burst
+    warms_up: bool = True
+    """Whether a first round does not count; very long tasks go without."""
+    tail_promise: str | None = None
+    """What is promised of our slowest turns (p99), perhaps nothing; None: they are not shown."""
+    share_promise: str = ""
+    """What is promised of the share of the bytes that we read."""
+    growth_promise: str | None = None
+    """What is promised of our time in a larger log; None: its growth is not shown."""
+    key: str = ""
+    """What it is, for the plot and for growth: the same at all sizes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +87,10 @@ class Measured:
     """Whether its answer was the expected one."""
     problem: str = ""
     """Why there is no figure."""
+    cpu_seconds: tuple[float, ...] = ()
+    """Of the processor, all cores together, in each turn that counts."""
+    read_bytes: tuple[int, ...] = ()
+    """What each turn that counts had the disk read."""
 
     @property
     def median_s(self) -> float:
@@ -80,6 +98,24 @@ class Measured:
         return median(self.seconds) / self.peer.units
 
     @property
+    def cpu_s(self) -> float:
+        """Seconds of the processor per unit: less at the mercy of what else the machine does."""
+        return median(self.cpu_seconds) / self.peer.units
+
+    @property
     def least_s(self) -> float:
         """Seconds per unit, at best."""
         return min(self.seconds) / self.peer.units
+
+    @property
+    def p99_s(self) -> float:
+        """Seconds per unit that 99 of 100 turns stay within."""
+        ranked = sorted(self.seconds)
+        return ranked[ceil(0.99 * len(ranked)) - 1] / self.peer.units
+
+    @property
+    def share_read(self) -> float | None:
+        """Which part of its store a turn read from the disk; None: not asked, or not to be seen."""
+        if not self.peer.store_bytes or not any(self.read_bytes):
+            return None
+        return median(self.read_bytes) / self.peer.store_bytes

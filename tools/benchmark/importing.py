@@ -1,11 +1,14 @@
-"""Cases: a door CSV imported, against the mcap library's writer fed with the finished messages."""
+"""Cases: bulk import, from a door CSV and from columns, against the mcap library's writer.
+
+That one is given the finished messages: it only has to put them into chunks.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import struct
+import zlib
 from collections.abc import Iterator
-from datetime import datetime, timezone
 from functools import partial
 from itertools import count as counting
 from pathlib import Path
@@ -13,44 +16,93 @@ from typing import Any
 
 from benchmark.case import Case, Peer, Work
 from benchmark.logs import Workshop
-from benchmark.patrol import sightings
+from benchmark.patrol import CLOSED, OPEN
+from benchmark.peers import OURS
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 """An MCAP Message record up to its data: opcode, length, channel, sequence, log, publish time."""
 _MESSAGE_OPCODE, _FRAME_BYTES = 5, 9
 
-ROUNDS = 3
+START_NS, STEP_NS = 1_740_873_600 * 10**9, 10**8
+"""2 March 2025, and from one row to the next: a hundred million end before today.
+
+These logs have the machine's clock, and what happened after it was recorded counts as recorded.
+"""
+DOORS = 100
+BLOCK = 2**16
+"""Rows that are made together."""
+SLOW_ROWS = 100_000
+"""The mcap writer is given so many messages at most, scaled."""
+ROUNDS, LONG = 3, 1_000_000
+"""From so many rows on each does it once, and never for warming up: it takes minutes."""
+
+Last = dict[int, tuple[int, int]]
+"""Door -> time and state of its last row."""
 
 
 def import_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
-    """Yield: the rows of a CSV file in a log of their own."""
+    """Yield: sightings in a log of their own, from a CSV file and from columns."""
     folder = shop.folder_for(f"import_{count}")
-    csv = folder / "doors.csv"
+    csv, sample = folder / "doors.csv", folder / "sample.csv"
     shop.say(f"writing a CSV of {count:,} rows")
-    rows = _write_csv(csv, count)
-    log, messages = folder / "sample", folder / "messages.bin"
-    _import(csv, log)
-    (segment,) = log.glob("*.mcap")
+    expected = _write_csv(csv, count)
+    few = min(count, SLOW_ROWS)
+    _write_csv(sample, few)
+    (segment,) = _import(sample, folder / "sample").glob("*.mcap")
+    messages = folder / "messages.bin"
     _write_messages(segment, messages)
-    ours = Peer("semmap-log, from the CSV", partial(_ours, csv, folder), rows, count)
     mcap = Peer("mcap writer, messages given", partial(_mcap, messages, segment, folder),
-                _digest_of(segment), count, "≥ 5x")  # fmt: skip
-    title = "Import of a door CSV, one commit"
-    yield Case("import", title, "rows/s", (ours, mcap), rounds or ROUNDS, events=count)
+                _digest_of(segment), few, "≥ 5x")  # fmt: skip
+    how = (rounds or (1 if count >= LONG else ROUNDS), count < LONG)
+    for what, peers in (
+        ("a CSV", (Peer(f"{OURS}, from the CSV", partial(_ours, csv, folder), expected, count),
+                   mcap)),
+        ("columns", (Peer(f"{OURS}, from columns", partial(_ours_columns, count, folder), expected,
+                          count),
+                     mcap,
+                     Peer("limit: numpy + zstd + crc32", partial(_limit, count, folder),
+                          count, count))),
+    ):  # fmt: skip
+        yield Case("import", f"Import of {what}, one commit", "rows/s", peers, how[0],
+                   events=count, warms_up=how[1], key=f"import of {what}")  # fmt: skip
 
 
-def _write_csv(path: Path, count: int) -> dict[str, tuple[int, int]]:
-    """Write sightings as a CSV file; return each door's last (time, state)."""
-    last = {}
+def sighting_columns(first: int, count: int) -> dict[str, Any]:
+    """Return sightings of the doors 1 to 100 as columns, numbered from `first` on."""
+    import numpy as np
+
+    rng = np.random.default_rng([1, first])
+    number = first + np.arange(count)
+    return {
+        "happened_ns": START_NS + number * STEP_NS,
+        "door_id": (1 + number % DOORS).astype("u4"),
+        "state": np.where(rng.random(count) < 0.3, OPEN, CLOSED).astype("u1"),
+    }
+
+
+def _columns(count: int) -> Iterator[dict[str, Any]]:
+    for first in range(0, count, BLOCK):
+        yield sighting_columns(first, min(BLOCK, count - first))
+
+
+def _write_csv(path: Path, count: int) -> Last:
+    """Write sightings as a CSV file; return each door's last time and state."""
+    import numpy as np
+
+    last: Last = {}
+    words = np.array(["", "OPEN", "CLOSED"])
     with path.open("w") as file:
         file.write("timestamp,door,state,accuracy\n")
-        for event in sightings(count):
-            assert event.happened_ns is not None
-            time = datetime.fromtimestamp(event.happened_ns // 10**9, timezone.utc)
-            name = f"door {event.door_id}"
-            accuracy = event.accuracy_open
-            file.write(f"{time:%Y-%m-%dT%H:%M:%S}.000000,{name},{event.state.name},{accuracy}\n")
-            last[name] = (event.happened_ns, int(event.state))
+        for columns in _columns(count):
+            times = np.datetime_as_string(columns["happened_ns"].astype("M8[ns]"), unit="us")
+            doors, state = columns["door_id"].tolist(), columns["state"].tolist()
+            said = words[columns["state"]].tolist()
+            file.writelines(
+                f"{time},door {door},{state},0.9\n"
+                for time, door, state in zip(times.tolist(), doors, said, strict=True)
+            )
+            stamps = zip(columns["happened_ns"].tolist(), state, strict=True)
+            last.update(zip(doors, stamps, strict=True))
     return last
 
 
@@ -67,12 +119,75 @@ def _ours(csv: Path, folder: Path) -> Work:
     import semmap_log as sl
     from semmap_log.importing import import_file  # noqa: F401 - not timed
 
-    def answer(path: Path) -> dict[str, tuple[int | None, int]]:
+    def answer(path: Path) -> Last:
         doors = sl.read(path).replay().doors.values()
-        return {door.name or "": (door.last_seen_ns, int(door.state)) for door in doors}
+        return {
+            int((door.name or "0").split()[-1]): (door.last_seen_ns or 0, int(door.state))
+            for door in doors
+        }
 
     logs = (folder / f"log_{i}" for i in counting())
     return Work(lambda path: _import(csv, path), logs, answer)
+
+
+def _ours_columns(count: int, folder: Path) -> Work:
+    import semmap_log as sl
+    from semmap_log.doors import DoorId
+    from semmap_log.event_batch import EventBatch
+    from semmap_log.events import DoorAdded, DoorObserved
+
+    def logs() -> Iterator[sl.DoorLogWriter]:
+        for i in counting():
+            log = sl.create(folder / f"columns_{i}", tz="UTC")
+            log.append([DoorAdded(door_id=DoorId(door), happened_ns=START_NS)
+                        for door in range(1, DOORS + 1)])  # fmt: skip
+            yield log
+
+    def once(log: sl.DoorLogWriter) -> sl.DoorLogWriter:
+        with log:
+            log.append(
+                EventBatch.of(DoorObserved, **block, accuracy_open=0.9, accuracy_closed=0.9)
+                for block in _columns(count)
+            )
+        return log
+
+    def answer(log: sl.DoorLogWriter) -> Last:
+        doors = sl.read(log.path).replay().doors.values()
+        return {int(door.door_id): (door.last_seen_ns or 0, int(door.state)) for door in doors}
+
+    return Work(once, logs(), answer)
+
+
+def _limit(count: int, folder: Path) -> Work:
+    """Return: the same columns laid out as records, compressed and written, and nothing else."""
+    import numpy as np
+    import zstandard
+
+    from semmap_log.events import DoorObserved
+    from semmap_log.log.form import CHUNK_BYTES, ZSTD_LEVEL
+    from semmap_log.messages import fixed_layout
+
+    whole = [("head", f"V{_MESSAGE.size}"), ("body", fixed_layout(DoorObserved.kind).dtype)]
+    record = np.dtype(whole)
+    a_chunk = CHUNK_BYTES // record.itemsize
+    blocks = [sighting_columns(first, min(a_chunk, count - first))
+              for first in range(0, count, a_chunk)]  # fmt: skip
+    squeeze = zstandard.ZstdCompressor(ZSTD_LEVEL)
+
+    def once(path: Path) -> int:
+        rows = crcs = 0
+        with path.open("wb") as file:
+            for block in blocks:
+                laid = np.zeros(len(block["state"]), record)
+                for name in ("door_id", "state"):
+                    laid["body"][name] = block[name]
+                data = laid.tobytes()
+                crcs += zlib.crc32(data)
+                file.write(squeeze.compress(data))
+                rows += len(laid)
+        return rows
+
+    return Work(once, (folder / f"limit_{i}" for i in counting()))
 
 
 def _write_messages(segment: Path, path: Path) -> None:

@@ -5,61 +5,67 @@ from __future__ import annotations
 import os
 import platform
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from rich import box
-from rich.console import Console, RenderableType
-from rich.table import Table
-
 from benchmark.case import Case, Measured
+from benchmark.promises import Result, growths, is_kept, memory_kept, speed_kept, times_of
 
-Result = tuple[Case, list[Measured]]
-
-PACKAGES = ("semmap-log", "numpy", "mcap", "mcap-ros2-support", "zstandard")
-MIB = 2**20
+PACKAGES = ("semmap-log", "numpy", "zstandard", "mcap", "mcap-ros2-support", "rosbags", "duckdb",
+            "pyarrow")  # fmt: skip
 
 NOTES = """\
-Medians of n turns, taken by the peers in rounds (A B A B); a first round warms up and does not \
-count. Each peer has a process of its own: peak MiB is the most that it had while it worked, with \
-interpreter, libraries and mapped pages of files.
-times: how often our time goes into the peer's; above 1x we are ahead. promised: DESIGN section 9.
+Medians of n turns, taken by the peers in rounds (A B A B; slow ones take fewer turns a round); a \
+first round warms up and does not count. Each peer has a process of its own: peak MiB is the most \
+that it had while it worked, with interpreter, libraries and mapped pages of files.
+times: how often our time goes into the peer's; above 1x we are ahead. A peer on 2 cores stands \
+beside us on 2 cores. promised: DESIGN section 9 and what the issues ask for.
 Every answer is compared with one found in another way (a plain fold of the same events, the rows \
 or bytes given); where it differs, the figure is WRONG.
-append: commits are given as event objects, as bytes, as rows. replay, moment, open: the mcap \
-library reads the log's first segments only, at least 20,000 events, scaled per event, and only \
-topics that matter to the doors; the files are in the page cache.
+Logs: 100 doors, an event every 10 s, 2 % of them told up to an hour late. live: as it was \
+written; plain, zstd: compacted, in chunks of about a MiB. Whole log: every event read, checked \
+and folded; State now: opened and asked, where a keyframe helps.
+mcap, rosbags: the log's first 20,000 events only, scaled per event, and only \
+topics that matter to the doors. rosbags does not tell when events happened: it folds them as they \
+were recorded, and last_seen is left out. limit: the bytes through crc32 and numpy, nothing made.
+SQLite, DuckDB: given the events as a table of what each of them sets, written beforehand: Parquet \
+with zstd, sorted by number; SQLite with nine indexes, one for each question. They check no CRC. \
+All read from the page cache, but for Moment, cold: opened anew, its pages dropped; read: what \
+came from the disk, of the whole; the kernel reads more than it is asked for (read-ahead).
+One day: a 365th of the log's time. append: commits are given as event objects, as bytes, as rows.
 """.splitlines()
 
 
-def show(results: Sequence[Result], machine: dict[str, Any]) -> None:
-    """Print the table on stdout, for people: 80 columns."""
-    console = Console(width=80, highlight=False)
-    console.print(_machine_line(machine))
-    console.print(f"{machine['date']}   {machine['command']}", style="dim")
-    console.print(_table(results))
-    for note in NOTES:
-        console.print(f"- {note}", style="dim")
-
-
 def to_json(results: Sequence[Result], machine: dict[str, Any]) -> dict[str, Any]:
-    """Return the same as one document; times in seconds per unit, memory in bytes."""
+    """Return what was measured as one document; times in seconds per unit, memory in bytes."""
     return {
         **machine,
         "cases": [
             {
                 "group": case.group,
                 "title": case.title,
+                "key": case.key,
                 "events": case.events,
                 "unit": case.unit,
                 "rounds": case.rounds,
                 "turns_a_round": case.burst,
-                "peers": [_peer_json(case, measured, peers[0]) for measured in peers],
+                "peers": [_peer_json(case, measured, peers) for measured in peers],
             }
             for case, peers in results
+        ],
+        "growth": [
+            {
+                "title": growth.title,
+                "name": growth.peer,
+                "from_events": growth.from_events,
+                "to_events": growth.to_events,
+                "times": growth.times,
+                "promised": growth.promise,
+                "kept": is_kept(growth.promise, growth.times),
+            }
+            for growth in growths(results)
         ],
         "notes": list(NOTES),
     }
@@ -75,6 +81,7 @@ def machine_of(command: Sequence[str], folder: Path) -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "cpu": _cpu(),
         "file_system": file_system(folder),
+        "read_ahead_kib": _read_ahead_kib(folder),
         "python": platform.python_version(),
         "sqlite": sqlite3.sqlite_version,
         "versions": {name: found for name in PACKAGES if (found := _version(name))},
@@ -92,72 +99,50 @@ def file_system(folder: Path) -> str:
     return max(holders, default=(0, ""))[1]
 
 
-def _machine_line(machine: dict[str, Any]) -> str:
-    versions = [f"{name} {found}" for name, found in machine["versions"].items()]
-    parts = (f"{machine['cores']} cores", machine["cpu"], machine["file_system"],
-             f"Python {machine['python']}", f"SQLite {machine['sqlite']}", *versions)  # fmt: skip
-    return " · ".join(part for part in parts if part)
-
-
-def _table(results: Sequence[Result]) -> RenderableType:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, width=80)
-    table.add_column("")
-    for name in ("figure", "times", "promised", "peak MiB"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for (_, events), group in groupby(
-        results, key=lambda result: (result[0].group, result[0].events)
-    ):
-        if events is not None:
-            table.add_row(f"[dim]{events:,} events[/]")
-        for case, peers in group:
-            n = case.rounds * case.burst
-            table.add_row(f"[bold]{case.title}[/]", f"[dim]{case.unit}[/]", f"[dim]n {n}[/]")
-            for measured in peers:
-                said = f": {measured.problem}" if measured.problem else ""
-                table.add_row(f"  {measured.peer.name}{said}", *_cells(case, measured, peers[0]))
-        table.add_section()
-    return table
-
-
-def _cells(case: Case, measured: Measured, ours: Measured) -> Iterator[str]:
-    if measured.problem:
-        return
-    yield figure(measured.median_s, case.unit) if measured.agrees else "WRONG"
-    yield _times(measured, ours)
-    yield measured.peer.promise
-    yield f"{measured.peak_bytes / MIB:,.0f}" if case.has_memory else ""
-
-
 def figure(seconds: float, unit: str) -> str:
     """Return a time per unit as a case shows it, without the unit: `812`, `4.7`, `1,230,000`."""
     if unit == "µs":
         return f"{seconds * 1e6:,.0f}"
     if unit == "ms":
-        return f"{seconds * 1e3:,.{1 if seconds < 0.1 else 0}f}"
+        digits = 2 if seconds < 0.001 else 1 if seconds < 0.1 else 0
+        return f"{seconds * 1e3:,.{digits}f}"
     rate = 1 / seconds
     return f"{round(rate, 3 - len(str(int(rate)))):,.0f}"
 
 
-def _times(measured: Measured, ours: Measured) -> str:
-    if measured is ours or ours.problem:
-        return ""
-    times = measured.median_s / ours.median_s
-    return f"{times:.{2 if times < 10 else 0}f}x"
-
-
-def _peer_json(case: Case, measured: Measured, ours: Measured) -> dict[str, Any]:
+def _peer_json(case: Case, measured: Measured, peers: Sequence[Measured]) -> dict[str, Any]:
     said: dict[str, Any] = {"name": measured.peer.name, "promised": measured.peer.promise}
     if measured.problem:
         return {**said, "problem": measured.problem}
-    return {
-        **said,
+    said |= {
         "figure": figure(measured.median_s, case.unit),
+        "turns": len(measured.seconds),
         "median_s": measured.median_s,
         "least_s": measured.least_s,
-        "times_ours": None if ours.problem else measured.median_s / ours.median_s,
+        "median_cpu_s": measured.cpu_s,
+        "times_ours": times_of(measured, peers),
+        "beside": peers[measured.peer.beside].peer.name,
+        "kept": speed_kept(measured, peers),
         "peak_bytes": measured.peak_bytes if case.has_memory else None,
+        "memory_kept": memory_kept(case, measured),
         "agrees": measured.agrees,
     }
+    if case.tail_promise is not None:
+        said["p99_s"] = measured.p99_s
+    if measured.peer.store_bytes:
+        said["share_read"] = measured.share_read
+    return said
+
+
+def _read_ahead_kib(folder: Path) -> int | None:
+    """Return how much the kernel reads where one page of a file is touched; None: not to be seen.
+
+    What a cold moment reads from the disk is a multiple of it.
+    """
+    device = folder.stat().st_dev
+    place = Path(f"/sys/dev/block/{os.major(device)}:{os.minor(device)}")
+    files = (place / "queue/read_ahead_kb", place / "../queue/read_ahead_kb")
+    return next((int(file.read_text()) for file in files if file.exists()), None)
 
 
 def _cpu() -> str:

@@ -184,6 +184,22 @@ REFUSALS = (
              COMPACTION, MERGE, put="if False:"),
 )  # fmt: skip
 
+APPENDED = "tests/test_appending_batches.py"
+COMMANDS = "semmap_log/commands.py"
+
+COLUMNS = (
+    Mutant("values of columns", COMMANDS, "        batch.check()\n", "", (APPENDED,)),
+    Mutant("doors of columns that are not in the map", COMMANDS,
+           "harmless &= ~np.isin(ids, list(doors - self.roster.placed.keys()))", "pass",
+           (APPENDED,)),
+    Mutant("doors that columns take out of the map", COMMANDS,
+           'harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])', "pass", (APPENDED,)),
+    Mutant("texts of a CSV compared behind their keys", "semmap_log/formats/text_column.py",
+           "return codes if same.all() else None", "return codes",
+           ("tests/formats/test_csv_columns.py",)),
+)  # fmt: skip
+
 GUARDS: tuple[Mutant, ...] = (
-    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *CHECKPOINTS, *MOMENTS,
+    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
+    *CHECKPOINTS, *MOMENTS,
 )  # fmt: skip

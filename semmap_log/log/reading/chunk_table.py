@@ -105,6 +105,11 @@ class ChunkTable(Sequence[StoredChunk]):
         """Return the places of those with a record of one of these kinds: `kind_bits`."""
         return np.flatnonzero(self.rows["kinds"] & np.uint32(kinds))
 
+    def span(self) -> tuple[int, int]:
+        """Return where the first one begins in the file, and where the last one ends."""
+        first, last = self.rows[0], self.rows[-1]
+        return int(first["offset"]), int(last["offset"] + last["length"])
+
     def starting_by(self, time_ns: int) -> int:
         """Return how many chunks start at or before that log time."""
         return int(np.searchsorted(self.rows["start_ns"], time_ns, "right"))
@@ -189,18 +194,41 @@ def _frames_of_indexes(
     file: memoryview, start: int, end: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return where each ChunkIndex begins, and the length of its body."""
-    offsets, lengths = [], []
-    at, unpack = start, struct.Struct("<xQ").unpack_from
+    offsets: list[int] = []
+    lengths: list[int] = []
+    at, same, unpack = start, 0, struct.Struct("<xQ").unpack_from
     while at < end:
         if at + mcap.FRAME.size > end:
             raise ChunkDamage("a ChunkIndex is cut")
         (length,) = unpack(file, at)
         if not _INDEX_FIXED_BYTES <= length <= end - at - mcap.FRAME.size:
             raise ChunkDamage("a ChunkIndex has a wrong length")
-        offsets.append(at)
-        lengths.append(length)
-        at += mcap.FRAME.size + length
+        same = same + 1 if lengths and lengths[-1] == length else 0
+        count = 1
+        if same == _PATIENCE:
+            count, same = _alike(file, at, end, length), 0
+        stride = mcap.FRAME.size + length
+        offsets += range(at, at + count * stride, stride)
+        lengths += [length] * count
+        at += count * stride
     return np.array(offsets, np.int64), np.array(lengths, np.int64)
+
+
+_PATIENCE = 16
+"""After so many records of one length it is looked whether there are many more."""
+
+
+def _alike(file: memoryview, at: int, end: int, length: int) -> int:
+    """Return how many records of that length lie behind each other, from one that does."""
+    stride = mcap.FRAME.size + length
+    lengths = np.ndarray((end - at) // stride, "<i8", file, at + 1, strides=(stride,))
+    count, step = 1, _PATIENCE
+    while count < len(lengths):
+        is_other = lengths[count : count + step] != length
+        if is_other.any():
+            return count + int(is_other.argmax())
+        count, step = min(count + step, len(lengths)), 4 * step
+    return count
 
 
 def _rows_of_indexes(

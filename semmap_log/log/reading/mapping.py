@@ -14,6 +14,9 @@ from typing import Any
 
 from semmap_log.errors import LogAccessError, NotALogError
 
+MOST_AT_ONCE = 2**19
+"""Bytes asked of the disk in one call; a longer request the kernel cuts short."""
+
 
 @dataclass(frozen=True, slots=True)
 class MappedFile:
@@ -24,6 +27,13 @@ class MappedFile:
     """Device and inode: the same for the same file under any name, another for its successor."""
     address: int = 0
     """Where its bytes lie in memory; 0 for an empty file."""
+
+    def will_need(self, start: int, end: int) -> None:
+        """Ask the disk for bytes that are read soon; nothing else is read ahead."""
+        first = start // mmap.PAGESIZE * mmap.PAGESIZE
+        for at in range(first, end, MOST_AT_ONCE) if self.address else ():
+            size = min(MOST_AT_ONCE, end - at)
+            _library().madvise(self.address + at, size, mmap.MADV_WILLNEED)
 
     def let_go(self, start: int, end: int) -> None:
         """Give the memory back in which bytes that were read lie; they stay readable.
@@ -75,6 +85,7 @@ def _map(fd: int, size: int) -> tuple[memoryview, int]:
     if address == _FAILED:
         number = ctypes.get_errno()
         raise OSError(number, os.strerror(number))
+    _library().madvise(address, room, mmap.MADV_RANDOM)  # a moment reads a MiB of many
     held = (ctypes.c_ubyte * room).from_address(address)
     # Every view of the bytes holds `held`: they are unmapped when the last one has gone.
     weakref.finalize(held, _library().munmap, address, room).atexit = False

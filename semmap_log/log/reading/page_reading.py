@@ -33,34 +33,58 @@ _FEW_RECORDS_BYTES = 1500
 """Chunks of so few records are walked as fast as their indexes are read."""
 
 
-def read_page(chunks: ChunkTable, first_event: int, *, is_sound: bool = False) -> Page:
+Records = bytes | memoryview
+
+
+def unpack(chunks: ChunkTable) -> Records | None:
+    """Return the records of one chunk, CRC checked; None of several, which are not compressed.
+
+    Raises:
+        CorruptLogError: They are not what was written.
+    """
+    if len(chunks) > 1:
+        return None
+    try:
+        return chunks[0].records(chunks.file)
+    except ChunkDamage as damage:
+        raise CorruptLogError(chunks.path, int(chunks.rows["offset"][0]), str(damage)) from None
+
+
+def read_page(
+    chunks: ChunkTable,
+    first_event: int,
+    *,
+    records: Records | None = None,
+    is_sound: bool = False,
+) -> Page:
     """Return the records of these chunks as one page.
 
     Args:
         chunks: At least one; where there are several, none of them compressed.
         first_event: Event number at which their segment begins.
+        records: What `unpack` said of them; None: not asked yet.
         is_sound: Whether their bytes were checked before: then several are read where they lie.
 
     Raises:
         CorruptLogError: One is not what was written.
     """
     if len(chunks) == 1:
-        return _read_one(chunks, first_event)
+        return _read_one(chunks, first_event, records)
     crcs = _check_heads(chunks)
     rows = chunks.rows
     starts = rows["offset"] + _HEAD.itemsize
     ends = starts + rows["size"]
-    records: bytes | memoryview = chunks.file
+    whole: Records = chunks.file
     if not is_sound:
-        records = _joined(chunks, starts, ends, crcs)
+        whole = _joined(chunks, starts, ends, crcs)
         ends = np.cumsum(rows["size"])
         starts = ends - rows["size"]
     place = int(rows["offset"][0])
     try:
-        offsets = _walk(chunks, records, starts, ends)
+        offsets = _walk(chunks, whole, starts, ends)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, place, str(damage)) from None
-    page = Page(records, first_event, chunks.path, place, offsets)
+    page = Page(whole, first_event, chunks.path, place, offsets)
     misfit = _misfit(page, np.searchsorted(offsets, ends), rows)
     if misfit is not None:
         raise CorruptLogError(chunks.path, int(rows["offset"][misfit[0]]), misfit[1])
@@ -144,20 +168,16 @@ def first_misfit(
     return places[0] if places else None
 
 
-def _read_one(chunks: ChunkTable, first_event: int) -> Page:
-    chunk = chunks[0]
+def _read_one(chunks: ChunkTable, first_event: int, known: Records | None) -> Page:
+    records = unpack(chunks) if known is None else known
+    assert records is not None, "of one chunk there are"
+    offset, length = int(chunks.rows["offset"][0]), int(chunks.rows["length"][0])
     try:
-        records = chunk.records(chunks.file)
-        page = Page(
-            records,
-            first_event,
-            chunks.path,
-            chunk.offset,
-            walk_one(chunks.file, chunk.offset + chunk.length, records),
-        )
+        offsets = walk_one(chunks.file, offset + length, records)
+        page = Page(records, first_event, chunks.path, offset, offsets)
         _check_rows(page, chunks)
     except ChunkDamage as damage:
-        raise CorruptLogError(chunks.path, chunk.offset, str(damage)) from None
+        raise CorruptLogError(chunks.path, offset, str(damage)) from None
     return page
 
 

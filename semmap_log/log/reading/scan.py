@@ -136,7 +136,10 @@ class Segment:
     @cached_property
     def is_sound(self) -> bool:
         """Whether all of its data are what was written, as one CRC tells, or a scan has found."""
-        return self.live is not None or self.summary.fits_data()
+        if self.live is not None:
+            return True
+        self.mapped.will_need(0, len(self.file))
+        return self.summary.fits_data()
 
     @property
     def whole_end(self) -> int:
@@ -187,6 +190,7 @@ def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:
     if is_closed(mapped.data):
         return Segment(path, header, mapped, head_end, live=None)
     live = _known_scan(earlier, mapped, header)
+    mapped.will_need(0 if live is None else min(live.at, len(mapped.data)), len(mapped.data))
     if live is None:
         live = scan_live(path, header, mapped.data, head_end)
     else:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
+from itertools import repeat, tee
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from semmap_log.log.kind_bits import COMMIT_BIT
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.ahead import ahead
 from semmap_log.log.reading.chunk_table import ChunkTable
-from semmap_log.log.reading.page_reading import read_page
+from semmap_log.log.reading.page_reading import Records, read_page, unpack
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import numbers_of
 
@@ -27,7 +28,7 @@ def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
     Raises:
         CorruptLogError: A chunk is not what was written.
     """
-    for group in segment.chunks[first_chunk:].groups(CHUNK_BYTES):
+    for group in _groups(segment, segment.chunks[first_chunk:]):
         yield read_page(group, segment.header.first_event)
 
 
@@ -50,38 +51,42 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     Raises:
         CorruptLogError: They are not what was written, or not the events that must be there.
     """
-    tasks = _tasks(segment, chunks)
-    yield from ahead(tasks) if len(chunks) > FEW_CHUNKS else (task() for task in tasks)
-
-
-FEW_CHUNKS = 3
-"""So few are read at once: to hand them to other threads would take longer."""
-
-
-def _tasks(
-    segment: Segment, chunks: NDArray[np.intp]
-) -> Iterator[Callable[[], tuple[Page, EventBatch]]]:
     firsts, ends = numbers_of(segment)
     is_sound = 2 * len(chunks) > len(firsts) and segment.is_sound  # to know it, all is read
     at = 0
-    for group in segment.chunks.chosen(chunks).groups(CHUNK_BYTES):
+    for group, records in _unpacked(segment, segment.chunks.chosen(chunks)):
         mine = chunks[at : at + len(group)]
         at += len(group)
-        yield partial(_read, segment, group, firsts[mine], ends[mine], is_sound=is_sound)
+        page = read_page(group, segment.header.first_event, records=records, is_sound=is_sound)
+        batch = page.events()
+        _check_numbers(page, batch, firsts[mine], ends[mine])
+        yield page, batch
 
 
-def _read(
-    segment: Segment,
-    group: ChunkTable,
-    firsts: NDArray[np.int64],
-    ends: NDArray[np.int64],
-    *,
-    is_sound: bool,
-) -> tuple[Page, EventBatch]:
-    page = read_page(group, segment.header.first_event, is_sound=is_sound)
-    batch = page.events()
-    _check_numbers(page, batch, firsts, ends)
-    return page, batch
+FEW_CHUNKS = 3
+"""So few are unpacked at once: to hand them to other threads would take longer."""
+
+
+def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Records | None]]:
+    """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
+    groups = _groups(segment, chunks)
+    if len(chunks) <= FEW_CHUNKS or not (chunks.rows["compression"] != b"").any():
+        yield from zip(groups, repeat(None))
+        return
+    mine, theirs = tee(groups)
+    yield from zip(mine, ahead(partial(unpack, group) for group in theirs), strict=True)
+
+
+def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
+    """Yield chunks in groups of about a MiB, each of them asked of the disk one group ahead."""
+    before: ChunkTable | None = None
+    for group in chunks.groups(CHUNK_BYTES):
+        segment.mapped.will_need(*group.span())
+        if before is not None:
+            yield before
+        before = group
+    if before is not None:
+        yield before
 
 
 def _check_numbers(

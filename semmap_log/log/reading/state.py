@@ -71,11 +71,19 @@ class _Search:
 
     def nearest(self) -> tuple[DoorMapState, Position]:
         """Return its state and where the events behind it begin; the empty state if none serves."""
+        unused: list[str] = []
+        found = self._nearest(unused)
+        if unused:
+            others = f"; nor are {len(unused) - 1} others" if len(unused) > 1 else ""
+            warnings.warn(KeyframeWarning(unused[0] + others), stacklevel=3)
+        return found
+
+    def _nearest(self, unused: list[str]) -> tuple[DoorMapState, Position]:
         behind: int | None = None
         for place, chunk, event in self._candidates():
             if behind is not None and event >= behind:
                 continue  # it rests on the same retracted event
-            state = keyframe_at(self.reader.segments[place], chunk)
+            state = keyframe_at(self.reader.segments[place], chunk, unused)
             if state is None:
                 continue
             behind = state.first_among(self.retractions.after(event).ranges)
@@ -118,17 +126,23 @@ class _Search:
         return int(np.searchsorted(latest, self.at_ns, "right"))
 
 
-def keyframe_at(segment: Segment, chunk: int) -> DoorMapState | None:
-    """Return the state that a chunk with a keyframe holds; None, with a warning: it cannot be used.
+def keyframe_at(
+    segment: Segment, chunk: int, unused: list[str] | None = None
+) -> DoorMapState | None:
+    """Return the state that a chunk with a keyframe holds; None: it cannot be used.
+
+    Args:
+        segment: The segment.
+        chunk: The chunk's place in it.
+        unused: Is told which one it is, and why.
 
     Raises:
         CorruptLogError: The chunk is not what was written.
     """
     (data,) = page_at(segment, chunk).keyframes()
     state = keyframes.decode(data)
-    if state is None:
+    if state is None and unused is not None:
         offset = int(segment.chunks.rows["offset"][chunk])
         why = keyframes.why_unused(data)
-        problem = f"{segment.path}: the keyframe at byte {offset} is not used: {why}"
-        warnings.warn(KeyframeWarning(problem), stacklevel=2)
+        unused.append(f"{segment.path}: the keyframe at byte {offset} is not used: {why}")
     return state

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.event_batch import EventBatch
-from semmap_log.log.kind_bits import EVENT_BITS
+from semmap_log.log.kind_bits import EVENT_BITS, bits_of_counts
 from semmap_log.log.reading.scan import Segment
 
 
@@ -36,17 +36,11 @@ class Window:
             segment: The segment.
             next_event: Number of the first event behind it; None: not known.
         """
-        first = segment.header.first_event
-        if self.before_event is not None and first >= self.before_event:
-            return False
-        if next_event is not None and next_event <= (self.first_event or 0):
-            return False
-        if self.has_recorded_bound and not _meets(
-            segment.recorded, self.recorded_from_ns, self.recorded_before_ns
-        ):
-            return False
-        return not self.has_happened_bound or _meets(
-            segment.span, self.happened_from_ns, self.happened_before_ns
+        return (
+            self._meets_numbers(segment.header.first_event, next_event)
+            and self._meets_kinds(segment)
+            and (not self.has_recorded_bound or _meets(segment.recorded, *self._recorded))
+            and (not self.has_happened_bound or _meets(segment.span, *self._happened))
         )
 
     def chunks(self, segment: Segment) -> NDArray[np.intp]:
@@ -54,27 +48,22 @@ class Window:
         rows = segment.chunks.rows
         inside = (rows["kinds"] & np.uint32(self.kinds)) != 0
         if self.has_recorded_bound:
-            inside &= _meet(
-                rows["start_ns"], rows["end_ns"], self.recorded_from_ns, self.recorded_before_ns
-            )
+            inside &= _meet(rows["start_ns"], rows["end_ns"], *self._recorded)
         if self.has_happened_bound:
             spans = segment.spans
-            inside &= _meet(
-                spans["least"], spans["greatest"], self.happened_from_ns, self.happened_before_ns
-            )
+            inside &= _meet(spans["least"], spans["greatest"], *self._happened)
         if self.first_event is not None or self.before_event is not None:
             firsts, ends = numbers_of(segment)
-            last = None if self.before_event is None else self.before_event
-            inside &= _meet(firsts, ends - 1, self.first_event, last)
+            inside &= _meet(firsts, ends - 1, self.first_event, self.before_event)
         return np.flatnonzero(inside)
 
     def choose(self, batch: EventBatch) -> EventBatch:
         """Return those events of a batch that lie in it."""
         inside = _is_within(batch.number, self.first_event, self.before_event)
         if self.has_recorded_bound:
-            inside &= _is_within(batch.recorded_ns, self.recorded_from_ns, self.recorded_before_ns)
+            inside &= _is_within(batch.recorded_ns, *self._recorded)
         if self.has_happened_bound:
-            inside &= _is_within(batch.folds_ns, self.happened_from_ns, self.happened_before_ns)
+            inside &= _is_within(batch.folds_ns, *self._happened)
         if self.kinds != EVENT_BITS:
             inside &= (np.uint32(self.kinds) >> batch.kind) & 1 == 1
         return batch.select(inside)
@@ -88,6 +77,22 @@ class Window:
     def has_recorded_bound(self) -> bool:
         """Whether it asks for when events were recorded."""
         return self.recorded_from_ns is not None or self.recorded_before_ns is not None
+
+    @property
+    def _happened(self) -> tuple[int | None, int | None]:
+        return self.happened_from_ns, self.happened_before_ns
+
+    @property
+    def _recorded(self) -> tuple[int | None, int | None]:
+        return self.recorded_from_ns, self.recorded_before_ns
+
+    def _meets_numbers(self, first: int, next_event: int | None) -> bool:
+        is_before = self.before_event is None or first < self.before_event
+        return is_before and (next_event is None or next_event > (self.first_event or 0))
+
+    def _meets_kinds(self, segment: Segment) -> bool:
+        counts = segment.counts
+        return counts is None or bool(self.kinds & bits_of_counts(counts))
 
 
 EVERYTHING = Window()

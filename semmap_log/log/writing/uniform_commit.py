@@ -16,8 +16,16 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from semmap_log.commits import Commit, Note
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event
 from semmap_log.log import records as mcap
+from semmap_log.log.batch_records import (
+    Start,
+    happened_times,
+    is_columns,
+    packed_rows,
+    span_of,
+)
 from semmap_log.log.chunks import BuiltChunk, ChunkFacts
 from semmap_log.log.commits import Stamp, closing_record
 from semmap_log.log.form import COMMIT_CHANNEL, COMPRESS_FROM_BYTES
@@ -33,23 +41,35 @@ _ENTRY = struct.Struct("<QQ")
 
 
 def uniform_commit(
-    stamp: Stamp, note: Note, events: Sequence[Event]
+    stamp: Stamp, note: Note, events: Sequence[Event | EventBatch]
 ) -> tuple[BuiltChunk, Commit] | None:
     """Return the one chunk of a commit, and the commit; None if it wants `CommitBuilder`.
 
     Args:
         stamp: What it takes from outside.
         note: What was said of it.
-        events: Its events.
+        events: Its events, or one batch of them.
     """
-    count = len(events)
-    if note or not 0 < count <= MOST:
+    if note or not 0 < len(events) <= MOST:
         return None
-    kind = events[0].kind
-    if kind in OBJECT_KINDS or (count > 1 and any(event.kind != kind for event in events)):
+    first = events[0]
+    if isinstance(first, EventBatch):
+        return _uniform_batch(stamp, note, first) if len(events) == 1 else None
+    cls = type(first)
+    if first.kind in OBJECT_KINDS or any(type(event) is not cls for event in events):
         return None
-    template = _template(kind, count)
-    return template.commit(stamp, note, events) if template.fits else None
+    template = _template(first.kind, len(events))
+    # All are of the first one's class, which is no batch.
+    return template.commit(stamp, note, events) if template.fits else None  # type: ignore[arg-type]
+
+
+def _uniform_batch(stamp: Stamp, note: Note, batch: EventBatch) -> tuple[BuiltChunk, Commit] | None:
+    """Return the same for a batch."""
+    if not 0 < len(batch) <= MOST or len(batch.columns) != 1 or not is_columns(batch):
+        return None
+    (kind,) = batch.columns
+    template = _template(kind, len(batch))
+    return template.commit_of_batch(stamp, note, batch) if template.fits else None
 
 
 class _Template:
@@ -76,6 +96,8 @@ class _Template:
         self._steps = np.arange(count, dtype=np.int64)
         self._entries = np.zeros((count, 2), "<i8")
         self._entries[:, 1] = self._steps * record.size
+        self._offsets = np.append(self._entries[:, 1], self._end)
+        """Of the events and of the Commit."""
         self._rows = np.zeros(count, fixed.behind(mcap.MESSAGE_DTYPE))
         self._rows["opcode"], self._rows["length"] = _MESSAGE, self._length
         self._rows["channel_id"] = kind
@@ -84,10 +106,32 @@ class _Template:
         self, stamp: Stamp, note: Note, events: Sequence[Event]
     ) -> tuple[BuiltChunk, Commit]:
         """Return the chunk and the commit."""
-        start_ns, wall_ns, count = stamp.recorded_ns, stamp.wall_clock_ns, self._count
+        start_ns, wall_ns = stamp.recorded_ns, stamp.wall_clock_ns
         happened = [wall_ns if e.happened_ns is None else e.happened_ns for e in events]
-        few = count <= FEW
-        packed = (self._packed_few if few else self._packed_many)(stamp, happened, events)
+        span = _span(happened, start_ns)
+        if self._count <= FEW:
+            packed = self._packed_few(stamp, happened, events)
+            return self._closed(stamp, note, packed, self._entries_of_few(start_ns), span)
+        packed = self._packed_many(stamp, happened, events)
+        return self._closed(stamp, note, packed, self._entries_of_many(start_ns), span)
+
+    def commit_of_batch(
+        self, stamp: Stamp, note: Note, batch: EventBatch
+    ) -> tuple[BuiltChunk, Commit]:
+        """Return the same of events as columns."""
+        start_ns, steps = stamp.recorded_ns, self._steps
+        happened = happened_times(batch, stamp.wall_clock_ns)
+        span = span_of(happened, start_ns, steps)
+        start = Start(stamp.first_event, start_ns)
+        packed = packed_rows(self._kind, batch.columns[self._kind], steps, happened, start)
+        entries = self._entries_of_many(start_ns)
+        return self._closed(stamp, note, packed.tobytes(), entries, span)
+
+    def _closed(
+        self, stamp: Stamp, note: Note, packed: bytes, entries: bytes, span: tuple[int, int]
+    ) -> tuple[BuiltChunk, Commit]:
+        """Return the chunk of packed events, with the Commit behind them."""
+        start_ns, count = stamp.recorded_ns, self._count
         end_ns = start_ns + count
         digests = {self._kind: sha256(packed).digest()}
         closing, hashed = closing_record(stamp, stamp.first_event + count, end_ns, digests)
@@ -99,20 +143,15 @@ class _Template:
         )  # fmt: skip
         of_events, of_commit = self._index_heads
         data = b"".join((
-            head, records,
-            of_events, (self._entries_of_few if few else self._entries_of_many)(start_ns),
-            of_commit, _ENTRY.pack(end_ns, self._end),
+            head, records, of_events, entries, of_commit, _ENTRY.pack(end_ns, self._end),
         ))  # fmt: skip
-        facts = ChunkFacts(
-            len(head) + size, "", size, size, (start_ns, end_ns),
-            _span(happened, start_ns), self._counts,
-        )  # fmt: skip
+        facts = ChunkFacts(len(head) + size, "", size, size, (start_ns, end_ns), span, self._counts)
         commit = Commit(
-            stamp.first_event, count, start_ns, end_ns, stamp.command_id, wall_ns,
+            stamp.first_event, count, start_ns, end_ns, stamp.command_id, stamp.wall_clock_ns,
             stamp.monotonic_clock_ns, stamp.boot_id, stamp.previous_hash, hashed,
             stamp.durability, stamp.durable_before, stamp.content, note,
         )  # fmt: skip
-        return BuiltChunk(records, data, facts), commit
+        return BuiltChunk(records, data, facts, self._offsets if count > FEW else None), commit
 
     def _packed_few(self, stamp: Stamp, happened: list[int], events: Sequence[Event]) -> bytes:
         """Return the events' records."""

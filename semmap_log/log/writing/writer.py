@@ -9,6 +9,7 @@ from pathlib import Path
 
 from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
+from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event
 from semmap_log.log.clock import Clock, SystemClock, believable_ns
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
@@ -95,7 +96,7 @@ class LogWriter:
 
     def append(
         self,
-        events: Iterable[Event],
+        events: Iterable[Event | EventBatch],
         *,
         note: Note = Note(),
         command_id: bytes | None = None,
@@ -104,7 +105,8 @@ class LogWriter:
         """Append events as one commit: all of them or none. `make_durable` makes it last.
 
         Args:
-            events: At least one; read once, in memory of about one chunk.
+            events: At least one; read once, in memory of about one chunk. Of batches number and
+                recorded time do not count; their values are not checked here.
             note: Who, with what, why.
             command_id: 16 bytes; default: drawn at random. `find` tells whether it is known.
             content: Digest of what the command asks for.
@@ -129,7 +131,7 @@ class LogWriter:
             self._busy = False
 
     def _append(
-        self, events: Iterable[Event], note: Note, command_id: bytes, content: bytes
+        self, events: Iterable[Event | EventBatch], note: Note, command_id: bytes, content: bytes
     ) -> Commit:
         wall_ns = believable_ns(self.clock)
         self._make_ready(wall_ns)

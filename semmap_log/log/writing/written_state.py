@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.events import Retracted
 from semmap_log.log.chunks import BuiltChunk
@@ -24,6 +27,8 @@ class WrittenState:
         self._flush = flush
         """Hands the kernel what the writer holds back, before the log is read."""
         self._unfolded: list[bytes] = []
+        self._offsets: list[NDArray[np.int64] | None] = []
+        """Where the records begin in each of those, as far as it is known."""
         self._unfolded_size = 0
         self._first_event = state.event + 1
         """A number below those that wait, and less than 2^32 away from them."""
@@ -35,10 +40,10 @@ class WrittenState:
 
     def add(self, chunk: BuiltChunk) -> None:
         """Remember a chunk that was written."""
-        records = chunk.records
-        self._unfolded.append(records)
-        self._unfolded_size += len(records)
-        self._since_keyframe += len(records)
+        self._unfolded.append(chunk.records)
+        self._offsets.append(chunk.offsets)
+        self._unfolded_size += len(chunk.records)
+        self._since_keyframe += len(chunk.records)
         if self._unfolded_size >= CHUNK_BYTES:
             self._fold()
 
@@ -75,10 +80,29 @@ class WrittenState:
         """Fold what was written; what a retraction hides can only be left out by a new fold."""
         if not self._unfolded:
             return
-        batch = Page(b"".join(self._unfolded), self._first_event, self._folder).events()
+        page = Page(
+            b"".join(self._unfolded),
+            self._first_event,
+            self._folder,
+            known_offsets=_joined(self._unfolded, self._offsets),
+        )
+        batch = page.events()
         needs_reading = self._needs_reading or Retracted in batch
         self._needs_reading = True  # if it is interrupted: half a fold must not become a keyframe
-        self._unfolded, self._unfolded_size = [], 0
+        self._unfolded, self._offsets, self._unfolded_size = [], [], 0
         self._state.apply(batch)
         self._first_event = self._state.event + 1
         self._needs_reading = needs_reading
+
+
+def _joined(
+    records: Sequence[bytes], offsets: Sequence[NDArray[np.int64] | None]
+) -> NDArray[np.int64] | None:
+    """Return where each record begins once those of all chunks are joined; None: not known."""
+    found, start = [], 0
+    for its_records, its_offsets in zip(records, offsets, strict=True):
+        if its_offsets is None:
+            return None
+        found.append(its_offsets + start)
+        start += len(its_records)
+    return np.concatenate(found)

@@ -8,6 +8,7 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -240,7 +241,13 @@ def test_a_keyframe_that_rests_on_what_was_retracted_is_passed_over(tmp_path: Pa
     assert all(start.chunk <= 1 for start in starts)
 
 
-@pytest.mark.parametrize(("at", "why"), [(12, "state version"), (20, "hash"), (200, "hash")])
+VERSION_AT, HASH = 12, slice(16, 48)
+"""Where they are in a keyframe's bytes."""
+
+
+@pytest.mark.parametrize(
+    ("at", "why"), [(VERSION_AT, "state version"), (20, "hash"), (200, "hash")]
+)
 def test_a_keyframe_that_cannot_be_used_is_left_out_with_a_warning(
     at: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,6 +259,9 @@ def test_a_keyframe_that_cannot_be_used_is_left_out_with_a_warning(
     def damaged(some_state: DoorMapState) -> bytes:
         data = bytearray(encoded(some_state))
         data[at] ^= 1
+        if at == VERSION_AT:  # then all the rest is right, the hash, too
+            data[HASH] = bytes(32)
+            data[HASH] = sha256(data).digest()
         return bytes(data)
 
     with tiny_steps(), sl.create(tmp_path / "log", tz="UTC") as log:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.commits import Durability, Note
@@ -32,6 +32,7 @@ stamps = st.builds(
 )
 
 
+@settings(deadline=None)
 @given(stamps, fixed_size, st.sampled_from([1, 2, FEW, FEW + 1, 40]), st.data())
 def test_it_makes_the_same_bytes(stamp: Stamp, first, count: int, data: st.DataObject) -> None:
     """
@@ -49,6 +50,7 @@ def test_it_makes_the_same_bytes(stamp: Stamp, first, count: int, data: st.DataO
     assert builder.commit == quick[1]
 
 
+@settings(deadline=None)
 @given(stamps, st.lists(events, min_size=1, max_size=4))
 def test_it_leaves_alone_what_it_cannot(stamp: Stamp, given_events) -> None:
     """
