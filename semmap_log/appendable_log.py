@@ -100,7 +100,7 @@ class AppendableLog(DoorLog):
             self._take_in()
             if self._is_stale:
                 self._writer.flush()
-                self._reader = self._reader.refreshed()
+                self.refresh()
                 self._is_stale = False
             return self._reader
 

@@ -10,6 +10,7 @@ sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Callable, Collection, Iterator
 from datetime import datetime
 from pathlib import Path
@@ -66,6 +67,7 @@ class DoorLog:
         """
         self.path = Path(path)
         self._reader = LogReader(self.path)
+        self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
     @property
@@ -80,8 +82,9 @@ class DoorLog:
 
     def refresh(self) -> None:
         """Take in what was written since the log was opened."""
-        self._reader = self._reader.refreshed()
-        self._end_ns = None
+        with self._refreshing:  # or a slow thread would put back what a fast one has seen pass
+            self._reader = self._reader.refreshed()
+            self._end_ns = None
 
     def replay(
         self,

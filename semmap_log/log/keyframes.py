@@ -50,7 +50,7 @@ def decode(data: bytes) -> DoorMapState | None:
         return None
     try:
         return DoorMapState.from_arrays(read_in_place("Keyframe", data))
-    except ValueError:
+    except (ValueError, IndexError):
         return None
 
 

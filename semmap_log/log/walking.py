@@ -188,7 +188,7 @@ def _tile(
     if (frame["opcode"] != _MESSAGE).any() or (length < mcap.MESSAGE_BODY_HEAD).any():
         return False
     firsts = np.searchsorted(offsets, starts)
-    if firsts[-1] >= len(offsets) or (offsets[firsts] != starts).any():
+    if firsts[0] or firsts[-1] >= len(offsets) or (offsets[firsts] != starts).any():
         return False
     following = np.append(offsets[1:], ends[-1])
     following[firsts[1:] - 1] = ends[:-1]

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from semmap_log.doors import DoorId
+from semmap_log.errors import LogError
 
 Stamp = tuple[int, int]
 """(happened time, event number)."""
@@ -79,11 +80,17 @@ class Annotations:
 
     def _unpacked(self) -> _Said:
         if self._stored is not None:
-            stored = self._stored
-            columns = [list(stored["key"]), list(stored["value"])]
-            columns += [stored[name].tolist() for name in ("door_id", "happened_ns", "event")]
-            said: _Said = {}
-            for key, value, door_id, happened, event in zip(*columns, strict=True):
-                said.setdefault(door_id, {})[key] = ((happened, event), value)
-            self._said, self._stored = said, None
+            try:
+                self._said, self._stored = _unpack(self._stored), None
+            except ValueError as error:
+                raise LogError(f"A keyframe's texts are none: {error}; verify the log.") from None
         return self._said
+
+
+def _unpack(stored: Mapping[str, Any]) -> _Said:
+    columns = [list(stored["key"]), list(stored["value"])]
+    columns += [stored[name].tolist() for name in ("door_id", "happened_ns", "event")]
+    said: _Said = {}
+    for key, value, door_id, happened, event in zip(*columns, strict=True):
+        said.setdefault(door_id, {})[key] = ((happened, event), value)
+    return said

@@ -26,6 +26,9 @@ class DoorsPresent(Mapping[DoorId, Door]):
         self._ids: list[int] = columns["door_id"].tolist()
         self._places = dict(zip(self._ids, range(len(self._ids)), strict=True))
         self._made: dict[DoorId, Door] = {}
+        """Those that were asked for, in the order in which they were."""
+        self._everything: dict[DoorId, Door] | None = None
+        """All of them, ids ascending, once somebody asked for all."""
 
     def __getitem__(self, door_id: DoorId) -> Door:
         door = self._made.get(door_id)
@@ -56,14 +59,14 @@ class DoorsPresent(Mapping[DoorId, Door]):
         return repr(self._all())
 
     def _all(self) -> dict[DoorId, Door]:
-        if len(self._made) < len(self._ids):
+        if self._everything is None:
             names = list(self._columns)
             rows = zip(*(column.tolist() for column in self._columns.values()), strict=True)
-            self._made = {
+            self._everything = {
                 DoorId(door_id): self._door(dict(zip(names, row, strict=True)))
                 for door_id, row in zip(self._ids, rows, strict=True)
             }
-        return self._made
+        return self._everything
 
     def _door(self, row: dict[str, Any]) -> Door:
         return Door(

@@ -29,7 +29,7 @@ from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import last_commit
 from semmap_log.log.reading.segment_set import check_follows
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.walking import ChunkDamage, walk
+from semmap_log.log.walking import ChunkDamage, walk, walk_by_index
 from semmap_log.log.writing.durability import SharedSync
 from semmap_log.messages import layout
 from semmap_log.projections.door_map import DoorMapState
@@ -161,6 +161,20 @@ def test_records_must_be_messages_that_tile_their_chunk() -> None:
     ):
         with pytest.raises(ChunkDamage):
             walk(wrong)
+
+
+def test_an_index_cannot_point_before_its_chunk() -> None:
+    """
+    To a message that ends where the chunk's records begin: it is not taken for one of them.
+    """
+    record = mcap.message(4, 0, 1000, 1000, bytes(8))
+    size = len(record)
+    index = struct.pack("<BQHI4q", 7, 38, 4, 32, 1000, -size, 1000, 0)
+    file = record + record + index
+
+    found = walk_by_index(file, np.array([2 * size]), file, np.array([size]), np.array([2 * size]))
+
+    assert [size] == found.tolist()
 
 
 def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """A small log that holds one of everything, for damage to be done to copies of it.
 
 Three segments of five commits each: the first compacted, the second as written, the third live
-(or closed). Every kind of event, notes, a floor map, a commit of several chunks, a retraction.
+(or closed). Every kind of event, notes, a floor map, a commit of several chunks, a retraction;
+keyframes at the segments' heads, within them, and in the middle of a commit.
 """
 
 from __future__ import annotations
@@ -93,8 +94,12 @@ def compact_folder(path: Path) -> None:
 
 @contextmanager
 def small_segments(commits: int = COMMITS_A_SEGMENT, chunk_bytes: int = 400) -> Iterator[None]:
-    """Let writers roll after so many commits, and split commits at so few bytes."""
-    with constants(ROLL_COMMITS=commits, CHUNK_BYTES=chunk_bytes):
+    """Let writers roll after so many commits, and split commits at so few bytes.
+
+    Keyframes stand within segments, and in the middle of long commits.
+    """
+    keyframes = {"KEYFRAME_EVERY_BYTES": 2 * chunk_bytes, "KEYFRAME_RARITY": 0}
+    with constants(ROLL_COMMITS=commits, CHUNK_BYTES=chunk_bytes, **keyframes):
         yield
 
 

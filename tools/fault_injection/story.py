@@ -44,8 +44,13 @@ SMALL_LIMITS = {
     "COMPRESS_FROM_BYTES": 3000,
     "CONTINUE_BELOW_BYTES": 38_000,
     "MOST_HELD_BACK_BYTES": 3000,
+    "KEYFRAME_EVERY_BYTES": 1000,
+    "KEYFRAME_RARITY": 0,
 }
-"""Names in the rooms of semmap_log.log; a commit of a hundred events is three chunks."""
+"""Names in the rooms of semmap_log.log; a commit of a hundred events is three chunks.
+
+Keyframes stand within segments, and in the middle of long commits.
+"""
 
 SPARE_WISHES = 4
 """For those who go on with a log when the story has ended."""

@@ -41,7 +41,7 @@ CHECKPOINTS = (
     _without("a checkpoint of what happened later", "fold.py",
              "scope.at_ns is None or position.latest_ns <= scope.at_ns", FOLD, put="True"),
     Mutant("a fold that does not see what comes meanwhile", "semmap_log/appendable_log.py",
-           "self._reader = self._reader.refreshed()", "self._reader.refresh()", (FOLD,)),
+           "self.refresh()", "self._reader.refresh()", (FOLD,)),
     _without("a log put back under a live fold", "live.py",
              "if not running.position.is_in(reader):", LIVE, put="if False:"),
     _without("another log under a live fold", "live.py",

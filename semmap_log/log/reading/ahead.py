@@ -9,9 +9,10 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from functools import lru_cache
 from itertools import islice
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
@@ -31,17 +32,43 @@ def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
         for task in tasks:
             yield task()
         return
-    submit = _pool(os.getpid(), threads).submit
     coming = iter(tasks)
-    running: deque[Future[T]] = deque(submit(task) for task in islice(coming, threads))
+    running = deque(_Begun(task, threads) for task in islice(coming, threads))
     try:
         while running:
             result = running.popleft().result()
-            running.extend(submit(task) for task in islice(coming, 1))
+            running.extend(_Begun(task, threads) for task in islice(coming, 1))
             yield result
     finally:
-        for future in running:
+        for begun in running:
+            begun.cancel()
+
+
+class _Begun(Generic[T]):
+    """A task that was given to another thread, if there can be one."""
+
+    def __init__(self, task: Callable[[], T], threads: int) -> None:
+        self._task = task
+        self._pid = os.getpid()
+        self._future: Future[T] | None = None
+        # Where the interpreter is ending, or the machine has no more threads: done when wanted.
+        with suppress(RuntimeError):
+            self._future = _pool(self._pid, threads).submit(task)
+
+    def result(self) -> T:
+        """Return what the task returns; one that nobody here works at is done now."""
+        future = self._own_future()
+        return self._task() if future is None else future.result()
+
+    def cancel(self) -> None:
+        """Spare the work if it was not begun."""
+        future = self._own_future()
+        if future is not None:
             future.cancel()
+
+    def _own_future(self) -> Future[T] | None:
+        """Return the future; None in a forked child, where nobody would ever bring it about."""
+        return self._future if os.getpid() == self._pid else None
 
 
 @lru_cache(maxsize=1)

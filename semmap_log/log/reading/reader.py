@@ -268,9 +268,10 @@ class LogReader:
     def retractions(self, *, limit: int | None = None) -> Retractions:
         """Return what was taken back by the events up to the number `limit`."""
         if self._retractions is None:
-            self._retractions = Retractions()
+            found = Retractions()
             for batch in self.batches(Window(kinds=bits_of_kinds([Retracted]))):
-                self._retractions.apply(batch)
+                found.apply(batch)
+            self._retractions = found  # once it is whole: others ask, and reading may be cut short
         return self._retractions if limit is None else self._retractions.up_to(limit)
 
     def segments_by(self, at_ns: int) -> int:

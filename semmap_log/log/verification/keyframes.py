@@ -156,12 +156,17 @@ class KeyframeCheck:
         self._good = [(self._state.event, place)]
 
     def _fold_anew(self) -> None:
-        """Fold once more, from the last right keyframe that no later retraction reaches behind."""
+        """Fold once more, from the last right keyframe that rests on nothing retracted later."""
         self._is_stale = False
         self._state, hidden = None, self._hidden()
+        behind: int | None = None
         for event, place in reversed(self._good):
-            if all(first > event for number, first, _ in self._retractions if number > event):
-                state = self._state_at(event, place)
+            if behind is not None and event >= behind:
+                continue  # it rests on the same retracted event
+            state = self._state_at(event, place)
+            later = [(first, last) for number, first, last in self._retractions if number > event]
+            behind = state.first_among(later)
+            if behind is None:
                 for batch in self._batches_behind(event, place):
                     state.note_used_ids(batch)
                     state.apply(hidden.visible(batch))

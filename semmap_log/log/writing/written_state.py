@@ -87,10 +87,12 @@ class WrittenState:
             known_offsets=_joined(self._unfolded, self._offsets),
         )
         batch = page.events()
+        needs_reading = self._needs_reading or Retracted in batch
+        self._needs_reading = True  # if it is interrupted: half a fold must not become a keyframe
         self._unfolded, self._offsets, self._unfolded_size = [], [], 0
         self._state.apply(batch)
         self._first_event = self._state.event + 1
-        self._needs_reading |= Retracted in batch
+        self._needs_reading = needs_reading
 
 
 def _joined(

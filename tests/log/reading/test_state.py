@@ -7,9 +7,10 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -17,8 +18,15 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import CorruptLogError, KeyframeWarning
-from semmap_log.events import DoorAdded, DoorObserved, Event, Retracted
+from semmap_log.errors import CorruptLogError, KeyframeWarning, LogError
+from semmap_log.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    Event,
+    LevelAdded,
+    Retracted,
+)
 from semmap_log.log import commits, keyframes
 from semmap_log.log.compaction import compact, repaging
 from semmap_log.log.form import CHUNK_BYTES
@@ -266,6 +274,34 @@ def test_a_keyframe_that_cannot_be_used_is_left_out_with_a_warning(
         door_map = sl.read(tmp_path / "log").replay(event=9)
 
     assert START_NS + 8 * 10**9 == door_map.doors[DoorId(1)].last_seen_ns
+
+
+@pytest.mark.parametrize("column", ["annotation_value", "level_event", "level_name"])
+def test_a_keyframe_whose_columns_do_not_fit_is_no_crash(
+    column: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    With its right hash, made by a hand: left out, or an error of ours.
+    """
+    to_arrays = DoorMapState.to_arrays
+
+    def shorter(some_state: DoorMapState) -> dict[str, Any]:
+        arrays = to_arrays(some_state)
+        return arrays | {column: arrays[column][:-1]}
+
+    with tiny_steps(), sl.create(tmp_path / "log", tz="UTC") as log:
+        log.append([LevelAdded(level=1, name="first floor")])
+        log.append([DoorAdded(door_id=DoorId(1), happened_ns=START_NS - 1)])
+        log.append([DoorAnnotated(door_id=DoorId(1), key="name", value="front")])
+        monkeypatch.setattr(DoorMapState, "to_arrays", shorter)
+        for event in sightings(10):
+            log.append([event])
+
+    with warnings.catch_warnings(), suppress(LogError):
+        warnings.simplefilter("ignore", KeyframeWarning)
+        doors = sl.read(tmp_path / "log").replay(event=9).doors
+
+        assert {"name": "front"} == dict(doors[DoorId(1)].annotations)
 
 
 def test_a_good_log_warns_of_nothing(long_log: Path) -> None:
