@@ -299,7 +299,7 @@ class AppendableLog(DoorLog):
     ) -> Appended:
         self._take_in()
         poses = self._poses
-        gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses))
+        gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses), self.now_ns)
         try:
             events = make()
             if isinstance(events, (list, tuple)):

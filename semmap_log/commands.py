@@ -6,7 +6,7 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,7 +122,17 @@ class Roster:
 class Gatekeeper:
     """Checks the events of one commit, each against the map and the events before it."""
 
-    def __init__(self, roster: Roster, next_event: int) -> None:
+    def __init__(
+        self, roster: Roster, next_event: int, now_ns: Callable[[], int] | None = None
+    ) -> None:
+        """Take up a commit.
+
+        Args:
+            roster: The doors and levels before it.
+            next_event: The number of its first event.
+            now_ns: The log's clock, by which events without a time happen; None: not known.
+        """
+        self._now_ns = now_ns
         self.roster = roster
         """The roster after the events that passed; the one that was given stays as it was."""
         self.has_retraction = False
@@ -220,6 +230,9 @@ class Gatekeeper:
             if not self._is_own:
                 self.roster, self._is_own = self.roster.copy(), True
             self.roster.apply(event)
+            if isinstance(event, DoorAdded) and event.happened_ns is not None and self._now_ns:
+                # One that is said to come later counts from when it is recorded.
+                self.roster.added_ns[event.door_id] = min(event.happened_ns, self._now_ns())
             if event.happened_ns is None and isinstance(event, (DoorAdded, DoorRemoved)):
                 self._timeless.append(event)
         self._next_event += 1
@@ -279,6 +292,11 @@ class Gatekeeper:
         added_ns = self.roster.added_ns.get(event.door_id, 0)
         if event.happened_ns is not None and event.happened_ns < added_ns:
             raise CommandError(f"door {event.door_id} cannot be removed before it was added.")
+        if event.happened_ns is None and self._now_ns and self._now_ns() < added_ns < MAX_TIME_NS:
+            raise CommandError(
+                f"door {event.door_id} cannot be removed before it was added: the clock has gone "
+                "back since then; set it right, or say when it was removed."
+            )
 
     def _check_retraction(self, event: Retracted) -> None:
         if event.last_event >= self._next_event:

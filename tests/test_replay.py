@@ -260,6 +260,23 @@ def test_a_removal_before_the_adding_is_of_no_door(tmp_path: Path, clock: Steady
         assert not log.timeline(DoorId(2)).removed
 
 
+def test_a_removal_while_the_clock_is_behind_is_refused(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    Without a time of its own it would lie before the adding, and leave the door there.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        door = log.add_door()
+        later = log.add_door()
+        clock.now_ns -= 1000 * 10**9
+        with pytest.raises(CommandError, match="the clock has gone back"):
+            log.remove_door(door)
+        clock.now_ns += 2000 * 10**9
+
+        log.remove_door(door)
+
+        assert [later] == list(log.replay().doors)
+
+
 def test_a_commit_is_known_whole_or_not_at_all(tmp_path: Path, clock: SteadyClock) -> None:
     """
     A moment inside a commit's own nanoseconds shows all of it.

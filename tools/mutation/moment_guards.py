@@ -31,7 +31,7 @@ MOMENTS = (
     _without("keyframes of what happened later, in segments before", "state.py",
              "last = min(last, self.reader.segments_by(self.at_ns))", STATE),
     _without("events as the index counts them", "segment_reading.py",
-             "    _check_numbers(page, batch, firsts, ends)\n", WINDOW, put=""),
+             "        _check_numbers(page, batch, firsts[mine], ends[mine])\n", WINDOW, put=""),
     _without("kinds of messages as the summary says", "page_reading.py",
              'np.flatnonzero(kinds_of_chunks(page, ends) != rows["kinds"])', WINDOW,
              put="np.empty(0)"),

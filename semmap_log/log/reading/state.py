@@ -98,7 +98,7 @@ class _Search:
         """
         for place in reversed(range(self._last_segment() + 1)):
             segment = self.reader.segments[place]
-            chunks = segment.chunks.having(KEYFRAME_BIT)
+            chunks = np.flatnonzero(segment.chunks.rows["kinds"] == KEYFRAME_BIT)
             firsts, _ = numbers_of(segment)
             events = firsts[chunks] - 1  # behind the last event before it
             serves = np.ones(len(chunks), np.bool_)
