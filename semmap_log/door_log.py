@@ -33,7 +33,8 @@ from semmap_log.log.pages import Page
 from semmap_log.log.reading.change_finder import ChangeFinder
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.following import FollowedCommit, follow
-from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import Window
 from semmap_log.moments import Moment, parse_moment, parse_range

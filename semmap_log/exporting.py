@@ -16,7 +16,7 @@ from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import whole_file
 from semmap_log.log.reading.commit_finder import CommitFinder
-from semmap_log.log.reading.reader import Progress
+from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches

@@ -22,7 +22,7 @@ from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
-from semmap_log.log.reading.reader import Progress
+from semmap_log.log.reading.passage import Progress
 
 READABLE = "*.building.yaml (Open-RMF), .yaml (the thesis's), .csv, .csv.gz, .jsonl, .jsonl.gz"
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from semmap_log.event_batch import EventBatch
-from semmap_log.log.reading.reader import LogReader, OnPage, Progress
+from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.reader import LogReader, OnPage
 from semmap_log.log.reading.state import state_at
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState

@@ -14,7 +14,8 @@ from semmap_log.doors import DoorMap
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import KINDS
 from semmap_log.log.header import LogInfo
-from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.suspicion import ClockCheck, Suspect

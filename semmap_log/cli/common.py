@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from semmap_log.door_log_writer import About
-    from semmap_log.log.reading.reader import Progress
+    from semmap_log.log.reading.passage import Progress
 
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")]
 DoorName = Annotated[

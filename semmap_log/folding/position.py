@@ -10,7 +10,8 @@ from semmap_log.commits import Commit
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Retracted
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
-from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_reading import commit_of
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.retraction import Retractions

@@ -15,7 +15,8 @@ from semmap_log.folding.position import (
     hiding,
     retractions_behind,
 )
-from semmap_log.log.reading.reader import LogReader, Progress
+from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.reader import LogReader
 from semmap_log.projections.projection import Projection
 
 S = TypeVar("S")

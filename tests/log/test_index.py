@@ -10,7 +10,7 @@ from mcap.reader import SeekingReader
 import semmap_log as sl
 from semmap_log.log.compaction import compact
 from semmap_log.log.header import read_index
-from semmap_log.log.reading.reader import read_chunk
+from semmap_log.log.reading.segment_reading import read_chunk
 from tests.conftest import SteadyClock
 
 

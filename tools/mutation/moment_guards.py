@@ -38,6 +38,5 @@ MOMENTS = (
     _without("the data's CRC, where chunks are read in place", "closed_summary.py",
              "zlib.crc32(self.file[: self.data_end]) == crc", WINDOW, FLIPS, put="True"),
     _without("segments that follow by hash, in a replay", "reader.py",
-             "            check_follows(segment, commit, before)\n        else:", SET,
-             put="            pass\n        else:"),
+             "check_follows(segment, commit, self.segments[place - 1])", SET),
 )  # fmt: skip

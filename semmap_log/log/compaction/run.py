@@ -16,8 +16,10 @@ from semmap_log.log.compaction.repaging import Pause, no_pause
 from semmap_log.log.disk import remove_leftovers
 from semmap_log.log.form import CHUNK_BYTES, count_events
 from semmap_log.log.lock import WriterLock
-from semmap_log.log.reading.reader import LogReader, Progress, check_is_log
+from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.segment_folder import check_is_log
 from semmap_log.log.segment import SegmentWriter
 
 

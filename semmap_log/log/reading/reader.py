@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,13 +16,12 @@ from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Retracted
-from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.mapping import map_file
-from semmap_log.log.reading.scan import Segment, open_segment, read_head
-from semmap_log.log.reading.segment_folder import SegmentFolder, list_segments
+from semmap_log.log.reading.passage import Passage, Progress
+from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.segment_folder import SegmentFolder
 from semmap_log.log.reading.segment_reading import (
     batches_of,
     commit_of,
@@ -31,13 +29,9 @@ from semmap_log.log.reading.segment_reading import (
     page_at,
     pages_of,
 )
-from semmap_log.log.reading.segment_set import check_adjoins, check_counts, check_follows
+from semmap_log.log.reading.segment_set import check_adjoins, check_follows
 from semmap_log.log.reading.window import EVERYTHING, Window
-from semmap_log.log.walking import ChunkDamage
 from semmap_log.projections.retraction import Retractions
-
-Progress = Callable[[int, int], None]
-"""Called with (bytes done, bytes in all)."""
 
 OnPage = Callable[[Segment, Page], None]
 """Called with the records in which the events of the next batch lie."""
@@ -75,7 +69,7 @@ class LogReader:
         self._retractions: Retractions | None = None
         self._latest_ns: NDArray[np.int64] | None = None
         """Of each segment and those before it, the latest happened time."""
-        self._are_counted = False
+        self._is_in_order = False
         self.refresh()
 
     def refreshed(self) -> LogReader:
@@ -103,7 +97,7 @@ class LogReader:
             found = self._files.look()
             self.segments, self.leftovers = found.segments, found.leftovers
         if self.segments != before:
-            self._retractions, self._latest_ns, self._are_counted = None, None, False
+            self._retractions, self._latest_ns, self._is_in_order = None, None, False
 
     @property
     def info(self) -> LogInfo:
@@ -120,7 +114,7 @@ class LogReader:
         """
         last: Page | None = None
         before: Segment | None = None
-        passage = _Passage(self.segments[start.segment :], progress)
+        passage = Passage(self.segments[start.segment :], progress)
         for segment in self.segments[start.segment :]:
             if before is not None:
                 commit = last.last_commit() if last is not None else None
@@ -154,14 +148,14 @@ class LogReader:
         Raises:
             CorruptLogError: A chunk is not what was written, or events are missing.
         """
-        self._check_counts()
-        passage = _Passage(self.segments[start.segment :], progress)
+        self._check_order()
+        passage = Passage(self.segments[start.segment :], progress)
         last: Page | None = None
         for place in range(start.segment, len(self.segments)):
             segment, last_before, last = self.segments[place], last, None
             if window.may_reach(segment, self._next_event(place)):
-                if place > start.segment:
-                    self._check_order(place, last_before)
+                if last_before is not None:
+                    self._check_follows(place, last_before)
                 chunks = window.chunks(segment)
                 if place == start.segment:
                     chunks = chunks[chunks >= start.chunk]
@@ -206,8 +200,8 @@ class LogReader:
 
         A commit is known from the log time of its first record on.
         """
-        places = range(len(self.segments))
-        early = bisect_right(places, known_at_ns, key=self._start_ns)
+        self._check_order()
+        early = bisect_right(self.segments, known_at_ns, key=lambda s: s.recorded[0])
         for segment in reversed(self.segments[:early]):
             for chunk in reversed(range(segment.chunks.starting_by(known_at_ns))):
                 page = page_at(segment, chunk)
@@ -236,8 +230,9 @@ class LogReader:
         Raises:
             LogError: There is no such event.
         """
+        self._check_order()
         place = self.segment_of(number)
-        commit = None if place is None else commit_of(self._among_neighbours(place), number)
+        commit = None if place is None else commit_of(self.segments[place], number)
         if commit is None:
             raise self._no_event(number)
         return commit
@@ -249,21 +244,6 @@ class LogReader:
         """Return the place of the segment that holds an event, or would; None: none begins yet."""
         behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
         return behind - 1 if behind else None
-
-    def _among_neighbours(self, place: int) -> Segment:
-        """Return a segment that fits the one before and the one behind it.
-
-        Raises:
-            CorruptLogError: It does not.
-        """
-        for before, segment in pairwise(self.segments[max(0, place - 1) : place + 2]):
-            check_adjoins(segment, before)
-        return self.segments[place]
-
-    def _start_ns(self, place: int) -> int:
-        """Return the log time of a segment's first record."""
-        rows = self._among_neighbours(place).chunks.rows
-        return int(rows["start_ns"][0]) if len(rows) else 0
 
     def retractions(self, *, limit: int | None = None) -> Retractions:
         """Return what was taken back by the events up to the number `limit`."""
@@ -288,94 +268,20 @@ class LogReader:
             return self.segments[place + 1].header.first_event
         return None
 
-    def _check_order(self, place: int, last: Page | None) -> None:
-        """Check that a segment follows the one before it, by hash if that one's end was read.
+    def _check_follows(self, place: int, last: Page) -> None:
+        """Check that a segment follows the one before it by hash, if that one's end was read.
 
         Args:
             place: Its own.
-            last: The last page that was read of the one before; None: none was.
+            last: The last page that was read of the one before.
         """
-        segment, before = self.segments[place], self.segments[place - 1]
-        commit = None if last is None else last.last_commit()
+        segment, commit = self.segments[place], last.last_commit()
         if commit is not None and commit.last_event + 1 == segment.header.first_event:
-            check_follows(segment, commit, before)
-        else:
-            check_adjoins(segment, before)
+            check_follows(segment, commit, self.segments[place - 1])
 
-    def _check_counts(self) -> None:
-        """Check that each segment holds all events up to the next one, as far as is counted."""
-        if not self._are_counted:
+    def _check_order(self) -> None:
+        """Check that the segments' events and times follow each other, as their summaries tell."""
+        if not self._is_in_order:
             for before, segment in pairwise(self.segments):
-                check_counts(segment, before)
-            self._are_counted = True
-
-
-MOST_MAPPED = 2**24
-"""So much of what was read of mapped files stays on the process's account."""
-
-
-class _Passage:
-    """How far the reading of segments, one behind the other, has come."""
-
-    def __init__(self, segments: Sequence[Segment], progress: Progress | None) -> None:
-        self._progress = progress
-        self._done = 0
-        """Bytes of the segments that were passed."""
-        self._todo = sum(len(segment.file) for segment in segments) if progress else 0
-        self._kept_from = 0
-        """In the segment that is read: what lies before was let go of."""
-
-    def reached(self, segment: Segment, page: Page) -> None:
-        """Take note of a page that was used, and all before it."""
-        if page.offset - self._kept_from > MOST_MAPPED:
-            segment.mapped.let_go(self._kept_from, page.offset)
-            self._kept_from = page.offset
-        if self._progress:
-            self._progress(self._done + page.offset, self._todo)
-
-    def passed(self, segment: Segment, *, is_read: bool) -> None:
-        """Take note of a segment's end."""
-        self._done += len(segment.file)
-        if is_read and self._done > MOST_MAPPED:
-            segment.mapped.let_go(self._kept_from, len(segment.file))
-        self._kept_from = 0
-        if self._progress:
-            self._progress(self._done, self._todo)
-
-
-def segment_paths(folder: Path) -> list[Path]:
-    """Return the segment files of a log, by name.
-
-    Raises:
-        NotALogError: There is no folder, or no segment in it.
-        LogAccessError: It cannot be read.
-    """
-    return [folder / name for name, _ in list_segments(folder)]
-
-
-def check_is_log(folder: Path) -> None:
-    """Return if a segment of ours lies in a folder: then it is a log's, however damaged.
-
-    Raises:
-        NotALogError: There is none.
-        CorruptLogError: All there are are damaged in their heads.
-        LogAccessError: They cannot be read.
-    """
-    *others, last = segment_paths(folder)
-    for path in others:
-        with suppress(LogError):
-            read_head(path, map_file(path).data)
-            return
-    read_head(last, map_file(last).data)
-
-
-def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
-    """Return a chunk's records, CRC checked.
-
-    Raises:
-        CorruptLogError: They are not what was written.
-    """
-    try:
-        return chunk.records(segment.file)
-    except ChunkDamage as damage:
-        raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
+                check_adjoins(segment, before)
+            self._is_in_order = True

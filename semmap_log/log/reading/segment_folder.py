@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
-from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.mapping import map_file
+from semmap_log.log.reading.scan import Segment, open_segment, read_head
 from semmap_log.log.reading.segment_set import SegmentSet, arrange
 
 Listing = list[tuple[str, int]]
@@ -129,3 +131,19 @@ def list_segments(folder: Path) -> Listing:
     if not found:
         raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
     return sorted(found)
+
+
+def check_is_log(folder: Path) -> None:
+    """Return if a segment of ours lies in a folder: then it is a log's, however damaged.
+
+    Raises:
+        NotALogError: There is none.
+        CorruptLogError: All there are are damaged in their heads.
+        LogAccessError: They cannot be read.
+    """
+    *others, last = (folder / name for name, _ in list_segments(folder))
+    for path in others:
+        with suppress(LogError):
+            read_head(path, map_file(path).data)
+            return
+    read_head(last, map_file(last).data)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
+from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.kind_bits import COMMIT_BIT
 from semmap_log.log.pages import Page
@@ -20,6 +21,7 @@ from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.page_reading import Records, read_page, unpack
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import numbers_of
+from semmap_log.log.walking import ChunkDamage
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
@@ -39,6 +41,18 @@ def page_at(segment: Segment, chunk: int) -> Page:
         CorruptLogError: They are not what was written.
     """
     return read_page(segment.chunks[chunk : chunk + 1], segment.header.first_event)
+
+
+def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
+    """Return a chunk's records, CRC checked.
+
+    Raises:
+        CorruptLogError: They are not what was written.
+    """
+    try:
+        return chunk.records(segment.file)
+    except ChunkDamage as damage:
+        raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
 
 
 def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Page, EventBatch]]:

@@ -83,19 +83,19 @@ def check_adjoins(segment: Segment, before: Segment) -> None:
     """Check that a segment begins where the one before it ends, as far as their summaries tell.
 
     No chunk is read: for questions that look at a few places of a long log. The hashes are
-    compared where the log is read in order: `check_follows`.
+    compared where one is read behind the other: `check_follows`.
 
     Raises:
         CorruptLogError: Events are missing between them, or their order is not that of their times.
     """
-    check_counts(segment, before)
-    ends, starts = before.chunks.rows["end_ns"], segment.chunks.rows["start_ns"]
-    if len(ends) and len(starts) and starts[0] <= ends[-1]:
-        problem = f"its first log time {starts[0]} is not after the last of {before.path.name}"
-        raise CorruptLogError(segment.path, 0, f"{problem}, {ends[-1]}, which its head says")
+    _check_counts(segment, before)
+    (_, end_ns), (start_ns, _) = before.recorded, segment.recorded
+    if 0 < start_ns <= end_ns:
+        problem = f"its first log time {start_ns} is not after the last of {before.path.name}"
+        raise CorruptLogError(segment.path, 0, f"{problem}, {end_ns}, which its head says")
 
 
-def check_counts(segment: Segment, before: Segment) -> None:
+def _check_counts(segment: Segment, before: Segment) -> None:
     """Check that the segment before holds all events up to the first of a segment.
 
     Raises:

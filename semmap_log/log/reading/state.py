@@ -16,7 +16,8 @@ import numpy as np
 from semmap_log.errors import KeyframeWarning
 from semmap_log.log import keyframes
 from semmap_log.log.kind_bits import KEYFRAME_BIT
-from semmap_log.log.reading.reader import BEGINNING, LogReader, Position, Progress
+from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.reader import BEGINNING, LogReader, Position
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import page_at
 from semmap_log.log.reading.window import Window, numbers_of

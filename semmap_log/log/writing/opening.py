@@ -12,7 +12,8 @@ from semmap_log.log.compaction.merge import remove_merged
 from semmap_log.log.disk import is_empty, remove_leftovers, sync_folder
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
-from semmap_log.log.reading.reader import LogReader, check_is_log
+from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.segment_folder import check_is_log
 from semmap_log.log.reading.state import state_at
 from semmap_log.log.writing.writer import LogWriter, Surroundings
 from semmap_log.projections.door_map import DoorMapState

@@ -10,8 +10,8 @@ from semmap_log.log.chunks import build_chunk
 from semmap_log.log.disk import replace_file
 from semmap_log.log.form import TORN_SUFFIX
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.reader import read_chunk
 from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_reading import read_chunk
 from semmap_log.log.segment import SegmentWriter
 
 
