@@ -290,8 +290,8 @@ def _what(entry: HistoryEntry) -> Text:
 def _before(entry: HistoryEntry) -> str:
     """Return what the fields that an event changed had been, such as `, was CLOSED`."""
     known = [change for change in entry.changes if not _is_absent(change.before)]
-    if [change.field for change in known] == ["state"]:
-        return f", was {known[0].before.name}"
+    if len(known) == 1:
+        return f", was {_short(known[0].before)}"
     said = ", ".join(f"{change.field} {_short(change.before)}" for change in known)
     return f"; was: {said}" if said else ""
 

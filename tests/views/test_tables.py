@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -223,3 +224,29 @@ def test_colours_are_for_terminals(tmp_path: Path) -> None:
 
     assert "\x1b[31mCLOSED" in out.getvalue()
     assert "\x1b" not in printed(table)
+
+
+def test_history_shows_what_was_before(tmp_path: Path) -> None:
+    """
+    One field: its value; several: each with its name; nothing where nothing was, or changed.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        door = log.add_door(x=0, y=0, theta=0, width=0.9, state="closed")
+        log.observe(door, "closed")
+        log.observe(door, "open")
+        log.update_door(door, width=0.8)
+        log.update_door(door, state="closed", prob_open=0.25)
+        log.update_door(door, state="open", prob_open=0.5)
+
+    text = printed(history_table(sl.read(tmp_path / "log").history(door), tz="UTC"), width=200)
+
+    said = [
+        "added, CLOSED",
+        "seen CLOSED",
+        "seen OPEN, was CLOSED",
+        "width 0.80 m, was 0.90",
+        "set to CLOSED, P(open) 0.25, was OPEN",
+        "set to OPEN, P(open) 0.50; was: state CLOSED, prob_open 0.25",
+    ]
+    rows = [line for line in text.splitlines() if " 1  " in line]
+    assert said == [re.sub(r".* 1 {2,}", "", line).strip() for line in rows]
