@@ -34,13 +34,14 @@ def _bit_of_channel(channel: int) -> int:
     return _CARE.get(channel, FOREIGN_BIT) if kind is None else 1 << kind
 
 
-_BITS = np.array([_bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL + 1)], np.uint32)
-"""Of each channel; those behind the last carry floor maps, too."""
+_BITS = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
+"""Of each channel there can be: those behind the first floor map's carry floor maps, too."""
+_BITS[:FLOOR_MAP_CHANNEL] = [_bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL)]
 
 
 def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
     """Return the bit of each channel."""
-    bits: NDArray[np.uint32] = _BITS[np.minimum(channels, FLOOR_MAP_CHANNEL)]
+    bits: NDArray[np.uint32] = _BITS[channels]
     return bits
 
 

@@ -15,7 +15,7 @@ from semmap_log.commits import Commit, Durability, Note
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.event_columns import LazyColumns
-from semmap_log.events import Event
+from semmap_log.events import Event, FloorMap
 from semmap_log.log import records as mcap
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
@@ -24,7 +24,7 @@ from semmap_log.log.form import (
     NOTE_CHANNEL,
     kind_of_channel,
 )
-from semmap_log.log.walking import ChunkDamage, gather, heads_of, walk
+from semmap_log.log.walking import ChunkDamage, Walked, gather, heads_of, walk
 from semmap_log.messages import (
     OBJECT_KINDS,
     decode,
@@ -34,14 +34,16 @@ from semmap_log.messages import (
     type_name,
 )
 
-_KIND_OF_CHANNEL = np.array(
-    [kind_of_channel(channel) or 0 for channel in range(FLOOR_MAP_CHANNEL + 1)], np.uint8
-)
+_KIND_OF_CHANNEL = np.full(2**16, FloorMap.kind, np.uint8)
+"""Of each channel there can be; those behind the first floor map's carry floor maps, too."""
+_KIND_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
+    kind_of_channel(channel) or 0 for channel in range(FLOOR_MAP_CHANNEL)
+]
 
 
 def kinds_of(channels: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Return the kind of event on each channel; 0: Commit, CommitNote, Keyframe or foreign."""
-    kinds: NDArray[np.uint8] = _KIND_OF_CHANNEL[np.minimum(channels, FLOOR_MAP_CHANNEL)]
+    kinds: NDArray[np.uint8] = _KIND_OF_CHANNEL[channels]
     return kinds
 
 
@@ -82,7 +84,7 @@ class Page:
     """Their file, for messages."""
     offset: int = 0
     """Where their first chunk lies in it, for messages."""
-    known_offsets: NDArray[np.int64] | None = None
+    walked: Walked | None = None
     """Where each record begins, where somebody has walked them already."""
 
     @cached_property
@@ -93,14 +95,15 @@ class Page:
             CorruptLogError: They are not messages, one after the other.
         """
         try:
-            return walk(self.records) if self.known_offsets is None else self.known_offsets
+            return walk(self.records) if self.walked is None else self.walked.offsets
         except ChunkDamage as damage:
             raise CorruptLogError(self.path, self.offset, str(damage)) from None
 
     @cached_property
     def heads(self) -> Heads:
         """The fixed fields of each record."""
-        return Heads(heads_of(self.records, self.offsets))
+        known = None if self.walked is None else self.walked.heads
+        return Heads(heads_of(self.records, self.offsets) if known is None else known)
 
     @property
     def levels(self) -> set[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -43,7 +44,7 @@ def walk_by_index(
     records: bytes | memoryview,
     starts: NDArray[np.int64],
     ends: NDArray[np.int64],
-) -> NDArray[np.int64]:
+) -> Walked:
     """Return where the messages of one or more chunks begin, at numpy's speed.
 
     Their MessageIndexes are only a hint. They have no CRC, so nothing in them is believed: what is
@@ -62,14 +63,13 @@ def walk_by_index(
     """
     found = (_columns_behind if len(behind) > 1 else _columns_behind_one)(file, behind, starts)
     offsets = np.sort(np.concatenate(found), kind="stable")  # which merges what is sorted already
-    if _tile(records, offsets, starts, ends):
-        return offsets
-    return walk_together(records, starts, ends)
+    heads = _tile(records, offsets, starts, ends)
+    if heads is not None:
+        return Walked(offsets, heads)
+    return Walked(walk_together(records, starts, ends))
 
 
-def walk_one(
-    file: memoryview | bytes, behind: int, records: bytes | memoryview
-) -> NDArray[np.int64]:
+def walk_one(file: memoryview | bytes, behind: int, records: bytes | memoryview) -> Walked:
     """Return the same of one chunk, whose records are at hand.
 
     Raises:
@@ -178,21 +178,30 @@ def _tile(
     offsets: NDArray[np.int64],
     starts: NDArray[np.int64],
     ends: NDArray[np.int64],
-) -> bool:
-    """Tell whether messages begin at these ascending offsets that fill each start..end."""
+) -> NDArray[np.void] | None:
+    """Return the heads of the messages at these ascending offsets, if they fill each start..end."""
     most = len(records) - mcap.MESSAGE.size
     if not len(offsets) or offsets[0] < 0 or offsets[-1] > most:
-        return False
-    frame = gather(records, offsets, _FRAME_DTYPE)
-    length = np.ascontiguousarray(frame["length"])
-    if (frame["opcode"] != _MESSAGE).any() or (length < mcap.MESSAGE_BODY_HEAD).any():
-        return False
+        return None
+    heads = heads_of(records, offsets)
+    length = heads["length"].astype(np.int64)
+    if (heads["opcode"] != _MESSAGE).any() or (length < mcap.MESSAGE_BODY_HEAD).any():
+        return None
     firsts = np.searchsorted(offsets, starts)
     if firsts[0] or firsts[-1] >= len(offsets) or (offsets[firsts] != starts).any():
-        return False
+        return None
     following = np.append(offsets[1:], ends[-1])
     following[firsts[1:] - 1] = ends[:-1]
-    return bool((offsets + mcap.FRAME.size + length == following).all())
+    return heads if (offsets + mcap.FRAME.size + length == following).all() else None
+
+
+class Walked(NamedTuple):
+    """What was found of some chunks' messages."""
+
+    offsets: NDArray[np.int64]
+    """Where each begins, ascending."""
+    heads: NDArray[np.void] | None = None
+    """Their fixed fields, where these had to be read for it."""
 
 
 def heads_of(records: bytes | memoryview, offsets: NDArray[np.int64]) -> NDArray[np.void]:

@@ -174,7 +174,7 @@ def test_an_index_cannot_point_before_its_chunk() -> None:
 
     found = walk_by_index(file, np.array([2 * size]), file, np.array([size]), np.array([2 * size]))
 
-    assert [size] == found.tolist()
+    assert [size] == found.offsets.tolist()
 
 
 def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from semmap_log.log.form import (
     floor_map_topic,
 )
 from semmap_log.log.pages import Page
-from semmap_log.log.walking import ChunkDamage, frames, heads_of, walk, walk_one
+from semmap_log.log.walking import ChunkDamage, Walked, frames, heads_of, walk, walk_one
 
 SMALL_BYTES = 2**14
 """Smaller chunks are walked in Python; for larger ones numpy pays."""
@@ -52,7 +52,7 @@ class Part:
         offsets = [own + start for own, start in zip(self.offsets, starts, strict=True)]
         records = self.records[0] if len(self.records) == 1 else b"".join(self.records)
         place = self.chunks[0].offset
-        return Page(records, first_event, path, place, np.concatenate(offsets))
+        return Page(records, first_event, path, place, Walked(np.concatenate(offsets)))
 
 
 def read_part(file: memoryview, at: int) -> Part:
@@ -101,7 +101,7 @@ def _messages(
 ) -> tuple[NDArray[np.int64], int]:
     """Return where a chunk's messages begin, and on how many channels they are."""
     if chunk.size >= SMALL_BYTES:
-        offsets = walk_one(file, chunk.offset + chunk.length, records)
+        offsets = walk_one(file, chunk.offset + chunk.length, records).offsets
         channels = len(np.unique(heads_of(records, offsets)["channel_id"]))
     else:
         offsets = walk(records)

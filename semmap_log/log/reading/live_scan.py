@@ -25,7 +25,7 @@ from semmap_log.log.reading.happened_spans import SPAN, spans_of_chunks
 from semmap_log.log.reading.live_records import Part, read_part
 from semmap_log.log.reading.page_reading import kinds_of_chunks
 from semmap_log.log.reading.resync import whole_chunks
-from semmap_log.log.walking import frames
+from semmap_log.log.walking import Walked, frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ class _Behind:
         """Search behind an offset."""
         chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(file, start, len(file)):
-            page = Page(records, expected, Path(), 0, offsets)
+            page = Page(records, expected, Path(), 0, Walked(offsets))
             later = [n for n in page.event_numbers()[:1].tolist() if n > expected]
             first_event = first_event or next(iter(later), None)
             commits = page.commit_rows(page.commit_places())

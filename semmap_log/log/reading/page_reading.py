@@ -15,7 +15,14 @@ from semmap_log.log.chunks import crc_problem
 from semmap_log.log.kind_bits import bits_of_channels
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
-from semmap_log.log.walking import ChunkDamage, gather, walk_by_index, walk_one, walk_together
+from semmap_log.log.walking import (
+    ChunkDamage,
+    Walked,
+    gather,
+    walk_by_index,
+    walk_one,
+    walk_together,
+)
 
 _HEAD: np.dtype[np.void] = np.dtype(
     {
@@ -81,11 +88,11 @@ def read_page(
         starts = ends - rows["size"]
     place = int(rows["offset"][0])
     try:
-        offsets = _walk(chunks, whole, starts, ends)
+        walked = _walk(chunks, whole, starts, ends)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, place, str(damage)) from None
-    page = Page(whole, first_event, chunks.path, place, offsets)
-    misfit = _misfit(page, np.searchsorted(offsets, ends), rows)
+    page = Page(whole, first_event, chunks.path, place, walked)
+    misfit = _misfit(page, np.searchsorted(walked.offsets, ends), rows)
     if misfit is not None:
         raise CorruptLogError(chunks.path, int(rows["offset"][misfit[0]]), misfit[1])
     return page
@@ -107,11 +114,11 @@ def _walk(
     records: bytes | memoryview,
     starts: NDArray[np.int64],
     ends: NDArray[np.int64],
-) -> NDArray[np.int64]:
+) -> Walked:
     """Return where the messages of several chunks begin."""
     rows = chunks.rows
     if int(rows["size"].max()) <= _FEW_RECORDS_BYTES:
-        return walk_together(records, starts, ends)
+        return Walked(walk_together(records, starts, ends))
     return walk_by_index(chunks.file, rows["offset"] + rows["length"], records, starts, ends)
 
 
@@ -173,8 +180,8 @@ def _read_one(chunks: ChunkTable, first_event: int, known: Records | None) -> Pa
     assert records is not None, "of one chunk there are"
     offset, length = int(chunks.rows["offset"][0]), int(chunks.rows["length"][0])
     try:
-        offsets = walk_one(chunks.file, offset + length, records)
-        page = Page(records, first_event, chunks.path, offset, offsets)
+        walked = walk_one(chunks.file, offset + length, records)
+        page = Page(records, first_event, chunks.path, offset, walked)
         _check_rows(page, chunks)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, offset, str(damage)) from None
