@@ -107,10 +107,7 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
     from semmap_log.arrow.parquet import write_parquet
 
     limit = scope.limit(log.reader)
-    window = Window(
-        happened_before_ns=None if scope.at_ns is None else scope.at_ns + 1,
-        before_event=None if limit is None else limit + 1,
-    )
+    window = Window.up_to(at_ns=scope.at_ns, event=limit)
     retractions = log.reader.retractions(limit=limit)
     joined = HistoryTables(log.commits())
     tables = (

@@ -51,10 +51,7 @@ def visible_batches(
     if limit is not None and limit < 0:
         return
     retractions = reader.retractions(limit=limit)
-    window = Window(
-        happened_before_ns=None if scope.at_ns is None else scope.at_ns + 1,
-        before_event=None if limit is None else limit + 1,
-    )
+    window = Window.up_to(at_ns=scope.at_ns, event=limit)
     for batch in reader.batches(window, progress=progress, on_page=on_page):
         visible = retractions.visible(batch)
         if len(visible):

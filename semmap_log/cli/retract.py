@@ -86,10 +86,8 @@ def _show(log: DoorLog, hidden: Iterator[HistoryEntry]) -> None:
 
 def _say_what_stays(log: DoorLog, first: int, last: int) -> None:
     """Say so where a commit, which came whole, was taken back in part."""
-    from semmap_log.folding.position import commit_at
-
     for number in (first, last):
-        commit = commit_at(log.reader, number)
+        commit = log.reader.find_commit(number)
         if commit is not None and not (first <= commit.first_event and commit.last_event <= last):
             whole = f"{commit.first_event}..{commit.last_event}"
             say(f"note: of the commit of events {whole}, the others stay.")

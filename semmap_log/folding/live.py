@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Generic, TypeVar
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.running import RunningFold
+from semmap_log.log.reading.following import are_same
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.projections.projection import Projection
@@ -68,7 +68,7 @@ def fold_live(
         while True:
             is_last_look = stop is not None and stop()
             reader.refresh()
-            if not _are_same(seen, reader.segments):
+            if not are_same(seen, reader.segments):
                 is_first_look = not seen
                 seen = reader.segments
                 before = running.position.event
@@ -100,8 +100,3 @@ def _check_continues(reader: LogReader, log_id: str, running: RunningFold[S]) ->
             f"the commit of event {running.position.event}, which was read before, is not there: "
             "the log was put back, or exchanged",
         )
-
-
-def _are_same(some: list[Segment], others: list[Segment]) -> bool:
-    """Tell whether nothing was written in between: a segment that grew is another object."""
-    return len(some) == len(others) and all(map(operator.is_, some, others))

@@ -6,13 +6,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from semmap_log.commits import Commit
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Retracted
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.segment_reading import commit_of
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.retraction import Retractions
 
@@ -44,7 +42,7 @@ class Position:
         """Tell whether the log, as it is now, has come by here."""
         if self.event == NO_EVENT:
             return True
-        commit = commit_at(reader, self.event)
+        commit = reader.find_commit(self.event)
         return commit is not None and (commit.last_event, commit.hash) == (
             self.event,
             self.commit_hash,
@@ -65,12 +63,6 @@ class Position:
             one.first_event <= later.first_event and last <= one.last_event
             for one in self.retractions
         )
-
-
-def commit_at(reader: LogReader, event: int) -> Commit | None:
-    """Return the commit that holds an event; None: there is no such event."""
-    place = reader.segment_of(event)
-    return None if place is None else commit_of(reader.segments[place], event)
 
 
 def retractions_behind(

@@ -10,7 +10,6 @@ from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.position import (
     NO_EVENT,
     Position,
-    commit_at,
     events_behind,
     hiding,
     retractions_behind,
@@ -86,7 +85,7 @@ class RunningFold(Generic[S]):
             rest = self._save_on_the_way(reader, batch) if can_save else batch
             self._apply(rest, at_ns)
         is_further = at_ns is None and self._event != self.position.event
-        commit = commit_at(reader, self._event) if is_further else None
+        commit = reader.find_commit(self._event) if is_further else None
         if commit is not None and commit.last_event == self._event:
             self._settle(commit.last_event, commit.hash)
         return begins_anew
@@ -142,7 +141,7 @@ class RunningFold(Generic[S]):
         first, last = int(batch.number[0]), int(batch.number[-1])
         if last < self._commit_ends:
             return batch
-        commit = commit_at(reader, last)
+        commit = reader.find_commit(last)
         assert commit is not None, "every event belongs to a commit"
         self._commit_ends = commit.last_event
         whole, commit_hash = commit.last_event, commit.hash

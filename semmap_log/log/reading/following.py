@@ -17,7 +17,7 @@ from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.reader import LogReader, Position
+from semmap_log.log.reading.reader import ChunkPlace, LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import chunk_of
 
@@ -57,7 +57,7 @@ def follow(
         reader.refresh()
         if reader.info.log_id != log_id:
             raise LogError(f"{reader.folder}: another log lies here now; open it anew.")
-        if not _are_same(seen, reader.segments):
+        if not are_same(seen, reader.segments):
             seen = reader.segments
             for followed in commits_after(reader, position.event):
                 position.advance(reader, followed.commit)
@@ -83,7 +83,7 @@ def commits_after(reader: LogReader, event: int) -> Iterator[FollowedCommit]:
     if segment is None or chunk is None:
         return
     parts: list[EventBatch] = []
-    for _, page in reader.pages(Position(segment, chunk)):
+    for _, page in reader.pages(ChunkPlace(segment, chunk)):
         cutter = _Cutter(page, first)
         for commit in page.commits():
             parts.append(cutter.up_to(commit.last_event))
@@ -93,7 +93,7 @@ def commits_after(reader: LogReader, event: int) -> Iterator[FollowedCommit]:
         parts.append(cutter.rest())
 
 
-def _are_same(some: list[Segment], others: list[Segment]) -> bool:
+def are_same(some: list[Segment], others: list[Segment]) -> bool:
     """Tell whether nothing was written in between: a segment that grew is another object."""
     return len(some) == len(others) and all(map(operator.is_, some, others))
 

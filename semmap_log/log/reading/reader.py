@@ -38,7 +38,7 @@ OnPage = Callable[[Segment, Page], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class ChunkPlace:
     """A place between two chunks of a log."""
 
     segment: int
@@ -46,7 +46,7 @@ class Position:
     """The one behind it."""
 
 
-BEGINNING = Position(0, 0)
+BEGINNING = ChunkPlace(0, 0)
 
 
 class LogReader:
@@ -105,7 +105,7 @@ class LogReader:
         return self.segments[0].header.info
 
     def pages(
-        self, start: Position = BEGINNING, progress: Progress | None = None
+        self, start: ChunkPlace = BEGINNING, progress: Progress | None = None
     ) -> Iterator[tuple[Segment, Page]]:
         """Yield all records, in order, small chunks joined to pages of about a MiB.
 
@@ -131,7 +131,7 @@ class LogReader:
         self,
         window: Window = EVERYTHING,
         *,
-        start: Position = BEGINNING,
+        start: ChunkPlace = BEGINNING,
         progress: Progress | None = None,
         on_page: OnPage | None = None,
     ) -> Iterator[EventBatch]:
@@ -176,7 +176,7 @@ class LogReader:
             CorruptLogError: One does not, or cannot be read.
         """
         previous = self.segments[first_segment].header.hash_so_far
-        for segment, page in self.pages(Position(first_segment, 0)):
+        for segment, page in self.pages(ChunkPlace(first_segment, 0)):
             for commit in page.commits():
                 if commit.previous_hash != previous:
                     problem = f"the commit of event {commit.first_event} does not follow the last"
@@ -230,12 +230,16 @@ class LogReader:
         Raises:
             LogError: There is no such event.
         """
-        self._check_order()
-        place = self.segment_of(number)
-        commit = None if place is None else commit_of(self.segments[place], number)
+        commit = self.find_commit(number)
         if commit is None:
             raise self._no_event(number)
         return commit
+
+    def find_commit(self, number: int) -> Commit | None:
+        """Return the same; None: there is no such event."""
+        self._check_order()
+        place = self.segment_of(number)
+        return None if place is None else commit_of(self.segments[place], number)
 
     def _no_event(self, number: int) -> LogError:
         return LogError(f"{self.folder}: there is no event {number}.")

@@ -17,7 +17,7 @@ from semmap_log.errors import KeyframeWarning
 from semmap_log.log import keyframes
 from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.reading.passage import Progress
-from semmap_log.log.reading.reader import BEGINNING, LogReader, Position
+from semmap_log.log.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import page_at
 from semmap_log.log.reading.window import Window, numbers_of
@@ -51,10 +51,7 @@ def state_at(
     retractions = reader.retractions(limit=limit)
     if uses_keyframes:
         state, start = _Search(reader, at_ns, limit, retractions).nearest()
-    window = Window(
-        happened_before_ns=None if at_ns is None else at_ns + 1,
-        before_event=None if limit is None else limit + 1,
-    )
+    window = Window.up_to(at_ns=at_ns, event=limit)
     for batch in reader.batches(window, start=start, progress=progress):
         state.note_used_ids(batch)
         state.apply(retractions.visible(batch))
@@ -70,7 +67,7 @@ class _Search:
     limit: int | None
     retractions: Retractions
 
-    def nearest(self) -> tuple[DoorMapState, Position]:
+    def nearest(self) -> tuple[DoorMapState, ChunkPlace]:
         """Return its state and where the events behind it begin; the empty state if none serves."""
         unused: list[str] = []
         found = self._nearest(unused)
@@ -79,7 +76,7 @@ class _Search:
             warnings.warn(KeyframeWarning(unused[0] + others), stacklevel=3)
         return found
 
-    def _nearest(self, unused: list[str]) -> tuple[DoorMapState, Position]:
+    def _nearest(self, unused: list[str]) -> tuple[DoorMapState, ChunkPlace]:
         behind: int | None = None
         for place, chunk, event in self._candidates():
             if behind is not None and event >= behind:
@@ -89,7 +86,7 @@ class _Search:
                 continue
             behind = state.first_among(self.retractions.after(event).ranges)
             if behind is None:
-                return state, Position(place, chunk + 1)
+                return state, ChunkPlace(place, chunk + 1)
         return DoorMapState(), BEGINNING
 
     def _candidates(self) -> Iterator[tuple[int, int, int]]:

@@ -29,6 +29,14 @@ class Window:
     kinds: int = EVENT_BITS
     """As bits: `kind_bits`."""
 
+    @classmethod
+    def up_to(cls, *, at_ns: int | None, event: int | None) -> Window:
+        """Return what had happened by a moment, and has a number up to that; None: no bound."""
+        return cls(
+            happened_before_ns=None if at_ns is None else at_ns + 1,
+            before_event=None if event is None else event + 1,
+        )
+
     def may_reach(self, segment: Segment, next_event: int | None) -> bool:
         """Tell whether events of a segment may lie in it, by its head and its summary.
 

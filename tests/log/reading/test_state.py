@@ -34,7 +34,7 @@ from semmap_log.log.keyframes import encode
 from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.reading import segment_reading, state
 from semmap_log.log.reading.chunk_table import ChunkTable
-from semmap_log.log.reading.reader import BEGINNING, LogReader, Position
+from semmap_log.log.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.log.reading.state import state_at
 from semmap_log.log.writing import segment_chain, written_state
 from semmap_log.projections.door_map import DoorMapState
@@ -60,12 +60,12 @@ def tiny_steps() -> Iterator[None]:
 
 
 @contextmanager
-def starts_of() -> Iterator[list[Position]]:
+def starts_of() -> Iterator[list[ChunkPlace]]:
     """Note where each search for a keyframe ended."""
-    found: list[Position] = []
+    found: list[ChunkPlace] = []
     nearest = state._Search.nearest
 
-    def noted(search: state._Search) -> tuple[DoorMapState, Position]:
+    def noted(search: state._Search) -> tuple[DoorMapState, ChunkPlace]:
         answer = nearest(search)
         found.append(answer[1])
         return answer
