@@ -223,7 +223,7 @@ def test_waiting_costs_next_to_nothing(path: Path) -> None:
 
 
 WRITER = """
-import sys, itertools, random
+import sys, itertools, random, time
 import semmap_log as sl
 from semmap_log.events import Retracted
 from semmap_log.log.writing import segment_chain
@@ -232,6 +232,7 @@ dice = random.Random(4)
 log = sl.append(sys.argv[1])
 for i in itertools.count():
     log.observe(1, "open" if i & 1 else "closed")
+    time.sleep(0.001)  # the reader folds all of it anew behind each retraction, and must keep up
     if i % 40 == 39:
         number = log.state.event - dice.randrange(30)
         log.append([Retracted(first_event=number, last_event=number)])

@@ -20,6 +20,8 @@ from semmap_log.errors import LogError, LogLockedError
 
 ROUNDS = 150
 STOPPED_S = 5.0
+CHILD_S = 60
+"""No child lives longer, whatever it waits for."""
 MOST_MEMORY = 2**25
 """With so much to be had, a great commit goes through."""
 DOORS_A_COMMIT = 8_000
@@ -87,7 +89,9 @@ def _in_a_child(
     child = os.fork()  # which nothing may interrupt before it is in its own code
     if child == 0:
         try:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(CHILD_S)
+            signal.signal(signal.SIGINT, _interrupt)
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
             work(Ledger(tell=partial(_say, tell)), path)
         finally:
@@ -110,11 +114,21 @@ def _say(pipe: int, word: str, event: int, door: int) -> None:
     os.write(pipe, f"{word} {event} {door}\n".encode())
 
 
+_interrupts: list[int] = []
+"""The interrupts that a child was sent."""
+
+
+def _interrupt(number: int, _: object) -> None:
+    """Raise KeyboardInterrupt, and take it down: what is raised in a finalizer gets lost."""
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
 def _append_for_ever(ledger: Ledger, path: Path) -> None:
     """Append until something happens; then do what a program does that caught it."""
     log = sl.append(path, compact=False)
     with suppress(BaseException):
-        while True:
+        while not _interrupts:
             ledger.add_doors(log)
     _go_on(ledger, log)
 
