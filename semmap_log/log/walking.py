@@ -10,6 +10,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.log import records as mcap
+from semmap_log.messages import CDR_HEADER
 
 
 class ChunkDamage(Exception):  # noqa: N818  # translated into CorruptLogError, which knows the file
@@ -183,16 +184,18 @@ def _tile(
     most = len(records) - mcap.MESSAGE.size
     if not len(offsets) or offsets[0] < 0 or offsets[-1] > most:
         return None
-    heads = heads_of(records, offsets)
-    length = heads["length"].astype(np.int64)
-    if (heads["opcode"] != _MESSAGE).any() or (length < mcap.MESSAGE_BODY_HEAD).any():
-        return None
     firsts = np.searchsorted(offsets, starts)
     if firsts[0] or firsts[-1] >= len(offsets) or (offsets[firsts] != starts).any():
         return None
-    following = np.append(offsets[1:], ends[-1])
-    following[firsts[1:] - 1] = ends[:-1]
-    return heads if (offsets + mcap.FRAME.size + length == following).all() else None
+    lengths = np.empty_like(offsets)  # as they are if the messages fill the space
+    np.subtract(offsets[1:], offsets[:-1], out=lengths[:-1])
+    lengths[firsts[1:] - 1] = ends[:-1] - offsets[firsts[1:] - 1]
+    lengths[-1] = ends[-1] - offsets[-1]
+    lengths -= mcap.FRAME.size
+    heads = heads_of(records, offsets)
+    if lengths.min() < mcap.MESSAGE_BODY_HEAD or (heads["length"] != lengths.view("u8")).any():
+        return None
+    return heads if (heads["opcode"] == _MESSAGE).all() else None
 
 
 class Walked(NamedTuple):
@@ -204,9 +207,27 @@ class Walked(NamedTuple):
     """Their fixed fields, where these had to be read for it."""
 
 
+HEAD_DTYPE: np.dtype[np.void] = np.dtype(
+    {
+        "names": ["opcode", "length", "channel_id", "sequence", "log_time", "publish_time",
+                  "door_id"],
+        "formats": ["u1", "<u8", "<u2", "<u4", "<i8", "<i8", "<u4"],
+        "offsets": [0, 1, 9, 11, 15, 23, mcap.MESSAGE.size + len(CDR_HEADER)],
+        "itemsize": mcap.MESSAGE.size + len(CDR_HEADER) + 4,
+    }
+)  # fmt: skip
+"""The fixed fields of a message record (`MESSAGE_DTYPE`), and the first four bytes of what it
+carries: of an event of fixed size that is about a door, the door's id. Read with the rest they cost
+nothing."""
+
+
 def heads_of(records: bytes | memoryview, offsets: NDArray[np.int64]) -> NDArray[np.void]:
-    """Return the fixed fields of the message records at these offsets, as MESSAGE_DTYPE."""
-    return gather(records, offsets, mcap.MESSAGE_DTYPE)
+    """Return the heads of the message records at these ascending offsets, as `HEAD_DTYPE`."""
+    if len(offsets):
+        missing = int(offsets[-1]) + HEAD_DTYPE.itemsize - len(records)
+        if missing > 0:  # the last one carries less
+            records = bytes(records) + bytes(missing)
+    return gather(records, offsets, HEAD_DTYPE)
 
 
 def gather(

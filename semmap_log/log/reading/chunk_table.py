@@ -105,6 +105,13 @@ class ChunkTable(Sequence[StoredChunk]):
         """Return the places of those with a record of one of these kinds: `kind_bits`."""
         return np.flatnonzero(self.rows["kinds"] & np.uint32(kinds))
 
+    @property
+    def are_small(self) -> NDArray[np.bool_]:
+        """Whether each is so small, and not compressed, that it is read with its neighbours."""
+        small: NDArray[np.bool_] = self.rows["size"] < JOIN_BELOW
+        small &= self.rows["compression"] == b""
+        return small
+
     def span(self) -> tuple[int, int]:
         """Return where the first one begins in the file, and where the last one ends."""
         first, last = self.rows[0], self.rows[-1]
@@ -116,8 +123,7 @@ class ChunkTable(Sequence[StoredChunk]):
 
     def groups(self, most_bytes: int) -> Iterator[ChunkTable]:
         """Yield them in order: small ones in groups of about so many bytes, the others alone."""
-        sizes = self.rows["size"]
-        is_small = (self.rows["compression"] == b"") & (sizes < JOIN_BELOW)
+        sizes, is_small = self.rows["size"], self.are_small
         reached = np.cumsum(sizes)
         alone = np.flatnonzero(~is_small)
         at = 0

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import crc_problem
-from semmap_log.log.kind_bits import bits_of_channels
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.walking import (
@@ -152,8 +151,7 @@ def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
         page: Their records.
         ends: How many messages there are to the end of each; each has at least one.
     """
-    bits = bits_of_channels(page.heads["channel_id"])
-    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(bits, np.append(0, ends[:-1]))
+    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(page.bits, np.append(0, ends[:-1]))
     return kinds
 
 

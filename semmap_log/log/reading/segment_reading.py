@@ -66,9 +66,11 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
         CorruptLogError: They are not what was written, or not the events that must be there.
     """
     firsts, ends = numbers_of(segment)
-    is_sound = 2 * len(chunks) > len(firsts) and segment.is_sound  # to know it, all is read
+    wanted = segment.chunks.chosen(chunks)
+    joined_bytes = int(wanted.rows["size"][wanted.are_small].sum())
+    is_sound = 2 * joined_bytes > len(segment.file) and segment.is_sound  # to know it, all is read
     at = 0
-    for group, records in _unpacked(segment, segment.chunks.chosen(chunks)):
+    for group, records in _unpacked(segment, wanted):
         mine = chunks[at : at + len(group)]
         at += len(group)
         page = read_page(group, segment.header.first_event, records=records, is_sound=is_sound)
