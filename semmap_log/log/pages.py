@@ -239,8 +239,8 @@ class Page:
         for kind in there:
             if kind not in OBJECT_KINDS:
                 lengths[kind] = mcap.MESSAGE_BODY_HEAD + fixed_layout(kind).dtype.itemsize
-        expected = lengths.take(kinds)
-        wrong = kinds[(expected != self.heads["length"]) & (expected > 0)]
+        others = np.flatnonzero(lengths.take(kinds) != self.heads["length"])
+        wrong = kinds[others][lengths[kinds[others]] > 0]
         if len(wrong):
             fixed = fixed_layout(int(wrong[0]))
             raise ValueError(f"a {fixed.name} that is not {fixed.dtype.itemsize} bytes long")

@@ -62,7 +62,7 @@ def walk_by_index(
     Raises:
         ChunkDamage: As `walk_together`.
     """
-    found = (_columns_behind if len(behind) > 1 else _columns_behind_one)(file, behind, starts)
+    found = (_columns_of_few if len(behind) <= _FEW else _columns_of_many)(file, behind, starts)
     offsets = np.sort(np.concatenate(found), kind="stable")  # which merges what is sorted already
     heads = _tile(records, offsets, starts, ends)
     if heads is not None:
@@ -80,26 +80,24 @@ def walk_one(file: memoryview | bytes, behind: int, records: bytes | memoryview)
     return walk_by_index(file, np.array([behind]), records, start, end)
 
 
-def _columns_behind_one(
+def _columns_of_few(
     file: memoryview | bytes, behind: NDArray[np.int64], starts: NDArray[np.int64]
 ) -> list[NDArray[np.int64]]:
-    """Return the offsets that each MessageIndex behind a chunk says, whatever it is worth."""
-    (at,), (start,) = behind.tolist(), starts.tolist()
+    """Return the offsets that each MessageIndex behind these chunks says, whatever it is worth."""
     found = [np.empty(0, np.int64)]
     head, step = mcap.MESSAGE_INDEX_HEAD_BYTES, mcap.MESSAGE_INDEX_ENTRY_BYTES
-    for opcode, offset, length in frames(file, at, len(file)):
-        if opcode != _MESSAGE_INDEX or length < head:
-            break
-        count = (length - head) // step
-        found.append(
-            np.ndarray(count, "<i8", file, offset + head + _OFFSET_IN_ENTRY, strides=(step,))
-            if count
-            else found[0]
-        )
-    return [column + start for column in found] if start else found
+    for at, start in zip(behind.tolist(), starts.tolist(), strict=True):
+        for opcode, offset, length in frames(file, at, len(file)):
+            if opcode != _MESSAGE_INDEX or length < head:
+                break
+            count = (length - head) // step
+            if count:
+                first = offset + head + _OFFSET_IN_ENTRY
+                found.append(np.ndarray(count, np.int64, file, first, strides=(step,)) + start)
+    return found
 
 
-def _columns_behind(
+def _columns_of_many(
     file: memoryview | bytes, at: NDArray[np.int64], starts: NDArray[np.int64]
 ) -> list[NDArray[np.int64]]:
     """Return the same of many chunks: the first index of each at once, then the second."""
@@ -123,6 +121,8 @@ def _columns_behind(
     return found
 
 
+_FEW = 8
+"""So many chunks are faster one by one."""
 _INT: np.dtype[np.void] = np.dtype([("value", "<i8")])
 _INDEX_DTYPE: np.dtype[np.void] = np.dtype(
     {"names": ["opcode", "length"], "formats": ["u1", "<i8"], "offsets": [0, 1],

@@ -302,5 +302,5 @@ class DoorMapState:
 
 def _last_stamp(happened: Array, numbers: Array) -> Stamp:
     """Return the greatest (happened, number); the numbers ascend."""
-    latest = happened.max()
-    return int(latest), int(numbers[np.flatnonzero(happened == latest)[-1]])
+    last = len(happened) - 1 - int(happened[::-1].argmax())
+    return int(happened[last]), int(numbers[last])

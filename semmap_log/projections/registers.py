@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -135,18 +136,21 @@ class DoorColumns(Mapping[str, Array]):
         if not written:
             return
         where = np.concatenate([writes.positions for writes in written])
+        ends = np.cumsum([len(writes.positions) for writes in written]).tolist()
+        spans = list(zip([0, *ends[:-1]], ends, strict=True))
         registers = [_PLACE_OF[writes.register] * self.room for writes in written]
-        counts = [len(writes.positions) for writes in written]
         cells = rows.take(where)
-        cells += np.repeat(registers, counts)
+        for (start, end), register in zip(spans, registers, strict=True):
+            cells[start:end] += register
         winners = self._settle(cells, happened.take(where), where, numbers)
-        starts = np.cumsum([0, *counts])
-        borders = np.searchsorted(winners, starts).tolist()
-        for i, writes in enumerate(written):
-            chosen = winners[borders[i] : borders[i + 1]]
-            if len(chosen):
-                mine = cells[chosen] - registers[i]
-                for name, values in writes.values_of(chosen - starts[i]).items():
+        borders = np.searchsorted(winners, [0, *ends]).tolist()
+        for writes, (start, _), register, (first, behind) in zip(
+            written, spans, registers, pairwise(borders), strict=True
+        ):
+            won = winners[first:behind]
+            if len(won):
+                mine = cells[won] - register
+                for name, values in writes.values_of(won - start).items():
                     self._named[name][mine] = values
 
     def _settle(
@@ -203,7 +207,7 @@ def writes_of(batch: EventBatch) -> Iterator[Writes]:
 
 @dataclass(frozen=True, slots=True)
 class _ValuesOf:
-    """Gives what rows of a kind say to a register: those at some places among all, or among some."""
+    """Gives what rows of a kind write to a register: those at places among all, or among some."""
 
     register: str
     batch: EventBatch

@@ -35,8 +35,8 @@ ROW: np.dtype[np.void] = np.dtype(
 )
 """As the fields of `StoredChunk`; and which kinds of record are in it: `kind_bits`."""
 
-JOIN_BELOW = 2**15
-"""Smaller uncompressed chunks are read together: each by itself would cost more than its bytes."""
+SMALL_BYTES = 2**15
+"""Chunks of fewer records cost more to check one by one than their bytes do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +106,16 @@ class ChunkTable(Sequence[StoredChunk]):
         return np.flatnonzero(self.rows["kinds"] & np.uint32(kinds))
 
     @property
-    def are_small(self) -> NDArray[np.bool_]:
-        """Whether each is so small, and not compressed, that it is read with its neighbours."""
-        small: NDArray[np.bool_] = self.rows["size"] < JOIN_BELOW
-        small &= self.rows["compression"] == b""
-        return small
+    def are_plain(self) -> NDArray[np.bool_]:
+        """Whether each is uncompressed."""
+        plain: NDArray[np.bool_] = self.rows["compression"] == b""
+        return plain
+
+    @property
+    def are_small(self) -> bool:
+        """Whether they are uncompressed, and small on the average."""
+        small = int(self.rows["size"].sum()) < SMALL_BYTES * len(self)
+        return small and bool(self.are_plain.all())
 
     def span(self) -> tuple[int, int]:
         """Return where the first one begins in the file, and where the last one ends."""
@@ -122,18 +127,18 @@ class ChunkTable(Sequence[StoredChunk]):
         return int(np.searchsorted(self.rows["start_ns"], time_ns, "right"))
 
     def groups(self, most_bytes: int) -> Iterator[ChunkTable]:
-        """Yield them in order: small ones in groups of about so many bytes, the others alone."""
-        sizes, is_small = self.rows["size"], self.are_small
-        reached = np.cumsum(sizes)
-        alone = np.flatnonzero(~is_small)
+        """Yield them in order: compressed ones alone, others until they reach so many bytes."""
+        reached = np.cumsum(self.rows["size"])
+        is_plain = self.are_plain
+        compressed = np.flatnonzero(~is_plain)
         at = 0
         while at < len(self):
             end = at + 1
-            if is_small[at]:
-                before = int(reached[at] - sizes[at])
+            if is_plain[at]:
+                before = int(reached[at] - self.rows["size"][at])
                 end = int(np.searchsorted(reached, before + most_bytes)) + 1
-                stop = int(np.searchsorted(alone, at))
-                end = min(end, *alone[stop : stop + 1].tolist(), len(self))
+                stop = int(np.searchsorted(compressed, at))
+                end = min(end, *compressed[stop : stop + 1].tolist(), len(self))
             yield self[at:end]
             at = end
 

@@ -61,6 +61,7 @@ def read_page(
     first_event: int,
     *,
     records: Records | None = None,
+    in_place: bool = False,
     is_sound: bool = False,
 ) -> Page:
     """Return the records of these chunks as one page.
@@ -69,7 +70,8 @@ def read_page(
         chunks: At least one; where there are several, none of them compressed.
         first_event: Event number at which their segment begins.
         records: What `unpack` said of them; None: not asked yet.
-        is_sound: Whether their bytes were checked before: then several are read where they lie.
+        in_place: Whether several are read where they lie in the file, or as one piece.
+        is_sound: Whether their bytes were checked before.
 
     Raises:
         CorruptLogError: One is not what was written.
@@ -81,8 +83,12 @@ def read_page(
     starts = rows["offset"] + _HEAD.itemsize
     ends = starts + rows["size"]
     whole: Records = chunks.file
-    if not is_sound:
-        whole = _joined(chunks, starts, ends, crcs)
+    if not (in_place and is_sound):
+        parts = [whole[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
+        if not is_sound and list(map(zlib.crc32, parts)) != crcs:
+            raise _first_misfit_of_crc(chunks, parts, crcs)
+    if not in_place:
+        whole = b"".join(parts)
         ends = np.cumsum(rows["size"])
         starts = ends - rows["size"]
     place = int(rows["offset"][0])
@@ -95,17 +101,6 @@ def read_page(
     if misfit is not None:
         raise CorruptLogError(chunks.path, int(rows["offset"][misfit[0]]), misfit[1])
     return page
-
-
-def _joined(
-    chunks: ChunkTable, starts: NDArray[np.int64], ends: NDArray[np.int64], crcs: list[int]
-) -> bytes:
-    """Return the records of uncompressed chunks one behind the other, each CRC checked."""
-    file = chunks.file
-    parts = [file[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
-    if list(map(zlib.crc32, parts)) != crcs:
-        raise _first_misfit_of_crc(chunks, parts, crcs)
-    return b"".join(parts)
 
 
 def _walk(
@@ -122,7 +117,7 @@ def _walk(
 
 
 def _first_misfit_of_crc(
-    chunks: ChunkTable, parts: Sequence[memoryview], crcs: Sequence[int]
+    chunks: ChunkTable, parts: Sequence[Records], crcs: Sequence[int]
 ) -> CorruptLogError:
     place = next(i for i, crc in enumerate(crcs) if zlib.crc32(parts[i]) != crc)
     problem = crc_problem(parts[place], crcs[place])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
+from functools import cache, partial
 from itertools import repeat, tee
 
 import numpy as np
@@ -25,7 +25,7 @@ from semmap_log.log.walking import ChunkDamage
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
-    """Yield a segment's records from a chunk on, small chunks joined to pages of about a MiB.
+    """Yield a segment's records from a chunk on, uncompressed chunks in pages of about a MiB.
 
     Raises:
         CorruptLogError: A chunk is not what was written.
@@ -65,19 +65,35 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     Raises:
         CorruptLogError: They are not what was written, or not the events that must be there.
     """
+    _keep_freed_memory()
     firsts, ends = numbers_of(segment)
     wanted = segment.chunks.chosen(chunks)
-    joined_bytes = int(wanted.rows["size"][wanted.are_small].sum())
-    is_sound = 2 * joined_bytes > len(segment.file) and segment.is_sound  # to know it, all is read
+    is_most = 2 * len(chunks) > len(firsts)
+    is_sound = is_most and wanted.are_small and segment.is_sound  # to know it, all is read
     at = 0
     for group, records in _unpacked(segment, wanted):
         mine = chunks[at : at + len(group)]
         at += len(group)
-        page = read_page(group, segment.header.first_event, records=records, is_sound=is_sound)
+        page = read_page(
+            group, segment.header.first_event, records=records, in_place=True, is_sound=is_sound
+        )
         batch = page.events()
         _check_numbers(page, batch, firsts[mine], ends[mine])
         yield page, batch
 
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library keep a few MiB that were freed for the next page's arrays.
+
+    glibc hands larger arrays back to the kernel at once, until it has seen one freed that is larger
+    still (mallopt(3), M_MMAP_THRESHOLD). Every page of memory that the kernel clears and maps anew
+    costs as much as reading 20 events.
+    """
+    np.empty(_KEPT_BYTES, np.uint8)  # never touched, so it takes no memory
+
+
+_KEPT_BYTES = 2**22
 
 FEW_CHUNKS = 3
 """So few are unpacked at once: to hand them to other threads would take longer."""
@@ -86,7 +102,7 @@ FEW_CHUNKS = 3
 def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Records | None]]:
     """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
     groups = _groups(segment, chunks)
-    if len(chunks) <= FEW_CHUNKS or not (chunks.rows["compression"] != b"").any():
+    if len(chunks) <= FEW_CHUNKS or chunks.are_plain.all():
         yield from zip(groups, repeat(None))
         return
     mine, theirs = tee(groups)
