@@ -44,8 +44,8 @@ REGISTERS: Mapping[str, Mapping[str, str]] = {
 _PLACE_OF = {register: place for place, register in enumerate(REGISTERS)}
 
 _CHANGED = {
-    "pose": Changed.POSE, "width": Changed.WIDTH, "state": Changed.STATE,
-    "prob_open": Changed.PROB_OPEN, "prob_closed": Changed.PROB_CLOSED,
+    "pose": int(Changed.POSE), "width": int(Changed.WIDTH), "state": int(Changed.STATE),
+    "prob_open": int(Changed.PROB_OPEN), "prob_closed": int(Changed.PROB_CLOSED),
 }  # fmt: skip
 
 NEVER = -1
@@ -189,7 +189,7 @@ def writes_of(batch: EventBatch) -> Iterator[Writes]:
     if DoorUpdated in batch:
         where, changed = batch.where(DoorUpdated), batch[DoorUpdated]["changed"]
         for register, bit in _CHANGED.items():
-            places = np.flatnonzero(changed & int(bit) != 0)
+            places = np.flatnonzero(changed & bit != 0)
             if len(places):
                 values = _ValuesOf(register, batch, DoorUpdated, places)
                 yield Writes(register, where[places], values)

@@ -127,18 +127,18 @@ class ChunkTable(Sequence[StoredChunk]):
         return int(np.searchsorted(self.rows["start_ns"], time_ns, "right"))
 
     def groups(self, most_bytes: int) -> Iterator[ChunkTable]:
-        """Yield them in order: compressed ones alone, others until they reach so many bytes."""
-        reached = np.cumsum(self.rows["size"])
-        is_plain = self.are_plain
-        compressed = np.flatnonzero(~is_plain)
+        """Yield them in order, in groups of so many bytes at most: all compressed, or none.
+
+        One that is larger is alone.
+        """
+        reached, is_plain = np.cumsum(self.rows["size"]), self.are_plain
+        turns = np.flatnonzero(is_plain[1:] != is_plain[:-1]) + 1
         at = 0
         while at < len(self):
-            end = at + 1
-            if is_plain[at]:
-                before = int(reached[at] - self.rows["size"][at])
-                end = int(np.searchsorted(reached, before + most_bytes)) + 1
-                stop = int(np.searchsorted(compressed, at))
-                end = min(end, *compressed[stop : stop + 1].tolist(), len(self))
+            before = int(reached[at] - self.rows["size"][at])
+            end = max(at + 1, int(np.searchsorted(reached, before + most_bytes, "right")))
+            turn = int(np.searchsorted(turns, at, "right"))
+            end = min(end, *turns[turn : turn + 1].tolist(), len(self))
             yield self[at:end]
             at = end
 
