@@ -29,6 +29,7 @@ ORDER = [
     {"appendable_log"},
     {"door_log_writer"},
     {"opening", "summary"},
+    {"costmap"},
     {"formats"},
     {"views"},
     {"importing", "exporting", "live"},
