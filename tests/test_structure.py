@@ -20,6 +20,7 @@ ORDER = [
     {"event_columns"},
     {"arrow"},
     {"event_batch"},
+    {"costmap"},
     {"moments", "projections"},
     {"log"},
     {"replay", "commands", "command_content"},
