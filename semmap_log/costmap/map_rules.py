@@ -31,6 +31,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.errors import CostmapError
+
 RulesName = Literal["noetic", "nav2", "nav2_humble"]
 Mode = Literal["trinary", "scale", "raw"]
 RULES: tuple[RulesName, ...] = ("noetic", "nav2", "nav2_humble")
@@ -45,7 +47,7 @@ class MapRules:
     """How one map's pixels are to be read.
 
     Raises:
-        ValueError: The thresholds are not 0 <= free <= occupied <= 1; or they are equal in mode
+        CostmapError: The thresholds are not 0 <= free <= occupied <= 1; or they are equal in mode
             scale, where nothing lies between; or there is no such mode or server.
     """
 
@@ -57,16 +59,16 @@ class MapRules:
 
     def __post_init__(self) -> None:
         if self.rules not in RULES:
-            raise ValueError(f"rules: expected one of {', '.join(RULES)}, got {self.rules!r}")
+            raise CostmapError(f"rules: expected one of {', '.join(RULES)}, got {self.rules!r}")
         if self.mode not in MODES:
-            raise ValueError(f"mode: expected one of {', '.join(MODES)}, got {self.mode!r}")
+            raise CostmapError(f"mode: expected one of {', '.join(MODES)}, got {self.mode!r}")
         if not 0 <= self.free_thresh <= self.occupied_thresh <= 1:
-            raise ValueError(
+            raise CostmapError(
                 "thresholds: expected 0 <= free_thresh <= occupied_thresh <= 1, "
                 f"got {self.free_thresh} and {self.occupied_thresh}"
             )
         if self.mode == "scale" and self.free_thresh == self.occupied_thresh:
-            raise ValueError(
+            raise CostmapError(
                 "thresholds: expected free_thresh below occupied_thresh in mode scale, "
                 f"got {self.free_thresh} for both"
             )

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.costmap.map_rules import MODES, RULES, MapRules
+from semmap_log.errors import CostmapError
 
 GREYS = np.arange(256, dtype=np.uint8)[None]
 
@@ -240,5 +241,5 @@ def test_rules_that_cannot_be(given, message):
     """
     One wrong value each.
     """
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(CostmapError, match=message):
         MapRules(**{"rules": "nav2", **given})
