@@ -263,8 +263,10 @@ def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Itera
     """
     kinds = [(batch, kind) for batch in batches for kind in (DoorAdded, DoorUpdated)]
     told = [batch[kind] for batch, kind in kinds if kind in batch]
-    widths = [*(rows["width"] for rows in told), [d.width for d in before.doors.values()]]
-    widest = np.nanmax(np.concatenate(widths), initial=0.0)
+    widths = [door.width for door in before.doors.values()]
+    for rows in told:
+        widths += rows["width"].tolist()
+    widest = max((width for width in widths if not math.isnan(width)), default=0.0)
     for rows in told:
         places = rows[(rows["level"] == level) & np.isfinite(rows["x"] + rows["y"])]
         for x, y in zip(places["x"].tolist(), places["y"].tolist(), strict=True):
