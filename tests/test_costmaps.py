@@ -98,7 +98,7 @@ def _happens(log: sl.DoorLogWriter, dice: random.Random) -> None:
             log.update_door(door, prob_open=dice.random(), at=at)
         case 6 if dice.random() < 0.4:
             log.remove_door(door, at=at)
-        case 7 if dice.random() < 0.3:
+        case 7:
             log.retract(dice.randint(0, log.state.event))
         case _:
             log.observe(door, state, at=at)
