@@ -193,6 +193,21 @@ def test_live_it_is_the_costmap_of_each_commit(seed: int, tmp_path: Path) -> Non
     )
 
 
+def test_live_what_is_taken_back_is_gone(path: Path) -> None:
+    """
+    With the commit of the retraction, not at the next change.
+    """
+    live = costmap_live(sl.read(path), floor=_floor(), poll_s=0, stop=lambda: True)
+    next(live)
+    with sl.append(path) as log:
+        seen = log.observe(1, "closed")
+        log.retract(seen.first_event)
+
+    costs = [frame.costmap.layer.costs[30, 12].item() for frame in live]
+
+    assert [LETHAL, FREE_SPACE] == costs
+
+
 def test_live_beside_a_writer(path: Path) -> None:
     """
     Each commit's cells, as they come; a retraction draws the layer anew.

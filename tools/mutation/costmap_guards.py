@@ -24,7 +24,7 @@ COSTMAPS = (
          "np.floor((ends - origin) / geometry.resolution)",
          "np.trunc((ends - origin) / geometry.resolution)", CASES),
     _put("doors too far away", "door_layer.py", "(np.abs(cells) <= FARTHEST_CELL).all(axis=1)",
-         "np.isfinite(cells).all(axis=1)", CASES),
+         "np.isfinite(cells).all(axis=1)", LAYERED),
     _put("doors ascend when drawn at once", "door_layer.py", "for door in sorted(doors)}",
          "for door in doors}", CASES, LAYERED),
     _put("the greater id has the cell, door by door", "door_layer.py", "doors[-1]", "doors[0]",
