@@ -18,6 +18,7 @@
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
     │   └── CorruptLogError         damage, with file and offset
     ├── FormatError                 a foreign file that cannot be read, with file and line
+    ├── CostmapError                a grid that cannot be, or does not fit           (ValueError)
     ├── CheckpointError             a checkpoint of something else, or of an odd state
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
@@ -146,6 +147,10 @@ class FormatError(SemmapError, ValueError):
         super().__init__("\n".join(shown))
         self.path = path
         self.problems = lines
+
+
+class CostmapError(SemmapError, ValueError):
+    """A grid that cannot be, or that does not fit the others of its costmap."""
 
 
 class CheckpointError(SemmapError):

@@ -114,6 +114,8 @@ class BatchTimer:
             if self._closed.wait(self._seconds):
                 return
             self._appended.clear()  # before the sync: what comes now wants one of its own
+            if self._closed.is_set():  # since the wait; nothing would wake this thread again
+                return
             try:
                 self._sync()
             except LogPoisonedError:

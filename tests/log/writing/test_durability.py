@@ -19,6 +19,7 @@ from semmap_log.commits import Durability
 from semmap_log.errors import InvalidEventError, LogPoisonedError
 from semmap_log.events import DoorObserved, PatrolStarted
 from semmap_log.log.writing import segment_chain
+from semmap_log.log.writing.durability import BatchTimer
 
 LEVELS = ["event", "batch", "flush", "none"]
 
@@ -373,3 +374,26 @@ def test_a_promise_that_means_nothing_is_refused(options, what: str, tmp_path: P
     with pytest.raises(InvalidEventError, match=what):
         sl.create(tmp_path / "log", tz="UTC", **options)
     assert not (tmp_path / "log").exists()
+
+
+def test_a_timer_is_closed_at_any_moment_of_its_round() -> None:
+    """
+    Also between the end of its wait and the next: close waits for its thread, but not for ever.
+    """
+    timer = BatchTimer(lambda: None, 0.0)
+    closing = threading.Thread(target=timer.close, daemon=True)
+    clear = timer._appended.clear
+
+    def close_first() -> None:
+        closing.start()
+        timer._closed.wait()
+        while not timer._appended.is_set():
+            time.sleep(0.001)
+        clear()
+
+    timer._appended.clear = close_first  # type: ignore[method-assign]
+    timer.start()
+    timer._closed.wait()
+    closing.join(10)
+
+    assert not closing.is_alive()
