@@ -51,13 +51,13 @@ EDGES = {
     "PIL": "formats",
     "pyarrow": "arrow",
     "pandas": "arrow",
-    "mcap": "log",
+    "mcap": "log formats",
     "zstandard": "log",
     "lz4": "log",
-    "rosbags": "messages",
+    "rosbags": "messages formats",
     "typer": "cli",
 }
-"""Third party -> the only room that imports it."""
+"""Third party -> the only room that imports it; `formats` has other programs' bags."""
 
 
 def _rank(room: str) -> int:
@@ -139,7 +139,7 @@ def test_third_parties_stay_at_their_edge(path: Path) -> None:
     strangers = [
         f"line {line}: {name}"
         for line, name in _imports(path)
-        if EDGES.get(name.split(".")[0], room) != room
+        if room not in EDGES.get(name.split(".")[0], room).split()
     ]
 
     assert [] == strangers
