@@ -33,7 +33,7 @@ ORDER = [
     {"costmap"},
     {"formats"},
     {"views"},
-    {"importing", "exporting", "live"},
+    {"importing", "exporting", "costmap_recording", "live"},
     {"demo"},
     {"cli"},
     {"__main__"},
