@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.errors import CostmapError
+
 FREE_SPACE = 0
 INSCRIBED = 253
 """A robot whose centre is here touches something, whichever way it is turned."""
@@ -31,7 +33,7 @@ def to_occupancy(costs: NDArray[np.uint8]) -> NDArray[np.int8]:
         int8, of the same shape.
 
     Raises:
-        TypeError: The costs are not uint8.
+        CostmapError: The costs are not uint8.
     """
     _expect(costs, np.uint8, "costs")
     return _OCCUPANCY_OF_COST[costs]
@@ -60,7 +62,7 @@ def static_costs(
         uint8, of the same shape.
 
     Raises:
-        TypeError: The occupancy is not int8.
+        CostmapError: The occupancy is not int8.
     """
     _expect(occupancy, np.int8, "occupancy")
     lethal = max(0, min(100, lethal_threshold))
@@ -89,4 +91,4 @@ _OCCUPANCY_OF_COST: NDArray[np.int8] = _table(_published, np.int8)
 
 def _expect(array: NDArray[Any], dtype: type[Any], what: str) -> None:
     if array.dtype != dtype:
-        raise TypeError(f"{what}: expected {np.dtype(dtype)}, got {array.dtype}")
+        raise CostmapError(f"{what}: expected {np.dtype(dtype)}, got {array.dtype}")

@@ -15,6 +15,7 @@ from semmap_log.costmap.costs import (
     static_costs,
     to_occupancy,
 )
+from semmap_log.errors import CostmapError
 
 EVERY_BYTE = np.arange(256, dtype=np.uint8)
 
@@ -102,7 +103,7 @@ def test_the_wrong_type_is_refused():
     """
     A signed byte read as a cost, or the other way, would be a wrong grid.
     """
-    with pytest.raises(TypeError, match="costs: expected uint8, got int8"):
+    with pytest.raises(CostmapError, match="costs: expected uint8, got int8"):
         to_occupancy(np.zeros((1, 1), np.int8))
-    with pytest.raises(TypeError, match="occupancy: expected int8, got uint8"):
+    with pytest.raises(CostmapError, match="occupancy: expected int8, got uint8"):
         static_costs(np.zeros((1, 1), np.uint8))
