@@ -149,29 +149,24 @@ def _geometry(level: SceneLevel, doors: dict[DoorId, DoorRows]) -> GridGeometry 
 
 def _images(part: Pictures, patches: Sequence[Patch], geometry: GridGeometry) -> Sequence[Any]:
     """Return the pictures, their first row lowest, and where they lie in metres."""
-    shown = [patches[index] for index in part["patch"].tolist()]
-    corners = np.array([[patch.window.x0, patch.window.y0, 0] for patch in shown], np.float64)
+    looks = list(zip(part["patch"].tolist(), part["cost"].tolist(), strict=True))
+    buffers = {look: patches[look[0]].costs(look[1]).tobytes() for look in set(looks)}
+    formats = [_format(patch) for patch in patches]
+    images = rr.SegmentationImage.columns(
+        buffer=[buffers[look] for look in looks], format=[formats[patch] for patch, _ in looks]
+    )
     cell = np.array([geometry.resolution, geometry.resolution, 1.0])
     origin = np.array([geometry.origin_x, geometry.origin_y, 0.0])
-    buffers = {
-        (patch, cost): patches[patch].costs(cost).tobytes()
-        for patch, cost in set(zip(part["patch"].tolist(), part["cost"].tolist(), strict=True))
-    }
-    images = rr.SegmentationImage.columns(
-        buffer=[
-            buffers[key] for key in zip(part["patch"].tolist(), part["cost"].tolist(), strict=True)
-        ],
-        format=[
-            rr.components.ImageFormat(
-                width=patch.window.shape[1],
-                height=patch.window.shape[0],
-                channel_datatype=rr.ChannelDatatype.U8,
-            )
-            for patch in shown
-        ],
-    )
+    corners = np.array([(patch.window.x0, patch.window.y0, 0) for patch in patches], np.float64)
     # A transform is one thing: what a row does not give of it is back at its default.
     places = rr.Transform3D.columns(
-        translation=origin + corners * cell, scale=np.tile(cell, (len(part), 1))
+        translation=(origin + corners * cell)[part["patch"]], scale=np.tile(cell, (len(part), 1))
     )
     return [*images, *places]
+
+
+def _format(patch: Patch) -> Any:
+    height, width = patch.window.shape
+    return rr.components.ImageFormat(
+        width=width, height=height, channel_datatype=rr.ChannelDatatype.U8
+    )

@@ -32,7 +32,9 @@ PICTURE = np.dtype(
     [("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("patch", "i4"), ("cost", "u1")]
 )
 """From when a door shows which of its patches at which cost; patch `NO_PATCH`: it shows nothing."""
-STAMPS = ["number", "folds_ns", "recorded_ns"]
+STAMPS = ("number", "folds_ns", "recorded_ns")
+STATE = np.dtype([(name, "i8") for name in STAMPS] + [("state", "u1")])
+"""All that is kept of a change of state until the recording is written: there may be millions."""
 NO_PATCH = -1
 
 Pictures = NDArray[np.void]
@@ -62,8 +64,10 @@ class DoorRows:
     """What happens to a door, as `DoorFold` gives it, in the order in which it counts."""
 
     states: Changes
+    """Rows of `STATE`."""
     late_states: NDArray[np.bool_]
     placements: Changes
+    """Rows of `CHANGE`, as the removal."""
     late_placements: NDArray[np.bool_]
     removal: Changes
 
@@ -104,6 +108,14 @@ def patches_along(
     moves = _moves(doors, level, geometry, order)
     for door, versions in _versions(moves).items():
         yield door, _door_patches(doors[door], versions, order, recorded=recorded)
+
+
+def slim(changes: Changes) -> Changes:
+    """Return the stamps and states of changes alone."""
+    states = np.empty(len(changes), STATE)
+    for name in STATE.names or ():
+        states[name] = changes[name]
+    return states
 
 
 def grid_around(doors: Iterable[DoorRows], level: int) -> GridGeometry | None:
@@ -219,15 +231,20 @@ def _versions(moves: Iterable[_Move]) -> dict[DoorId, list[tuple[Stamp, Patch | 
         if not len(before) and not len(move.cells):
             continue
         last[move.door] = move
-        touched = {*before.tolist(), *move.cells.tolist()}
+        touched = sorted({*before.tolist(), *move.cells.tolist()})
+        shown_before = _shown(doors_at, touched)
         for cell in before.tolist():
             doors_at[cell].remove(move.door)
         for cell in move.cells.tolist():
             insort(doors_at.setdefault(cell, []), move.door)
-        below = {door for cell in touched for door in doors_at[cell] if door < move.door}
-        for door in (*sorted(below), move.door):
+        shown_after = _shown(doors_at, touched)
+        for door in sorted({move.door, *shown_before, *shown_after}):
             versions.setdefault(door, []).append((move.stamp, _patch(last[door], doors_at)))
     return versions
+
+
+def _shown(doors_at: Mapping[int, list[DoorId]], cells: Iterable[int]) -> set[DoorId]:
+    return {doors[-1] for cell in cells if (doors := doors_at.get(cell))}
 
 
 def _patch(move: _Move, doors_at: Mapping[int, list[DoorId]]) -> Patch | None:
@@ -253,7 +270,7 @@ def _door_patches(
     numbers: dict[Patch, int] = {}
     at = [NO_PATCH if patch is None else numbers.setdefault(patch, len(numbers))
           for _, patch in versions]  # fmt: skip
-    stamps = np.concatenate([rows.states, *(stamp for stamp, _ in versions)])
+    stamps = np.concatenate([rows.states, *(slim(stamp) for stamp, _ in versions)])
     is_state = np.arange(len(stamps)) < len(rows.states)
     patch_of = np.concatenate([np.zeros(len(rows.states), np.int64), np.array(at, np.int64)])
     chosen = order(stamps)

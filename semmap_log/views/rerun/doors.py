@@ -12,7 +12,7 @@ from semmap_log.doors import DoorState
 from semmap_log.events import DoorRemoved
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.costmap import CostmapWriter
-from semmap_log.views.rerun.costmap_rows import DoorRows
+from semmap_log.views.rerun.costmap_rows import DoorRows, slim
 from semmap_log.views.rerun.door_rows import (
     CHANGE,
     NEVER,
@@ -120,7 +120,7 @@ class _DoorTrack:
             self._costmap.take(
                 self.door.door_id,
                 DoorRows(
-                    picture.state_changes, self._late(picture.state_changes),
+                    slim(picture.state_changes), self._late(picture.state_changes),
                     picture.placements, self._late(picture.placements), removal,
                 ),
             )  # fmt: skip
