@@ -32,6 +32,11 @@ def mcap_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[_McapBag]:
         writer.finish()
 
 
+def qos_of(topic: BagTopic) -> str:
+    """Return the QoS with which players offer a topic, as rosbag2 writes it."""
+    return offered_qos(TRANSIENT_LOCAL if topic.is_latched else VOLATILE)
+
+
 class _McapBag:
     ros_version: RosVersion = 2
 
@@ -60,9 +65,7 @@ class _McapBag:
             "cdr",
             schema,
             {
-                "offered_qos_profiles": offered_qos(
-                    TRANSIENT_LOCAL if topic.is_latched else VOLATILE
-                ),
+                "offered_qos_profiles": qos_of(topic),
                 "topic_type_hash": self._types.hash_rihs01(topic.ros_type),
             },
         )

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from semmap_log.errors import FormatError, OutputError
 from semmap_log.formats.bags import new_bag
@@ -134,6 +136,31 @@ def test_who_comes_late_gets_the_last_grid(name: str, tmp_path: Path) -> None:
         GRIDS.name: QosDurability.TRANSIENT_LOCAL,
         UPDATES.name: QosDurability.VOLATILE,
     } == offered
+
+
+def test_metadata_yaml_says_what_rosbags_would_say(tmp_path: Path) -> None:
+    """
+    Of the same messages, written by that library, it is the same but for the file's name.
+    """
+    write(tmp_path / "x", restless(1))
+    with (
+        AnyReader([tmp_path / "x"]) as reader,
+        Writer(tmp_path / "y", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        copies = {
+            c.topic: writer.add_connection(
+                c.topic,
+                c.msgtype,
+                typestore=ros_types(2),
+                offered_qos_profiles=c.ext.offered_qos_profiles,
+            )
+            for c in reader.connections
+        }
+        for connection, at_ns, data in reader.messages():
+            writer.write(copies[connection.topic], at_ns, data)
+
+    theirs = (tmp_path / "y" / "metadata.yaml").read_text().replace("y.mcap", "x_0.mcap")
+    assert yaml.safe_load(theirs) == yaml.safe_load((tmp_path / "x" / "metadata.yaml").read_text())
 
 
 def test_ros_1_latches_the_grids(tmp_path: Path) -> None:
