@@ -16,14 +16,13 @@ from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATI
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.costmap_cells import Patch, grid_around
+from semmap_log.views.rerun.costmap_doors import DoorRows
 from semmap_log.views.rerun.costmap_rows import (
     NO_PATCH,
     PICTURE,
     DoorPatches,
-    DoorRows,
-    Patch,
     Pictures,
-    grid_around,
     patches_along,
 )
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, RowWriter

@@ -12,7 +12,7 @@ from semmap_log.doors import DoorState
 from semmap_log.events import DoorRemoved
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.costmap import CostmapWriter
-from semmap_log.views.rerun.costmap_rows import DoorRows, slim
+from semmap_log.views.rerun.costmap_doors import DoorRows, slim
 from semmap_log.views.rerun.door_rows import (
     CHANGE,
     NEVER,
