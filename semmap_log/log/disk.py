@@ -78,8 +78,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         sync_file(temporary)
-        os.replace(temporary, path)
-        sync_folder(path.parent)
+        _give_name(temporary, path)
     except BaseException:
         with suppress(OSError):
             temporary.unlink()
@@ -106,10 +105,14 @@ def whole_folder(path: Path) -> Iterator[Path]:
         for file in temporary.iterdir():
             sync_file(file)
         sync_folder(temporary)
-        os.rename(temporary, path)
-        sync_folder(path.parent)
+        _give_name(temporary, path)
     finally:
         shutil.rmtree(around, ignore_errors=True)
+
+
+def _give_name(temporary: Path, path: Path) -> None:
+    os.replace(temporary, path)
+    sync_folder(path.parent)
 
 
 def replace_file(path: Path, data: bytes) -> None:
