@@ -102,6 +102,25 @@ def test_whole_grids_alone_are_never_far_behind(name: str, tmp_path: Path) -> No
     assert len(times) < len(expected)
 
 
+def test_a_change_at_the_very_time_of_a_grid_is_in_it(tmp_path: Path) -> None:
+    """
+    A grid was due at 60 s, and just then something else changed: one grid, with both.
+    """
+    costs = np.zeros(GEOMETRY.shape, np.uint8)
+
+    def frames() -> Iterator[GridFrame]:
+        yield GridFrame(START, costs, [])
+        for column, after_s in enumerate((10, 60)):
+            costs[0, column] = 254
+            yield GridFrame(START + after_s * SECOND, costs, [GEOMETRY.whole])
+
+    write(tmp_path / "x.mcap", frames())
+
+    grids = [each for each in played(tmp_path / "x.mcap") if each.topic == GRIDS.name]
+    assert [START, START + 60 * SECOND] == [each.at_ns for each in grids]
+    assert [100, 100, 0] == grids[1].cells[0, :3].tolist()
+
+
 def test_a_grid_at_each_change(tmp_path: Path) -> None:
     """
     With `every` 0 the whole grids are all the costmaps that there were, one a change.

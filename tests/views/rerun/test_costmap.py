@@ -221,6 +221,26 @@ def test_a_row_is_written_only_when_the_picture_changes(tmp_path: Path) -> None:
     ]
 
 
+def test_of_two_events_at_one_time_the_later_one_shows(tmp_path: Path) -> None:
+    """
+    A door that is lost and closed in the same nanosecond is closed; along `event` it is both.
+    """
+    door = DoorId(1)
+    clock = SteadyClock(START)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([FLOOR, DoorAdded(door_id=door, x=0, y=0, theta=0, width=1,
+                                     state=DoorState.OPEN)])  # fmt: skip
+        clock.now_ns = START + 10 * SECOND
+        log.append([DoorObserved(door_id=door, state=state, happened_ns=START + 5 * SECOND)
+                    for state in (DoorState.UNKNOWN, DoorState.CLOSED)])  # fmt: skip
+
+    drawing = recorded(sl.read(tmp_path / "log"), tmp_path)
+
+    assert LETHAL in layer_seen(drawing, START + 10 * SECOND)
+    assert (layer_seen(drawing, 2, timeline="event") == NO_INFORMATION).all()
+    assert LETHAL in layer_seen(drawing, 3, timeline="event")
+
+
 def test_a_turned_plan_has_no_costmap(tmp_path: Path) -> None:
     """
     Its cells do not lie along the axes; the doors' lines are drawn all the same.
