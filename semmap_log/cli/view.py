@@ -23,6 +23,12 @@ def run(
     door: Annotated[
         list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
     ] = None,
+    costmap: Annotated[
+        bool,
+        typer.Option(
+            "--costmap/--no-costmap", help="With the costmap's door layer, in a tab of its own."
+        ),
+    ] = True,
     save: Annotated[
         Path | None, typer.Option("--save", metavar="X.rrd", help="Write a file, open nothing.")
     ] = None,
@@ -63,7 +69,14 @@ def run(
     path = save or Path(str(folder)) / f"{log.resolve().name}.rrd"
     with progress("Replaying") as told:
         summary = save_rrd(
-            opened, path, since=since, until=until, doors=doors, at=at, progress=told
+            opened,
+            path,
+            since=since,
+            until=until,
+            doors=doors,
+            at=at,
+            costmap=costmap,
+            progress=told,
         )
     if save is not None:
         say(

@@ -122,7 +122,7 @@ class DoorLayer:
             after = _NO_CELLS
             if line:
                 self._lines[door] = line
-                after = cells[door] = _cells_of(self.geometry, {door: line})[1]
+                after = cells[door] = cells_of(self.geometry, {door: line})[1]
             self._move(door, before, after)
             windows += [*self._bounds(before), *self._bounds(after)]
         return merged(windows)
@@ -143,7 +143,7 @@ class DoorLayer:
     def _known_cells(self) -> dict[int, NDArray[np.int64]]:
         """Return the cells of each door, and note who draws where."""
         if self._cells is None:
-            owner, cells = _cells_of(self.geometry, self._lines)
+            owner, cells = cells_of(self.geometry, self._lines)
             starts = np.searchsorted(owner, np.arange(len(self._lines) + 1))
             self._cells = {
                 door: cells[starts[i] : starts[i + 1]] for i, door in enumerate(self._lines)
@@ -168,13 +168,13 @@ def drawn(geometry: GridGeometry, doors: Mapping[Id, DoorLine]) -> NDArray[np.ui
     """Return the layer of these doors, (height, width), all lines drawn at once."""
     ascending = {door: doors[door] for door in sorted(doors)}
     grid = np.full(geometry.shape, NO_INFORMATION, np.uint8)
-    owner, cells = _cells_of(geometry, ascending)
+    owner, cells = cells_of(geometry, ascending)
     costs = np.array([line.cost for line in ascending.values()], np.uint8)
     grid.reshape(-1)[cells] = costs[owner]  # of several values for a cell the last stays
     return grid
 
 
-def _cells_of(
+def cells_of(
     geometry: GridGeometry, doors: Mapping[Id, DoorLine]
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
     """Return the cells of all doors, door after door: which door (its place), and flat indices.

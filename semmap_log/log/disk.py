@@ -7,10 +7,12 @@ folder undone; so does everything here.
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from semmap_log.errors import OutputError
 from semmap_log.log.form import BAG_METADATA_NAME, LOCK_NAME, TEMPORARY_SUFFIX
 
 
@@ -76,12 +78,41 @@ def whole_file(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         sync_file(temporary)
-        os.replace(temporary, path)
-        sync_folder(path.parent)
+        _give_name(temporary, path)
     except BaseException:
         with suppress(OSError):
             temporary.unlink()
         raise
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Hand out a path for a new folder of the same name; on success it takes its place, synced.
+
+    It lies in a temporary folder beside `path`. On any error that is removed, with all in it.
+
+    Raises:
+        OutputError: There is something at `path` already: a folder is never replaced.
+    """
+    if path.exists():
+        raise OutputError(f"{path}: is there already; remove it, or choose another name.")
+    around = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    shutil.rmtree(around, ignore_errors=True)  # of a process that was killed
+    around.mkdir()
+    temporary = around / path.name
+    try:
+        yield temporary
+        for file in temporary.iterdir():
+            sync_file(file)
+        sync_folder(temporary)
+        _give_name(temporary, path)
+    finally:
+        shutil.rmtree(around, ignore_errors=True)
+
+
+def _give_name(temporary: Path, path: Path) -> None:
+    os.replace(temporary, path)
+    sync_folder(path.parent)
 
 
 def replace_file(path: Path, data: bytes) -> None:

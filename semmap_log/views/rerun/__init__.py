@@ -1,6 +1,6 @@
 """The history as a recording for the rerun viewer, and the viewer itself.
 
 `recording` writes the file: `survey` goes over the `excerpt` first and finds the `scene`, then
-`file` converts batch by batch into `floor`, `doors`, `robot` and `events`; `blueprint` lays them
-out. `sdk` is the only place that imports rerun; `viewer` runs its binary.
+`file` converts batch by batch into `floor`, `doors`, `costmap`, `robot` and `events`; `blueprint`
+lays them out. `sdk` is the only place that imports rerun; `viewer` runs its binary.
 """

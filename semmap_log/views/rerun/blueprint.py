@@ -10,6 +10,7 @@ from typing import Any
 
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
 from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
@@ -35,7 +36,12 @@ View = Any
 
 
 def layout(
-    scene: Scene, palette: Palette, *, chosen: Sequence[DoorId] | None, level: int | None
+    scene: Scene,
+    palette: Palette,
+    *,
+    chosen: Sequence[DoorId] | None,
+    level: int | None,
+    costmap: bool,
 ) -> Any:
     """Return the blueprint of a recording.
 
@@ -44,8 +50,9 @@ def layout(
         palette: Its colours.
         chosen: Doors that were asked for; None: those that change most get the curves.
         level: The level whose plan is in front; None: the one with most doors.
+        costmap: Each level's costmap has a tab behind the plans.
     """
-    plans, curves = _plans(scene, palette, level), _curves(scene, chosen)
+    plans, curves = _plans(scene, palette, level, costmap=costmap), _curves(scene, chosen)
     left = [part for part in (plans, curves) if part is not None]
     right = [_lanes(scene), _event_log()]
     return rrb.Blueprint(
@@ -73,7 +80,7 @@ def _column(parts: list[View], shares: list[int]) -> View:
     return rrb.Vertical(*parts, row_shares=shares) if len(parts) > 1 else parts[0]
 
 
-def _plans(scene: Scene, palette: Palette, level: int | None) -> View | None:
+def _plans(scene: Scene, palette: Palette, level: int | None, *, costmap: bool) -> View | None:
     """Return a tab a level; None where nothing has a place."""
     levels = [each for each in scene.levels.values() if not each.is_empty]
     if not levels:
@@ -81,16 +88,33 @@ def _plans(scene: Scene, palette: Palette, level: int | None) -> View | None:
     numbers = [each.level for each in levels]
     busiest = max(levels, key=lambda each: each.doors).level
     front = numbers.index(level if level in numbers else busiest)
-    return rrb.Tabs(*(_plan(each, palette) for each in levels), active_tab=front)
+    plans = [_plan(each, palette) for each in levels]
+    if costmap:
+        plans += [_costmap(each, palette) for each in levels if has_costmap(scene, each)]
+    return rrb.Tabs(*plans, active_tab=front)
 
 
 def _plan(level: SceneLevel, palette: Palette) -> View:
-    bounds = level.bounds
     overrides = {entity(track_path(level)): [_recent_track()]} if level.has_robot else {}
+    name = "Floor plan" if level.path == (ROOT,) else level.name
+    return _map_view(level, palette, name, [f"+ {entity(level.path)}/**"], overrides)
+
+
+def _costmap(level: SceneLevel, palette: Palette) -> View:
+    """Return the layer's cells on the floor, without the doors' lines, which would hide them."""
+    name = "Costmap" if level.path == (ROOT,) else f"{level.name} costmap"
+    parts = [(*level.path, "floor"), (*level.path, COSTMAP)]
+    return _map_view(level, palette, name, [f"+ {entity(part)}/**" for part in parts], {})
+
+
+def _map_view(
+    level: SceneLevel, palette: Palette, name: str, contents: list[str], overrides: dict[str, Any]
+) -> View:
+    bounds = level.bounds
     return rrb.Spatial2DView(
         origin="/",
-        contents=[f"+ {entity(level.path)}/**"],
-        name="Floor plan" if level.path == (ROOT,) else level.name,
+        contents=contents,
+        name=name,
         background=[*palette.background, 255],
         # The view's y runs down, and the level is mirrored into it.
         visual_bounds=rrb.VisualBounds2D(

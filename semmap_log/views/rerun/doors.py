@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from semmap_log.doors import DoorState
 from semmap_log.events import DoorRemoved
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.costmap import CostmapWriter
+from semmap_log.views.rerun.costmap_doors import DoorRows, slim
 from semmap_log.views.rerun.door_rows import (
     CHANGE,
     NEVER,
@@ -42,9 +44,12 @@ STATE_NAMES = np.array([state.name for state in DoorState])
 class DoorsWriter:
     """Hands each change to its door, and sees to it that not too many wait."""
 
-    def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
+    def __init__(
+        self, writer: RowWriter, scene: Scene, palette: Palette, costmap: CostmapWriter | None
+    ) -> None:
         self._tracks = {
-            int(door_id): _DoorTrack(writer, door, palette) for door_id, door in scene.doors.items()
+            int(door_id): _DoorTrack(writer, door, palette, costmap)
+            for door_id, door in scene.doors.items()
         }
         for track in self._tracks.values():
             track.write_style(
@@ -80,8 +85,11 @@ class _DoorTrack:
     A door with late events waits for the end: only then is the order known in which they count.
     """
 
-    def __init__(self, writer: RowWriter, door: SceneDoor, palette: Palette) -> None:
+    def __init__(
+        self, writer: RowWriter, door: SceneDoor, palette: Palette, costmap: CostmapWriter | None
+    ) -> None:
         self.door = door
+        self._costmap = costmap
         self.rows_waiting = 0
         self._waiting: list[Changes] = []
         self._writer = writer
@@ -108,6 +116,14 @@ class _DoorTrack:
         self._write_curves(picture.probabilities, self._end_of_curve(removal, end))
         for path in self.door.lines.values():
             self._writer.clear(path, removal)
+        if self._costmap is not None:
+            self._costmap.take(
+                self.door.door_id,
+                DoorRows(
+                    slim(picture.state_changes), self._late(picture.state_changes),
+                    picture.placements, self._late(picture.placements), removal,
+                ),
+            )  # fmt: skip
 
     def write_style(self, *, doors_beside: int) -> None:
         """Write what holds at all times: label, colours of the states, look of the curves."""

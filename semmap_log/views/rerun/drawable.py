@@ -8,7 +8,7 @@ and a name of which nothing else is left gives way to the door's number.
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 BOX = "□"
 """Stands for a character that the viewer cannot draw."""
@@ -59,12 +59,17 @@ def unique_parts(names: Iterable[tuple[int, str]]) -> dict[int, str]:
     parts: dict[int, str] = {}
     taken: set[str] = set()
     for door_id, name in sorted(names):
-        part = path_part(name) or f"door_{door_id}"
-        while part.casefold() in taken:
-            part = f"{part}_{door_id}"
-        taken.add(part.casefold())
-        parts[door_id] = part
+        parts[door_id] = free_part(door_id, name, taken)
+        taken.add(parts[door_id].casefold())
     return parts
+
+
+def free_part(door_id: int, name: str, taken: Collection[str]) -> str:
+    """Return the path part for a name, or one with the id behind if it is taken (case folded)."""
+    part = path_part(name) or f"door_{door_id}"
+    while part.casefold() in taken:
+        part = f"{part}_{door_id}"
+    return part
 
 
 def _is_drawn(character: str) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.costmap import CostmapWriter
 from semmap_log.views.rerun.door_rows import changes_of
 from semmap_log.views.rerun.doors import DoorsWriter
 from semmap_log.views.rerun.drawable import drawable
@@ -32,6 +33,7 @@ def write_recording(
     scene: Scene,
     blueprint: Any,
     palette: Palette,
+    costmap: bool,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Convert the excerpt, batch by batch; each part writes as soon as it has a chunk.
@@ -42,7 +44,8 @@ def write_recording(
     with pumped(path) as pump, _recording(excerpt, pump.inlet, blueprint) as recording:
         writer = RowWriter(recording)
         write_floors(writer, scene, palette)
-        doors = DoorsWriter(writer, scene, palette)
+        layers = CostmapWriter(writer, scene, palette) if costmap else None
+        doors = DoorsWriter(writer, scene, palette, layers)
         robot = RobotWriter(writer, scene, palette)
         events = EventsWriter(writer, EventLines(scene, excerpt.log.commits()), palette)
         for batch in excerpt.batches(progress):
@@ -51,6 +54,8 @@ def write_recording(
             robot.take(batch)
             events.take(batch)
         doors.finish()
+        if layers is not None:
+            layers.finish()
         robot.finish()
         events.finish()
 

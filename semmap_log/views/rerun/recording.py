@@ -47,6 +47,7 @@ def save_rrd(
     doors: Collection[DoorId] | None = None,
     at: Time = None,
     palette: Palette = DEFAULT,
+    costmap: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> RrdSummary:
     """Write the log as a recording that the rerun viewer opens, laid out.
@@ -61,6 +62,7 @@ def save_rrd(
             recording cannot say where its cursor stands (it opens at the end): tell `open_viewer`
             or `screenshot`.
         palette: Colours.
+        costmap: With the costmap's door layer, cell for cell.
         progress: Told how far the reading is: (bytes done, bytes in all).
 
     Raises:
@@ -76,12 +78,19 @@ def save_rrd(
     excerpt = Excerpt.of(log, since, until, doors)
     scene = survey(excerpt)
     front = scene.robot_level if at is None else _robot_level(log, at)
-    blueprint = layout(scene, palette, chosen=None if doors is None else list(doors), level=front)
+    blueprint = layout(
+        scene,
+        palette,
+        chosen=None if doors is None else list(doors),
+        level=front,
+        costmap=costmap,
+    )
     try:
         with whole_file(path) as temporary:
             write_recording(
                 temporary, excerpt,
-                scene=scene, blueprint=blueprint, palette=palette, progress=progress,
+                scene=scene, blueprint=blueprint, palette=palette, costmap=costmap,
+                progress=progress,
             )  # fmt: skip
     except OSError as error:
         raise SemmapError(f"{path}: cannot be written: {error.strerror or error}.") from None

@@ -18,6 +18,7 @@ from semmap_log.views.rerun.sdk import rr
 
 HAPPENED, RECORDED, EVENT = "happened", "recorded", "event"
 """The timelines: when it happened, when the log learnt it, the event's number."""
+EVERYWHERE = (HAPPENED, RECORDED, EVENT)
 
 MOST_ROWS = 4096
 
@@ -42,6 +43,7 @@ class RowWriter:
         columns: Callable[[Rows], Sequence[Any]],
         *,
         late: NDArray[np.bool_] | None = None,
+        timelines: Sequence[str] = EVERYWHERE,
     ) -> None:
         """Write one row of components for each of `rows`.
 
@@ -50,19 +52,19 @@ class RowWriter:
             rows: When: the stamps of the events.
             columns: Gives the component columns for some of the rows.
             late: Rows that exist on the timeline `happened` only; None: none.
+            timelines: Those on which the others exist.
         """
-        everywhere = [HAPPENED, RECORDED, EVENT]
         if late is None:
-            self._send(path, rows, columns, everywhere)
+            self._send(path, rows, columns, timelines)
         else:
-            self._send(path, rows[~late], columns, everywhere)
+            self._send(path, rows[~late], columns, timelines)
             # Behind the others: of rows at one time the last written wins, and late ones have the
             # greater numbers there.
             self._send(path, rows[late], columns, [HAPPENED])
 
-    def clear(self, path: EntityPath, rows: Rows) -> None:
+    def clear(self, path: EntityPath, rows: Rows, *, timelines: Sequence[str] = EVERYWHERE) -> None:
         """Let the entity vanish at these rows; what is static of it stays for its return."""
-        self.rows(path, rows, lambda part: rr.Clear.columns(is_recursive=[False] * len(part)))
+        self.rows(path, rows, _clearing, timelines=timelines)
 
     def _send(
         self,
@@ -87,6 +89,10 @@ def entity(path: EntityPath) -> str:
 def rgba(colours: Sequence[Rgb], alpha: int = 255) -> NDArray[np.uint32]:
     """Return the colours as rerun takes them."""
     return np.array([packed(colour, alpha) for colour in colours], np.uint32)
+
+
+def _clearing(rows: Rows) -> Sequence[Any]:
+    return list(rr.Clear.columns(is_recursive=[False] * len(rows)))
 
 
 def _index(timeline: str, rows: Rows) -> Any:

@@ -28,7 +28,7 @@ from semmap_log.views.rerun.door_rows import (
     opening_changes,
     strips_of,
 )
-from semmap_log.views.rerun.drawable import drawable, has_letters, unique_parts
+from semmap_log.views.rerun.drawable import drawable, free_part, has_letters, unique_parts
 from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.scene import (
     ROOT,
@@ -109,6 +109,11 @@ class _Found:
     def last_level(self) -> int:
         """The level it was put on last."""
         return max(self.levels, key=lambda level: self.levels[level], default=0)
+
+    @property
+    def ever_on(self) -> list[int]:
+        """All levels it is put on, ascending."""
+        return sorted({*self.levels, self.last_level})
 
 
 class _Pass:
@@ -209,19 +214,14 @@ def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, Scene
     """Return the doors that are in the map at some time, ids ascending."""
     there = {i: door for i, door in sorted(pass_.doors.items()) if door.added != NEVER}
     short = {i: _short(door.name, levels[door.last_level]) for i, door in there.items()}
-    parts: dict[int, str] = {}
-    for n in levels:
-        parts |= unique_parts((i, short[i]) for i, door in there.items() if door.last_level == n)
+    parts = _parts(there, short)
     return {
         door_id: SceneDoor(
             door_id=door_id,
             label=_label(door_id, found.name),
             short_label=_label(door_id, short[door_id]),
             path=(*levels[found.last_level].path, "doors", parts[door_id]),
-            lines={
-                n: (*levels[n].path, "doors", parts[door_id])
-                for n in sorted({*found.levels, found.last_level})
-            },
+            lines={n: (*levels[n].path, "doors", parts[door_id]) for n in found.ever_on},
             life=Life(found.added, found.removed),
             before=found.before,
             state_changes=found.state_changes,
@@ -230,6 +230,19 @@ def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, Scene
         )
         for door_id, found in there.items()
     }
+
+
+def _parts(there: Mapping[DoorId, _Found], short: Mapping[DoorId, str]) -> dict[DoorId, str]:
+    """Return a path part for each door, other than those of all that are ever on its levels."""
+    parts: dict[DoorId, str] = {}
+    taken: dict[int, set[str]] = {}
+    for door_id, found in there.items():
+        here = [taken.setdefault(n, set()) for n in found.ever_on]
+        near = here[0] if len(here) == 1 else set().union(*here)
+        parts[door_id] = free_part(door_id, short[door_id], near)
+        for names in here:
+            names.add(parts[door_id].casefold())
+    return parts
 
 
 def _label(door_id: DoorId, name: str) -> str:

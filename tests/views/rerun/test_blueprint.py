@@ -36,23 +36,35 @@ def views_of(log: sl.DoorLog, tmp_path: Path, **how: Any) -> list[str]:
 
 def test_a_building_of_one_level(tmp_path: Path) -> None:
     """
-    Plan, curves of the door that has probabilities, lanes, text.
+    Plan, costmap, curves of the door that has probabilities, lanes, text.
     """
     log = small_log(tmp_path / "log")
 
-    assert ["Door states", "Event log (UTC)", "Floor plan", "front"] == views_of(log, tmp_path)
+    names = views_of(log, tmp_path)
+
+    assert ["Costmap", "Door states", "Event log (UTC)", "Floor plan", "front"] == names
+
+
+def test_the_costmap_can_be_left_out(tmp_path: Path) -> None:
+    """
+    Then it has no tab.
+    """
+    log = small_log(tmp_path / "log")
+
+    assert "Costmap" not in views_of(log, tmp_path, costmap=False)
 
 
 def test_each_level_has_its_plan(tmp_path: Path) -> None:
     """
-    Named as the level is; one without anything on it is left out.
+    Named as the level is; one without anything on it is left out, as is the costmap of one that
+    never has a door.
     """
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([LevelAdded(level=n, name=name) for n, name in enumerate("ABC", start=1)])
         log.append([room(1)])
         log.append([DoorAdded(door_id=DoorId(1), level=2, x=0, y=0, theta=0, width=1)])
 
-    assert ["A", "B", "Door states", "Event log (UTC)"] == views_of(
+    assert ["A", "B", "B costmap", "Door states", "Event log (UTC)"] == views_of(
         sl.read(tmp_path / "log"), tmp_path
     )
 
@@ -93,4 +105,4 @@ def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:
 
     names = views_of(log, tmp_path, doors=[DoorId(2)])
 
-    assert ["Door states", "Event log (UTC)", "Floor plan"] == names
+    assert ["Costmap", "Door states", "Event log (UTC)", "Floor plan"] == names

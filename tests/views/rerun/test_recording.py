@@ -105,15 +105,17 @@ def _lane(drawn: Drawn, door_id: int) -> str:
 
 def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
     """
-    One entity a door, under its name or number; plan, robot and events beside; no other timeline.
+    One entity a door, under its name or number, and one for its cells in the costmap, if it ever
+    has any; plan, robot and events beside; no other timeline.
     """
     log = small_log(tmp_path / "log")
 
     drawn = recorded(log, tmp_path)
 
     assert {
-        "/map", "/map/floor", "/map/doors/front", "/map/doors/door_2", "/map/robot/pose",
-        "/map/robot/track", "/events/door_added", "/events/door_annotated",
+        "/map", "/map/floor", "/map/doors/front", "/map/doors/door_2", "/map/costmap",
+        "/map/costmap/front", "/map/robot/pose", "/map/robot/track",
+        "/events/door_added", "/events/door_annotated",
         "/events/door_observed", "/events/door_passed", "/events/door_removed",
         "/events/door_updated", "/events/floor_map", "/events/patrol_started",
         "/events/patrol_finished",

@@ -44,6 +44,21 @@ def test_one_level_needs_no_name_in_the_paths(tmp_path: Path) -> None:
     assert [("map",)] == [level.path for level in scene.levels.values()]
 
 
+def test_a_door_that_comes_to_another_level_is_no_other_doors_namesake(tmp_path: Path) -> None:
+    """
+    Two doors of one name that are ever on the same level do not share its entity, and its line.
+    """
+    scene = scene_of(
+        tmp_path,
+        LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2"),
+        placed(1, 1), named(1, "front"), placed(2, 1), named(2, "front"),
+        DoorUpdated(door_id=DoorId(2), changed=Changed.POSE, level=2, x=0.0, y=0.0, theta=0.0),
+    )  # fmt: skip
+
+    lines = [path for door in scene.doors.values() for path in door.lines.values()]
+    assert len(lines) == len(set(lines)) == 3
+
+
 def test_with_several_levels_each_has_its_branch(tmp_path: Path) -> None:
     """
     The level's name stands in the path once: a door's name that begins with it loses it there.

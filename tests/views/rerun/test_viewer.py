@@ -31,7 +31,7 @@ from tests.views.rerun.some_logs import SECOND, START, small_log
 pytestmark = pytest.mark.viewer
 
 SIZE = (1280, 800)
-VIEWS = {"Floor plan", "front", "Door states", "Event log (UTC)"}
+VIEWS = {"Floor plan", "Costmap", "front", "Door states", "Event log (UTC)"}
 OPEN_NS, CLOSED_NS = START + 1000 * SECOND, START + 60 * SECOND
 """When `front` is open, and when it is closed."""
 
@@ -100,6 +100,18 @@ def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> N
     assert (False, True) == (_has(opened, DEFAULT.closed), _has(opened, DEFAULT.open))
     assert (True, False) == (_has(opened, DEFAULT.unknown), _has(removed, DEFAULT.unknown))
     assert _has(opened, DEFAULT.wall)
+
+
+def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
+    """
+    The costmap's cells are where the plan shows the door: closed at one moment, open at another.
+    """
+    for moment, colour in ((CLOSED_NS, DEFAULT.closed), (OPEN_NS, DEFAULT.open)):
+        viewer.go_to("happened", moment)
+        plan, cells = viewer.picture("Floor plan"), viewer.picture("Costmap")
+
+        assert _has(cells, colour)
+        np.testing.assert_allclose(_middle(plan, colour), _middle(cells, colour), atol=3)
 
 
 def test_north_is_up(viewer: Viewer) -> None:

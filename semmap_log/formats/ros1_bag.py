@@ -1,0 +1,48 @@
+"""A bag of ROS 1: `rosbag play` and rviz of noetic open it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from semmap_log.formats.bags import BagTopic
+from semmap_log.formats.ros_types import RosVersion, ros_types
+
+CALLER = "/semmap_log"
+"""Who published it: without a caller, rosbag does not replay a topic as latched."""
+
+
+@contextmanager
+def ros1_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[_Ros1Bag]:
+    """Write the file, its chunks packed as lz4; it is closed when the block ends well."""
+    from rosbags.rosbag1 import Writer
+
+    path.unlink(missing_ok=True)  # of a process that was killed; rosbags replaces nothing
+    writer = Writer(path)
+    writer.set_compression(Writer.CompressionFormat.LZ4)
+    with writer:
+        yield _Ros1Bag(writer, topics)
+
+
+class _Ros1Bag:
+    ros_version: RosVersion = 1
+
+    def __init__(self, writer: Any, topics: Sequence[BagTopic]) -> None:
+        self._writer = writer
+        self._types = ros_types(1)
+        self._connections = {
+            topic: writer.add_connection(
+                topic.name,
+                topic.ros_type,
+                typestore=self._types,
+                callerid=CALLER,
+                latching=int(topic.is_latched),
+            )
+            for topic in topics
+        }
+
+    def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
+        data = self._types.serialize_ros1(message, topic.ros_type)
+        self._writer.write(self._connections[topic], at_ns, data)
