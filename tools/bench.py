@@ -23,6 +23,7 @@ from types import FrameType
 
 from benchmark.appending import append_cases
 from benchmark.case import Case
+from benchmark.costmap_cases import costmap_cases
 from benchmark.folding import SMALL, fold_cases, now_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
@@ -41,7 +42,7 @@ SIZED = {
     "day": day_cases, "open": open_cases, "import": import_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
-GROUPS = ("append", *SIZED, "start")
+GROUPS = ("append", *SIZED, "costmap", "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -105,6 +106,8 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
         shop.clear()
     if "open" in args.only:
         yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
+    if "costmap" in args.only:
+        yield from costmap_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "start" in args.only:
         yield from start_cases(args.rounds)
     shop.look()
