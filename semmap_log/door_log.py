@@ -371,7 +371,7 @@ class DoorLog:
         """
         door_id = self.resolve_ever(door) if isinstance(door, str) else DoorId(int(door))
         scope = self.scope(at, known_at)
-        since_ns, until_ns = self._instant(since), self._instant(until)
+        since_ns, until_ns = self.instant(since), self.instant(until)
         if since_ns is not None and until_ns is not None and since_ns > until_ns:
             raise MomentError("the first moment lies after the second; swap them.")
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
@@ -381,7 +381,7 @@ class DoorLog:
             self.resolve_ever(door_id)
         return found.between(since_ns, until_ns)
 
-    def _instant(self, time: Time) -> int | None:
+    def instant(self, time: Time) -> int | None:
         """Return a time in nanoseconds; of an event, the time from which it counts."""
         moment = self.moment(time)
         if moment.event is None:
@@ -391,7 +391,11 @@ class DoorLog:
 
     def floor_map(self, level: int = 0, at: Time = None) -> FloorMap | None:
         """Return a level's floor plan; None if it has none."""
-        known = self.replay(at=at).levels.get(level)
+        return self.floor_of(self.replay(at=at), level)
+
+    def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
+        """Return the floor plan that a level has in a door map of this log; None: it has none."""
+        known = doors.levels.get(level)
         if known is None or known.floor_map_event is None:
             return None
         event = self.event(known.floor_map_event).event

@@ -29,7 +29,7 @@ ORDER = [
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},
-    {"opening", "summary"},
+    {"opening", "summary", "costmaps"},
     {"costmap"},
     {"formats"},
     {"views"},

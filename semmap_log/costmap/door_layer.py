@@ -15,6 +15,7 @@ import math
 from bisect import insort
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ from semmap_log.costmap.combining import overwrite
 from semmap_log.costmap.costs import NO_INFORMATION
 from semmap_log.costmap.grid import GridGeometry, Window, merged, read_only
 from semmap_log.costmap.lines import draw_lines
+
+Id = TypeVar("Id", bound=int)
 
 FARTHEST_CELL = 1e8
 """A door that starts or ends further from the origin, in cells, is not drawn."""
@@ -66,7 +69,7 @@ class DoorLayer:
         """The layer's own grid, (height, width), row 0 at the lowest y; read-only."""
         return read_only(self._grid)
 
-    def draw(self, doors: Mapping[int, DoorLine]) -> list[Window]:
+    def draw(self, doors: Mapping[Id, DoorLine]) -> list[Window]:
         """Make the layer that of these doors, and of no others.
 
         Args:
@@ -75,13 +78,10 @@ class DoorLayer:
         Returns:
             Where cells may have changed.
         """
-        changes: dict[int, DoorLine | None] = {
-            door: line for door, line in doors.items() if self._lines.get(door) != line
-        }
-        changes.update((door, None) for door in self._lines.keys() - doors.keys())
-        return self.update(changes)
+        gone = dict.fromkeys(self._lines.keys() - doors.keys())
+        return self.update({**gone, **doors})
 
-    def update(self, changes: Mapping[int, DoorLine | None]) -> list[Window]:
+    def update(self, changes: Mapping[Id, DoorLine | None]) -> list[Window]:
         """Draw some doors as they are now; the cells that they leave show what lies below.
 
         Args:
@@ -90,7 +90,8 @@ class DoorLayer:
         Returns:
             Where cells may have changed.
         """
-        windows = self._redraw(changes) if len(changes) > FEW else self._draw_some(changes)
+        new = {door: line for door, line in changes.items() if self._lines.get(door) != line}
+        windows = self._redraw(new) if len(new) > FEW else self._draw_some(new)
         self._changes += windows
         return windows
 
@@ -104,14 +105,15 @@ class DoorLayer:
         overwrite(master[window.slices], self._grid[window.slices])
         return window
 
-    def _redraw(self, changes: Mapping[int, DoorLine | None]) -> list[Window]:
-        lines = {**self._lines, **changes}
+    def _redraw(self, changes: Mapping[Id, DoorLine | None]) -> list[Window]:
+        lines: dict[int, DoorLine | None] = {**self._lines}
+        lines.update(changes.items())
         self._lines = {door: line for door in sorted(lines) if (line := lines[door])}
         before, self._grid = self._grid, drawn(self.geometry, self._lines)
         self._cells = None
         return bounds_of(before != self._grid)
 
-    def _draw_some(self, changes: Mapping[int, DoorLine | None]) -> list[Window]:
+    def _draw_some(self, changes: Mapping[Id, DoorLine | None]) -> list[Window]:
         cells = self._known_cells()
         windows: list[Window] = []
         for door, line in changes.items():
@@ -122,7 +124,7 @@ class DoorLayer:
                 self._lines[door] = line
                 after = cells[door] = _cells_of(self.geometry, {door: line})[1]
             self._move(door, before, after)
-            windows += self._bounds(np.concatenate([before, after]))
+            windows += [*self._bounds(before), *self._bounds(after)]
         return merged(windows)
 
     def _move(self, door: int, before: NDArray[np.int64], after: NDArray[np.int64]) -> None:
@@ -163,7 +165,7 @@ class DoorLayer:
 _NO_CELLS = np.empty(0, np.int64)
 
 
-def drawn(geometry: GridGeometry, doors: Mapping[int, DoorLine]) -> NDArray[np.uint8]:
+def drawn(geometry: GridGeometry, doors: Mapping[Id, DoorLine]) -> NDArray[np.uint8]:
     """Return the layer of these doors, (height, width), all lines drawn at once."""
     ascending = {door: doors[door] for door in sorted(doors)}
     grid = np.full(geometry.shape, NO_INFORMATION, np.uint8)
@@ -174,7 +176,7 @@ def drawn(geometry: GridGeometry, doors: Mapping[int, DoorLine]) -> NDArray[np.u
 
 
 def _cells_of(
-    geometry: GridGeometry, doors: Mapping[int, DoorLine]
+    geometry: GridGeometry, doors: Mapping[Id, DoorLine]
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
     """Return the cells of all doors, door after door: which door (its place), and flat indices.
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId, DoorMap, DoorState, Level
+from semmap_log.doors import Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
@@ -224,6 +224,14 @@ class DoorMapState:
             at_ns=at_ns,
             known_at_ns=known_at_ns,
         )
+
+    def door(self, door_id: int) -> Door | None:
+        """Return one door as a value; None: it is not in the map."""
+        if not self.is_present(door_id):
+            return None
+        row = self._row_of[door_id]
+        chosen = {name: self._columns[name][row : row + 1] for name in _OF_A_DOOR}
+        return DoorsPresent(chosen, self._annotations)[DoorId(door_id)]
 
     def to_arrays(self) -> dict[str, Any]:
         """Return the whole state as arrays and lists, the same for equal states; doors ascend."""

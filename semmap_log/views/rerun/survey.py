@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.doors import Door, DoorId, Level
+from semmap_log.doors import Door, DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorRemoved, FloorMap, RobotPose
+from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorRemoved, RobotPose
 from semmap_log.views.rerun.door_rows import (
     ALWAYS,
     NEVER,
@@ -39,9 +38,6 @@ from semmap_log.views.rerun.scene import (
     SceneLevel,
     bounds_of_floor,
 )
-
-if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog
 
 NOWHERE = Edge(-1, -1, -1)
 
@@ -181,7 +177,8 @@ class _Pass:
 
 def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
     """Return the levels with something on them; where there is one, its path is just `/map`."""
-    known = excerpt.log.replay(at=excerpt.last_ns()).levels
+    doors = excerpt.log.replay(at=excerpt.last_ns())
+    known = doors.levels
     there = [door for door in pass_.doors.values() if door.added != NEVER]
     used = {level for door in there for level in door.levels} | pass_.robot_levels
     if excerpt.doors is None:
@@ -191,7 +188,7 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
     parts = unique_parts((n, names.get(n) or str(n)) for n in numbers)
     levels = {}
     for n in numbers:
-        floor = _floor_map(excerpt.log, known.get(n))
+        floor = excerpt.log.floor_of(doors, n)
         bounds = pass_.bounds.get(n, Bounds())
         if floor is not None:
             bounds = bounds.including(bounds_of_floor(floor))
@@ -206,14 +203,6 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
             has_robot=n in pass_.robot_levels,
         )
     return levels
-
-
-def _floor_map(log: DoorLog, level: Level | None) -> FloorMap | None:
-    if level is None or level.floor_map_event is None:
-        return None
-    event = log.event(level.floor_map_event).event
-    assert isinstance(event, FloorMap)
-    return event
 
 
 def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, SceneDoor]:

@@ -1,0 +1,294 @@
+"""A level's costmap, of any moment of a log and over time: floor, doors, and costs around both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from semmap_log.commands import resolve_level
+from semmap_log.costmap.costs import static_costs
+from semmap_log.costmap.door_layer import DoorLayer, DoorLine
+from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.inflation import InflationLayer
+from semmap_log.costmap.layered import Layer, LayeredCostmap
+from semmap_log.costmap.static_layer import StaticLayer
+from semmap_log.door_log import DoorLog, Time
+from semmap_log.doors import DoorId, DoorMap
+from semmap_log.errors import CostmapError
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import (
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    FloorMap,
+)
+from semmap_log.projections.door_layer import By, DoorLayerProjection, door_lines
+from semmap_log.projections.door_map import DoorMapState
+from semmap_log.replay import replay
+
+MARGIN_M = 1.0
+"""Around the doors, where there is no map."""
+MOST_CELLS = 100_000_000
+
+Point: TypeAlias = tuple[float, float]
+"""(x, y), metres, frame `map`."""
+
+_DRAWN = (DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorPassed)
+"""The kinds of events that a door layer shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class CostmapOptions:
+    """How a costmap is made; names and defaults of ROS's parameters in brackets."""
+
+    level: int | str | None = None
+    """Number or name; None: the only one there is."""
+    by: By = "state"
+    inflate_m: float = 0.0
+    """How far costs reach around walls and closed doors (inflation_radius); 0: not at all."""
+    scaling: float = 10.0
+    """How fast they fall off, 1/m (cost_scaling_factor)."""
+    inscribed_m: float = 0.0
+    """The robot's inscribed radius: so near it surely touches."""
+    door_inflate_m: float = 0.0
+    """How far they reach around doors that are, or may be, closed; 0: as around walls."""
+    resolution: float = 0.05
+    """Metres a cell, where there is no map."""
+
+
+class Costmap:
+    """The costmap of a level at a moment: doors over the floor, and costs around both."""
+
+    def __init__(
+        self,
+        state: DoorMapState,
+        geometry: GridGeometry,
+        floor: FloorMap | None,
+        level: int,
+        options: CostmapOptions,
+    ) -> None:
+        self.geometry = geometry
+        self.level = level
+        self.floor = floor
+        """The floor map below the doors; None: there is none, and nothing is known beside them."""
+        self.options = options
+        self._projection = DoorLayerProjection(geometry, level, options.by)
+        self._state = self._projection.of(state)
+        self.master = LayeredCostmap(geometry, self._layers(), track_unknown=floor is None)
+        self.master.update()
+
+    @property
+    def layer(self) -> DoorLayer:
+        """The doors alone."""
+        return self._state.layer
+
+    @property
+    def doors(self) -> DoorMap:
+        """All doors at that moment, those of other levels and those without a place, too."""
+        return self._state.map.door_map()
+
+    @property
+    def lines(self) -> dict[DoorId, DoorLine]:
+        """What the level's doors draw, ids ascending; on the map or off it."""
+        return door_lines(self.doors, level=self.level, by=self.options.by)
+
+    def advance(self, batches: Iterable[EventBatch]) -> list[Window]:
+        """Take in what happened next; return where cells of the master may have changed."""
+        for batch in batches:
+            self._state = self._projection.apply(self._state, batch)
+        return self.master.update()
+
+    def _layers(self) -> list[Layer]:
+        options, layers = self.options, list[Layer]()
+        if self.floor is not None:
+            layers.append(StaticLayer(self.geometry, static_costs(self.floor.cells)))
+        layers.append(self.layer)
+        for radius, around in ((options.inflate_m, None), (options.door_inflate_m, self.layer)):
+            if radius:
+                layers.append(
+                    InflationLayer(
+                        self.geometry,
+                        radius,
+                        scaling=options.scaling,
+                        inscribed=options.inscribed_m,
+                        around=around,
+                    )
+                )
+        return layers
+
+
+def costmap_at(
+    log: DoorLog,
+    options: CostmapOptions = CostmapOptions(),
+    *,
+    at: Time = None,
+    known_at: Time = None,
+    event: int | None = None,
+    floor: FloorMap | None = None,
+) -> Costmap:
+    """Return the costmap of a level at a moment; without arguments: now.
+
+    Args:
+        log: Where the doors are from.
+        options: Which level, and what is drawn how.
+        at: What was true then, with all that is known today.
+        known_at: Only what had been recorded by then.
+        event: Only what has a number up to that.
+        floor: The floor to draw on; default: the log's own of that level and moment. If there is
+            none, the grid lies around the level's doors.
+
+    Raises:
+        CostmapError: There is neither floor nor door, or the floor is turned against its grid.
+        UnknownLevelError: No such level, or several and none was named.
+    """
+    state = replay(log.reader, log.scope(at, known_at, event))
+    doors = state.door_map()
+    level = resolve_level(options.level, doors)
+    floor = floor or log.floor_of(doors, level)
+    geometry = _geometry(floor, _ends(doors, level), level, options)
+    return Costmap(state, geometry, floor, level, options)
+
+
+@dataclass(frozen=True, slots=True)
+class CostmapFrame:
+    """A moment at which the costmap changed."""
+
+    at_ns: int
+    """Happened time."""
+    event: int
+    """Number of the last event in it."""
+    windows: Sequence[Window]
+    """Where cells of the master may have changed."""
+    costmap: Costmap
+    """To look at: it goes on with the next frame."""
+
+
+def costmap_frames(
+    log: DoorLog,
+    options: CostmapOptions = CostmapOptions(),
+    *,
+    since: Time = None,
+    until: Time = None,
+    floor: FloorMap | None = None,
+) -> Iterator[CostmapFrame]:
+    """Yield the costmap at `since`, then at each later moment at which something changed.
+
+    What counts is what was true, with all that is known today: late events come in their place.
+
+    Args:
+        log: Where the doors are from.
+        options: Which level, and what is drawn how.
+        since: Default: before the first event.
+        until: The last moment; default: the log's end.
+        floor: As for `costmap_at`; the log's own is that of the last moment.
+
+    Raises:
+        CostmapError: As for `costmap_at`.
+        UnknownLevelError: As for `costmap_at`.
+    """
+    first_ns, end_ns = log.instant(since), log.instant(until)
+    first_ns = _first_ns(log) if first_ns is None else first_ns
+    end_ns = log.end_ns() if end_ns is None else end_ns
+    state = replay(log.reader, log.scope(at=first_ns))
+    doors = log.replay(at=end_ns)
+    level = resolve_level(options.level, doors)
+    floor = floor or log.floor_of(doors, level)
+    later = list(log.batches(first_ns + 1, end_ns + 1, kinds=_DRAWN))
+    points = [*_ends(state.door_map(), level), *_places(later, level, state.door_map())]
+    costmap = Costmap(state, _geometry(floor, points, level, options), floor, level, options)
+    yield CostmapFrame(first_ns, state.event, [costmap.geometry.whole], costmap)
+    for at_ns, batches in _in_order(later):
+        windows = costmap.advance(batches)
+        if windows:
+            yield CostmapFrame(at_ns, state.event, windows, costmap)
+
+
+def _in_order(batches: list[EventBatch]) -> Iterator[tuple[int, list[EventBatch]]]:
+    """Yield the events of each happened time, times ascending: halves, and halves of them."""
+    times = np.unique(np.concatenate([batch.folds_ns for batch in batches] or [np.empty(0, "i8")]))
+    if len(times) < 2:
+        yield from [(int(at_ns), batches) for at_ns in times]
+        return
+    middle = times[len(times) // 2]
+    for chosen in (np.less, np.greater_equal):
+        half = (batch.select(chosen(batch.folds_ns, middle)) for batch in batches)
+        yield from _in_order([batch for batch in half if len(batch)])
+
+
+def _first_ns(log: DoorLog) -> int:
+    """Return a moment just before the first event that draws something; of none, the log's end."""
+    firsts = (int(batch.folds_ns.min()) for batch in log.batches(kinds=_DRAWN))
+    return min(firsts, default=log.end_ns() + 1) - 1
+
+
+def _geometry(
+    floor: FloorMap | None, points: Sequence[Point], level: int, options: CostmapOptions
+) -> GridGeometry:
+    """Return the floor's grid, or one around these points.
+
+    Raises:
+        CostmapError: There is neither, or the floor is turned.
+    """
+    if floor is None:
+        return _around(points, level, options.resolution)
+    if floor.origin_theta:
+        raise CostmapError(
+            f"the floor map of level {level} is turned by {floor.origin_theta:g} rad "
+            "against its grid: expected 0, for a costmap's cells lie along its axes. "
+            "Turn the picture, and give it an origin without yaw."
+        )
+    return GridGeometry.of_map(
+        (floor.cells.shape[0], floor.cells.shape[1]),
+        floor.resolution,
+        (floor.origin_x, floor.origin_y),
+    )
+
+
+def _ends(doors: DoorMap, level: int) -> list[Point]:
+    """Return both ends of all doors on a level."""
+    on_level = (door for door in doors.doors.values() if door.is_placed and door.level == level)
+    return [point for door in on_level for point in (door.start, door.end)]
+
+
+def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Iterator[Point]:
+    """Yield points around all places on a level to which events bring doors.
+
+    How wide a door is then may be told elsewhere: the widest of all is taken.
+    """
+    kinds = [(batch, kind) for batch in batches for kind in (DoorAdded, DoorUpdated)]
+    told = [batch[kind] for batch, kind in kinds if kind in batch]
+    widths = [door.width for door in before.doors.values()]
+    for rows in told:
+        widths += rows["width"].tolist()
+    widest = max((width for width in widths if not math.isnan(width)), default=0.0)
+    for rows in told:
+        places = rows[(rows["level"] == level) & np.isfinite(rows["x"] + rows["y"])]
+        for x, y in zip(places["x"].tolist(), places["y"].tolist(), strict=True):
+            yield x - widest, y - widest
+            yield x + widest, y + widest
+
+
+def _around(ends: Sequence[Point], level: int, cell_m: float) -> GridGeometry:
+    """Return a grid with a margin around these points."""
+    points = np.array(ends)
+    if not len(points):
+        raise CostmapError(
+            f"level {level} has no floor map, and no door with a place: there is nothing "
+            "to draw. Give a map, or another level or moment."
+        )
+    if not (math.isfinite(cell_m) and cell_m > 0):
+        raise CostmapError(f"the resolution: expected metres a cell, above 0, got {cell_m!r}")
+    low = np.floor((points.min(axis=0) - MARGIN_M) / cell_m)
+    width, height = (int(n) for n in np.ceil((points.max(axis=0) + MARGIN_M) / cell_m) - low)
+    if width * height > MOST_CELLS:
+        raise CostmapError(
+            f"a grid around the doors: expected at most {MOST_CELLS:,} cells of {cell_m:g} m, "
+            f"got {width:,} x {height:,}; give a map, or a greater resolution"
+        )
+    return GridGeometry(width, height, cell_m, *(low * cell_m).tolist())
