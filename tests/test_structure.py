@@ -43,12 +43,12 @@ ORDER = [
 `formats` and `views` know values and the log's questions; what joins them to a log comes after.
 """
 
-EDGES = {
+EDGES: dict[str, str | tuple[str, ...]] = {
     "rerun": "views",
     "rerun_bindings": "views",
     "rerun_cli": "views",
     "yaml": "formats",
-    "PIL": "formats",
+    "PIL": ("formats", "views"),
     "pyarrow": "arrow",
     "pandas": "arrow",
     "mcap": "log",
@@ -57,7 +57,7 @@ EDGES = {
     "rosbags": "messages",
     "typer": "cli",
 }
-"""Third party -> the only room that imports it."""
+"""Third party -> the only room that imports it; pictures are read in one and drawn in another."""
 
 
 def _rank(room: str) -> int:
@@ -139,7 +139,7 @@ def test_third_parties_stay_at_their_edge(path: Path) -> None:
     strangers = [
         f"line {line}: {name}"
         for line, name in _imports(path)
-        if EDGES.get(name.split(".")[0], room) != room
+        if room not in EDGES.get(name.split(".")[0], room)
     ]
 
     assert [] == strangers

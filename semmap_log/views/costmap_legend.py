@@ -1,0 +1,141 @@
+"""What stands beside a costmap's picture: what shades and strokes mean, how long a metre is."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from semmap_log.doors import DoorState
+from semmap_log.views.costmap_shading import Rgb, shaded
+
+if TYPE_CHECKING:
+    from PIL.ImageDraw import ImageDraw
+    from PIL.ImageFont import FreeTypeFont, ImageFont
+
+LEGEND_PX = 250
+INK: Rgb = (40, 40, 46)
+DOOR_RGB: dict[DoorState, Rgb] = {
+    DoorState.CLOSED: (0xD5, 0x5E, 0x00),
+    DoorState.OPEN: (0x00, 0x72, 0xB2),
+    DoorState.UNKNOWN: (0x80, 0x60, 0x00),
+}
+"""After Okabe and Ito, who chose colours that colour-blind eyes tell apart."""
+_SWATCH = (44, 22)
+_LINE_PX = 32
+
+_SHADES = (
+    (FREE_SPACE, "free (0)"),
+    (None, "inflated (1 to 252)"),
+    (INSCRIBED, "inscribed (253)"),
+    (LETHAL, "lethal (254)"),
+    (NO_INFORMATION, "unknown (255)"),
+)
+_STROKES = (
+    (DoorState.CLOSED, "door, closed"),
+    (DoorState.OPEN, "door, open"),
+    (DoorState.UNKNOWN, "door, not known"),
+)
+
+
+def font(size: int) -> FreeTypeFont | ImageFont:
+    """Return the font that comes with Pillow: the same on every machine."""
+    from PIL import ImageFont
+
+    return ImageFont.load_default(size)
+
+
+def draw_legend(
+    draw: ImageDraw, at: tuple[int, int], notes: list[str], *, px_a_metre: float
+) -> None:
+    """Draw it from its upper left corner down.
+
+    Args:
+        draw: Where to.
+        at: Upper left corner, pixels.
+        notes: Lines of text below it.
+        px_a_metre: Of the map.
+    """
+    x, y = at
+    for cost, text in _SHADES:
+        _draw_swatch(draw, (x, y), cost)
+        draw.text((x + _SWATCH[0] + 10, y + _SWATCH[1] / 2), text, INK, font(14), anchor="lm")
+        y += _LINE_PX
+    y += 6
+    for state, text in _STROKES:
+        middle = y + _SWATCH[1] / 2
+        draw_door(draw, (x + 2, middle), (x + _SWATCH[0] - 2, middle), state)
+        draw.text((x + _SWATCH[0] + 10, middle), text, INK, font(14), anchor="lm")
+        y += _LINE_PX
+    _draw_scale_bar(draw, (x, y + 14), px_a_metre)
+    for line, note in enumerate(notes):
+        draw.text((x, y + 48 + 18 * line), note, INK, font(12))
+
+
+def draw_door(
+    draw: ImageDraw, start: tuple[float, float], end: tuple[float, float], state: DoorState
+) -> None:
+    """Draw a door's line; each state has a stroke of its own, on white, to stand off any cell."""
+    colour = DOOR_RGB[state]
+    draw.line((*start, *end), "white", 9)
+    if state == DoorState.CLOSED:
+        draw.line((*start, *end), colour, 5)
+    elif state == DoorState.OPEN:
+        draw.line((*start, *end), colour, 7)
+        draw.line((*start, *end), "white", 3)
+    else:
+        for dash_start, dash_end in _dashes(start, end):
+            draw.line((*dash_start, *dash_end), colour, 5)
+    for x, y in (start, end):
+        draw.ellipse((x - 3, y - 3, x + 3, y + 3), colour)
+
+
+def round_length(metres: float) -> float:
+    """Return 1, 2 or 5 times a power of ten: the least that is not shorter."""
+    power = 10.0 ** math.floor(math.log10(metres))
+    return next(power * factor for factor in (1, 2, 5, 10) if power * factor >= metres * 0.999)
+
+
+def in_metres(length: float) -> str:
+    """Return a round length in the unit that people use."""
+    if length >= 1000:
+        return f"{length / 1000:g} km"
+    if length >= 1:
+        return f"{length:g} m"
+    return f"{length * 100:g} cm" if length >= 0.01 else f"{length * 1000:g} mm"
+
+
+def _draw_swatch(draw: ImageDraw, at: tuple[int, int], cost: int | None) -> None:
+    """Draw a sample of a cost; None: of all costs of inflation, the dear to the right."""
+    from PIL import Image
+
+    width, height = _SWATCH
+    costs = np.linspace(1, 252, width) if cost is None else np.full(width, cost)
+    sample = shaded(np.tile(costs.astype(np.uint8), (height, 1)), 1)
+    draw._image.paste(Image.fromarray(sample), at)  # noqa: SLF001 - draw has no other way to paste
+    draw.rectangle((at[0], at[1], at[0] + width - 1, at[1] + height - 1), outline=INK)
+
+
+def _draw_scale_bar(draw: ImageDraw, at: tuple[int, int], px_a_metre: float) -> None:
+    """Draw a bar of a round length, half of it black."""
+    length = round_length(80 / px_a_metre)
+    x, y = at
+    width = length * px_a_metre
+    draw.rectangle((x, y, x + width, y + 7), "white", INK)
+    draw.rectangle((x, y, x + width / 2, y + 7), INK)
+    draw.text((x + width + 8, y + 4), in_metres(length), INK, font(14), anchor="lm")
+
+
+def _dashes(
+    start: tuple[float, float], end: tuple[float, float], *, dash_px: float = 6
+) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    """Return the parts of a line that are drawn: as long as the gaps, one at each end."""
+    count = max(1, round(math.dist(start, end) / dash_px / 2))
+    cuts = [n / (2 * count + 1) for n in range(2 * count + 2)]
+
+    def at(share: float) -> tuple[float, float]:
+        return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+
+    return [(at(cuts[n]), at(cuts[n + 1])) for n in range(0, 2 * count + 1, 2)]

@@ -1,0 +1,246 @@
+"""A costmap as a picture for people: legend, doors with their ids, a scale bar, y up as in the map.
+
+Shades stand for costs (`costmap_shading`); a door's state is told by the stroke as well as by its
+colour: closed is a thick line, open two thin ones with a way between, unknown is dashed.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from semmap_log.costmap.grid import GridGeometry
+from semmap_log.doors import DoorState, reduced
+from semmap_log.errors import CostmapError
+from semmap_log.views.costmap_legend import (
+    DOOR_RGB,
+    INK,
+    LEGEND_PX,
+    draw_door,
+    draw_legend,
+    font,
+    round_length,
+)
+from semmap_log.views.costmap_shading import Grid, costs_of, shaded
+from semmap_log.views.label_places import LabelPlaces, Point
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from PIL.ImageDraw import ImageDraw
+
+SIDE_PX = 1400
+"""How long the map's longer side is drawn, where its cells allow."""
+MOST_PX = 2000
+MOST_PX_A_CELL = 64
+MARGIN_PX = 64
+"""Around the map: the title, and metres."""
+LEAST_HEIGHT_PX = 520
+"""Room for the legend."""
+TICKS_EVERY_PX = 90
+LABEL_PX = 13
+STROKE_PX = 10
+
+
+@dataclass(frozen=True, slots=True)
+class DoorMark:
+    """A door to be drawn: its line in metres, frame `map`."""
+
+    door_id: int
+    name: str | None
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    state: DoorState
+
+
+def costmap_png(
+    grid: Grid, geometry: GridGeometry, doors: Sequence[DoorMark] = (), *, title: str = ""
+) -> bytes:
+    """Return a PNG; the same bytes for the same arguments.
+
+    Its sides are below 2,400 pixels: of a larger grid the dearest cell of each block shows.
+
+    Args:
+        grid: uint8 costs, or int8 map values; (height, width), row 0 at the lowest y.
+        geometry: Where the cells lie.
+        doors: Drawn on top, with their labels; what lies off the map is cut off.
+        title: One line, such as what is shown and of which moment.
+
+    Raises:
+        CostmapError: The grid has another shape than its geometry.
+    """
+    from PIL import Image, ImageDraw
+
+    expected = (geometry.height, geometry.width)
+    if grid.shape != expected:
+        raise CostmapError(f"a costmap's picture: expected cells {expected}, got {grid.shape}")
+    scale = _scale(geometry)
+    cells = Image.fromarray(shaded(costs_of(grid), scale))
+    view = _View(geometry, scale if scale > 0 else -1 / scale, *cells.size)
+    canvas = Image.new("RGB", view.canvas_size, "white")
+    canvas.paste(cells, (MARGIN_PX, MARGIN_PX))
+    unlabelled = _draw_doors(canvas, view, doors)
+    draw = ImageDraw.Draw(canvas)
+    _draw_frame(draw, view)
+    room = canvas.width - MARGIN_PX - 12
+    draw.text((MARGIN_PX, 14), _fitted(draw, title or "costmap", room), INK, font(20))
+    notes = [f"{geometry.width:,} x {geometry.height:,} cells of {geometry.resolution:.4g} m"]
+    if unlabelled:
+        notes.append(f"{unlabelled} door(s) without room for a label")
+    corner = (MARGIN_PX + view.width + MARGIN_PX // 2, MARGIN_PX)
+    draw_legend(draw, corner, notes, px_a_metre=view.px_a_metre)
+    file = io.BytesIO()
+    canvas.save(file, "PNG", compress_level=9)
+    return file.getvalue()
+
+
+def _scale(geometry: GridGeometry) -> int:
+    """Return pixels a cell; or, below 0, cells a pixel."""
+    longest = max(geometry.width, geometry.height)
+    if longest > MOST_PX:
+        return -math.ceil(longest / MOST_PX)
+    return max(1, min(MOST_PX_A_CELL, SIDE_PX // longest))
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """Where metres are in the picture of the map; its size in pixels."""
+
+    geometry: GridGeometry
+    px_a_cell: float
+    width: int
+    height: int
+
+    @property
+    def px_a_metre(self) -> float:
+        return self.px_a_cell / self.geometry.resolution
+
+    @property
+    def canvas_size(self) -> tuple[int, int]:
+        return (
+            MARGIN_PX + self.width + MARGIN_PX // 2 + LEGEND_PX,
+            max(self.height + 2 * MARGIN_PX, LEAST_HEIGHT_PX),
+        )
+
+    def at(self, x: float, y: float) -> Point:
+        """Return the pixel of a place: from the map's upper left corner, y down."""
+        return (
+            (x - self.geometry.origin_x) * self.px_a_metre,
+            self.height - (y - self.geometry.origin_y) * self.px_a_metre,
+        )
+
+    def clipped(self, start: Point, end: Point) -> tuple[Point, Point] | None:
+        """Return the part of a line that is on the map, give or take a stroke's width, or None."""
+        first, last = 0.0, 1.0
+        for a, b, most in zip(start, end, (self.width, self.height), strict=True):
+            if not (math.isfinite(a) and math.isfinite(b - a)):
+                return None
+            low, high = -STROKE_PX - a, most + STROKE_PX - a
+            if a == b:
+                if low > 0 or high < 0:
+                    return None
+                continue
+            enter, leave = sorted((low / (b - a), high / (b - a)))
+            first, last = max(first, enter), min(last, leave)
+        if first > last:
+            return None
+        (x0, y0), (x1, y1) = start, end
+        across, down = x1 - x0, y1 - y0
+        return (
+            (x0 + first * across, y0 + first * down),
+            (x0 + last * across, y0 + last * down),
+        )
+
+
+def _draw_frame(draw: ImageDraw, view: _View) -> None:
+    """Draw the map's edge and its metres: x to the right, y up."""
+    left, top = MARGIN_PX, MARGIN_PX
+    right, bottom = left + view.width, top + view.height
+    small, geometry = font(12), view.geometry
+    draw.rectangle((left - 1, top - 1, right, bottom), outline=INK)
+    for value, label in _ticks(geometry.origin_x, view.width, view.px_a_metre):
+        x = left + view.at(value, 0)[0]
+        draw.line((x, bottom, x, bottom + 5), INK)
+        draw.text((x, bottom + 8), label, INK, small, anchor="mt")
+    for value, label in _ticks(geometry.origin_y, view.height, view.px_a_metre):
+        y = top + view.at(0, value)[1]
+        draw.line((left - 6, y, left - 1, y), INK)
+        draw.text((left - 9, y), label, INK, small, anchor="rm")
+    draw.text((left + view.width / 2, bottom + 28), "x, metres", INK, small, anchor="mt")
+    draw.text((left - 9, top - 10), "y, metres", INK, small, anchor="rb")
+
+
+def _ticks(start: float, length_px: int, px_a_metre: float) -> list[tuple[float, str]]:
+    """Return round metres along an edge, not too close to each other, and their texts."""
+    step = round_length(TICKS_EVERY_PX / px_a_metre)
+    if not abs(start / step) < 1e15:
+        return []  # So far from the frame's origin that its metres look alike.
+    first = math.ceil(start / step)
+    last = math.floor((start + length_px / px_a_metre) / step)
+    return [(n * step, f"{n * step:.12g}") for n in range(first, last + 1)]
+
+
+def _draw_doors(canvas: Image, view: _View, doors: Sequence[DoorMark]) -> int:
+    """Draw the doors that are on the map, then their labels, so that no stroke hides a number.
+
+    Returns:
+        How many found no room for a label.
+    """
+    from PIL import ImageDraw
+
+    # Drawn on a picture of the map alone: what lies beyond its edge is cut off.
+    corners = (MARGIN_PX, MARGIN_PX, MARGIN_PX + view.width, MARGIN_PX + view.height)
+    inset = canvas.crop(corners)
+    draw = ImageDraw.Draw(inset)
+    lines = []
+    for door in doors:
+        seen = view.clipped(view.at(door.x0, door.y0), view.at(door.x1, door.y1))
+        if seen is not None:
+            lines.append((door, *seen))
+    places = LabelPlaces(view.width, view.height)
+    for door, start, end in lines:
+        draw_door(draw, start, end, reduced(door.state))
+        places.keep_clear(start, end, margin=6)
+    missing = sum(not _draw_label(draw, places, *line) for line in lines)
+    canvas.paste(inset, corners[:2])
+    return missing
+
+
+def _draw_label(
+    draw: ImageDraw, places: LabelPlaces, door: DoorMark, start: Point, end: Point
+) -> bool:
+    """Draw a door's id, and its name where there is room; tell whether there was any."""
+    middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+    across = math.atan2(end[1] - start[1], end[0] - start[0]) + math.pi / 2
+    full = f"{door.door_id} {_drawable(door.name or '')}".strip()
+    for text in dict.fromkeys((full, str(door.door_id))):
+        width = math.ceil(draw.textlength(text, font(LABEL_PX))) + 4
+        box = places.place(middle, (width, LABEL_PX + 4), across=across)
+        if box is not None:
+            break
+    else:
+        return False
+    left, top, right, bottom = box
+    nearest = min(max(middle[0], left), right), min(max(middle[1], top), bottom)
+    if math.dist(middle, nearest) > 16:
+        draw.line((*middle, *nearest), DOOR_RGB[reduced(door.state)], 1)
+    draw.rounded_rectangle((left, top, right - 1, bottom - 1), 3, "white", (150, 150, 156))
+    draw.text(((left + right) / 2, (top + bottom) / 2), text, INK, font(LABEL_PX), anchor="mm")
+    return True
+
+
+def _drawable(text: str) -> str:
+    """Return the text with a question mark for what Pillow's font has no shape of."""
+    return "".join(c if " " <= c <= "\u017f" and c.isprintable() else "?" for c in text)
+
+
+def _fitted(draw: ImageDraw, text: str, room_px: int) -> str:
+    """Return as much of the text as has room."""
+    text = _drawable(text)
+    while draw.textlength(text, font(20)) > room_px:
+        text = text.rstrip("…")[:-1] + "…"
+    return text
