@@ -175,6 +175,13 @@ def drawn(geometry: GridGeometry, doors: Mapping[Id, DoorLine]) -> NDArray[np.ui
     return grid
 
 
+def on_map(geometry: GridGeometry, doors: Mapping[int, DoorLine]) -> set[int]:
+    """Return the doors of which at least one cell lies on the map."""
+    ids = list(doors)
+    owner, _ = _cells_of(geometry, doors)
+    return {ids[place] for place in np.unique(owner).tolist()}
+
+
 def _cells_of(
     geometry: GridGeometry, doors: Mapping[Id, DoorLine]
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
