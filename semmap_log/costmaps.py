@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -27,10 +27,11 @@ from semmap_log.events import (
     DoorRemoved,
     DoorUpdated,
     FloorMap,
+    Retracted,
 )
 from semmap_log.projections.door_layer import By, DoorLayerProjection, door_lines
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.replay import replay
+from semmap_log.replay import Scope, replay
 
 MARGIN_M = 1.0
 """Around the doors, where there is no map."""
@@ -104,6 +105,12 @@ class Costmap:
             self._state = self._projection.apply(self._state, batch)
         return self.master.update()
 
+    def show(self, state: DoorMapState) -> list[Window]:
+        """Take another door map instead; return where cells of the master may have changed."""
+        self._state.map = state
+        self.layer.draw(self.lines)
+        return self.master.update()
+
     def _layers(self) -> list[Layer]:
         options, layers = self.options, list[Layer]()
         if self.floor is not None:
@@ -160,7 +167,7 @@ class CostmapFrame:
     """A moment at which the costmap changed."""
 
     at_ns: int
-    """Happened time."""
+    """Happened time; live, when the commit was recorded."""
     event: int
     """Number of the last event in it."""
     windows: Sequence[Window]
@@ -207,6 +214,45 @@ def costmap_frames(
         windows = costmap.advance(batches)
         if windows:
             yield CostmapFrame(at_ns, state.event, windows, costmap)
+
+
+def costmap_live(
+    log: DoorLog,
+    options: CostmapOptions = CostmapOptions(),
+    *,
+    floor: FloorMap | None = None,
+    poll_s: float = 0.1,
+    stop: Callable[[], bool] | None = None,
+) -> Iterator[CostmapFrame]:
+    """Yield the costmap of now, then one for each commit that changes it, while another writes.
+
+    What a retraction takes back is gone with the retraction's commit. The grid stays as it is at
+    the beginning; a floor map that is logged later is drawn when this is called anew.
+
+    Args:
+        log: Where the doors are from; it stays as it was opened.
+        options: Which level, and what is drawn how.
+        floor: As for `costmap_at`.
+        poll_s: How long to wait before looking again, when nothing was new.
+        stop: Asked before each look; once it says yes, what is there then is the end.
+
+    Raises:
+        CostmapError: As for `costmap_at`.
+        UnknownLevelError: As for `costmap_at`.
+        LogError: As for `DoorLog.follow`.
+    """
+    costmap = costmap_at(log, options, floor=floor)
+    known = costmap.doors
+    yield CostmapFrame(known.latest_ns, known.event, [costmap.geometry.whole], costmap)
+    for followed in log.follow(known.event, poll_s=poll_s, stop=stop):
+        commit, batch = followed.commit, followed.batch
+        if Retracted in batch:
+            now = DoorLog(log.path).reader
+            windows = costmap.show(replay(now, Scope(event=commit.last_event)))
+        else:
+            windows = costmap.advance([batch])
+        if windows:
+            yield CostmapFrame(commit.recorded_ns, commit.last_event, windows, costmap)
 
 
 def _in_order(batches: list[EventBatch]) -> Iterator[tuple[int, list[EventBatch]]]:

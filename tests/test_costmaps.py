@@ -15,7 +15,7 @@ import semmap_log as sl
 from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import drawn
 from semmap_log.costmap.grid import GridGeometry
-from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames
+from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames, costmap_live
 from semmap_log.doors import DoorId
 from semmap_log.errors import CommandError, CostmapError, UnknownLevelError
 from semmap_log.events import Changed, DoorUpdated, FloorMap, LevelAdded, Retracted
@@ -158,6 +158,39 @@ def test_the_layer_after_any_events_is_that_of_the_door_map(
     assert np.array_equal(drawn(GRID, lines), state.layer.costs)
     assert {LETHAL, FREE_SPACE, NO_INFORMATION} <= seen or by == "belief"
     assert len(seen) > 5 or by == "state"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_live_it_is_the_costmap_of_each_commit(seed: int, tmp_path: Path) -> None:
+    """
+    Late events, moves and retractions: after each commit what a replay up to it gives, with the
+    changes where it says they are.
+    """
+    dice, floor = random.Random(seed), FloorMap(
+        resolution=0.1, origin_x=-10.0, origin_y=-8.0, cells=np.zeros(GRID.shape, np.int8)
+    )  # fmt: skip
+    log = _random_log(tmp_path / "log", dice)
+    live = costmap_live(log, INFLATED, floor=floor, poll_s=0, stop=lambda: True)
+    costmap = next(live).costmap
+    shown = costmap.master.costs.copy()
+    with sl.append(tmp_path / "log") as writer:
+        for _ in range(60):
+            with suppress(CommandError):
+                _happens(writer, dice)
+
+    frames = 0
+    for frame in live:
+        frames += 1
+        expected = costmap_at(sl.read(log.path), INFLATED, event=frame.event, floor=floor)
+        assert np.array_equal(expected.master.costs, costmap.master.costs)
+        for window in frame.windows:
+            shown[window.slices] = costmap.master.costs[window.slices]
+        assert np.array_equal(shown, costmap.master.costs)
+
+    assert 10 < frames
+    assert np.array_equal(
+        costmap_at(sl.read(log.path), INFLATED, floor=floor).master.costs, costmap.master.costs
+    )
 
 
 def test_live_beside_a_writer(path: Path) -> None:
