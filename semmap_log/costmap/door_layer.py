@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -175,11 +175,10 @@ def drawn(geometry: GridGeometry, doors: Mapping[Id, DoorLine]) -> NDArray[np.ui
     return grid
 
 
-def on_map(geometry: GridGeometry, doors: Mapping[int, DoorLine]) -> set[int]:
-    """Return the doors of which at least one cell lies on the map."""
-    ids = list(doors)
-    owner, _ = _cells_of(geometry, doors)
-    return {ids[place] for place in np.unique(owner).tolist()}
+def are_on_map(geometry: GridGeometry, lines: Sequence[DoorLine]) -> NDArray[np.bool_]:
+    """Tell of each line whether at least one of its cells lies on the map."""
+    owner, _ = _cells_of(geometry, dict(enumerate(lines)))
+    return np.isin(np.arange(len(lines)), owner)
 
 
 def _cells_of(
