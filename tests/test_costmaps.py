@@ -98,7 +98,7 @@ def _happens(log: sl.DoorLogWriter, dice: random.Random) -> None:
             log.update_door(door, prob_open=dice.random(), at=at)
         case 6 if dice.random() < 0.4:
             log.remove_door(door, at=at)
-        case 7 if dice.random() < 0.3:
+        case 7:
             log.retract(dice.randint(0, log.state.event))
         case _:
             log.observe(door, state, at=at)
@@ -191,6 +191,21 @@ def test_live_it_is_the_costmap_of_each_commit(seed: int, tmp_path: Path) -> Non
     assert np.array_equal(
         costmap_at(sl.read(log.path), INFLATED, floor=floor).master.costs, costmap.master.costs
     )
+
+
+def test_live_what_is_taken_back_is_gone(path: Path) -> None:
+    """
+    With the commit of the retraction, not at the next change.
+    """
+    live = costmap_live(sl.read(path), floor=_floor(), poll_s=0, stop=lambda: True)
+    next(live)
+    with sl.append(path) as log:
+        seen = log.observe(1, "closed")
+        log.retract(seen.first_event)
+
+    costs = [frame.costmap.layer.costs[30, 12].item() for frame in live]
+
+    assert [LETHAL, FREE_SPACE] == costs
 
 
 def test_live_beside_a_writer(path: Path) -> None:

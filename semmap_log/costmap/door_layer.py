@@ -108,7 +108,7 @@ class DoorLayer:
     def _redraw(self, changes: Mapping[Id, DoorLine | None]) -> list[Window]:
         lines: dict[int, DoorLine | None] = {**self._lines}
         lines.update(changes.items())
-        self._lines = {door: line for door in sorted(lines) if (line := lines[door])}
+        self._lines = {door: line for door, line in lines.items() if line}
         before, self._grid = self._grid, drawn(self.geometry, self._lines)
         self._cells = None
         return bounds_of(before != self._grid)
@@ -144,14 +144,13 @@ class DoorLayer:
         """Return the cells of each door, and note who draws where."""
         if self._cells is None:
             owner, cells = _cells_of(self.geometry, self._lines)
-            ids = list(self._lines)
-            starts = np.searchsorted(owner, np.arange(len(ids) + 1))
+            starts = np.searchsorted(owner, np.arange(len(self._lines) + 1))
             self._cells = {
-                door: cells[starts[i] : starts[i + 1]] for i, door in enumerate(ids)
+                door: cells[starts[i] : starts[i + 1]] for i, door in enumerate(self._lines)
             }  # fmt: skip
             self._doors_at = {}
-            for door, its_cells in sorted(self._cells.items()):
-                for cell in its_cells.tolist():
+            for door in sorted(self._cells):
+                for cell in self._cells[door].tolist():
                     self._doors_at.setdefault(cell, []).append(door)
         return self._cells
 

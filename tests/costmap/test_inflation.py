@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from semmap_log.costmap.brushfire import Brushfire
 from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLayer, DoorLine
 from semmap_log.costmap.grid import GridGeometry, Window
@@ -56,6 +57,24 @@ def test_the_fire_burns_as_cell_by_cell(inflation: tuple[Any, dict[str, Any]]) -
     costmap.update()
 
     assert np.array_equal(scalar.inflated(grid, **given_), costmap.costs)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 12), st.sampled_from([0.005, 0.03, 0.2]))
+def test_every_cell_is_claimed_by_the_same_source(seed: int, reach: int, density: float) -> None:
+    """
+    And over the same last step: order is kept, on which all that lies further out rests.
+    """
+    obstacles = np.random.default_rng(seed).random((40, 40)) < density
+    side = 2 * reach + 3
+    expected = np.zeros(obstacles.shape, np.int64)
+    for x, y, source_x, source_y, step in scalar.fire(obstacles, reach):
+        place = (y - source_y + reach + 1) * side + x - source_x + reach + 1
+        expected[y, x] = place * 4 + step + 1
+
+    claims = Brushfire(reach).burnt(obstacles)
+
+    assert np.array_equal(expected, claims)
 
 
 def test_a_claim_is_not_always_that_of_the_nearest() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -141,6 +142,19 @@ def test_the_greater_id_has_the_cell() -> None:
     assert NO_INFORMATION == _two_doors({1: LETHAL, 2: NO_INFORMATION})[4, 4]
 
 
+def test_a_door_that_ends_on_another_continent_is_not_drawn() -> None:
+    """
+    Within 10^8 cells it is, as far as the map goes.
+    """
+    drawn = {}
+    for width in (0.9e8, 1.1e8, 1e300, math.inf, math.nan):
+        layer = DoorLayer(GridGeometry(9, 9, 1.0))
+        layer.draw({1: DoorLine(2.5, 4.5, 0.0, width, LETHAL)})
+        drawn[width] = int((layer.costs == LETHAL).sum())
+
+    assert [7, 0, 0, 0, 0] == list(drawn.values())
+
+
 def test_a_removed_door_leaves_no_ghost() -> None:
     """
     Nor does one that moved; what it covered shows again, in the layer and in the master.
@@ -153,9 +167,9 @@ def test_a_removed_door_leaves_no_ghost() -> None:
     costmap.update()
     one = doors.costs.copy(), costmap.costs.copy()
 
-    doors.draw({1: across, 2: DoorLine(4.5, 0.5, 1.5, 8.0, FREE_SPACE)})
-    doors.draw({1: across, 2: DoorLine(1.5, 0.5, 1.5, 8.0, FREE_SPACE)})
-    costmap.update()
+    for x, cost in ((4.5, LETHAL), (4.5, FREE_SPACE), (1.5, LETHAL), (6.5, LETHAL)):
+        doors.draw({1: across, 2: DoorLine(x, 0.5, 1.5, 8.0, cost)})
+        costmap.update()
     doors.draw({1: across})
     costmap.update()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import tracemalloc
 
 import numpy as np
 from hypothesis import given
@@ -74,7 +75,11 @@ def test_a_line_across_a_continent_takes_no_room() -> None:
     Of 200,000,000 cells only those on the map are ever made.
     """
     starts, ends = np.array([[-(10**8), -(10**8)]]), np.array([[10**8, 10**8]])
+    tracemalloc.start()
 
     drawn = draw_lines(starts, ends, (30, 20))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
 
+    assert peak < 100_000
     assert list(range(20)) == drawn.x.tolist() == drawn.y.tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mutation.checkpoint_guards import CHECKPOINTS
+from mutation.costmap_guards import COSTMAPS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
 
@@ -201,5 +202,5 @@ COLUMNS = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
-    *CHECKPOINTS, *MOMENTS,
+    *CHECKPOINTS, *MOMENTS, *COSTMAPS,
 )  # fmt: skip
