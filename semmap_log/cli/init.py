@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from semmap_log.cli.common import LogPath, say
+
+
+class MapServer(str, Enum):
+    """Whose reading of a map's pixels."""
+
+    nav2 = "nav2"
+    nav2_humble = "nav2_humble"
+    noetic = "noetic"
 
 
 def run(
@@ -27,6 +36,14 @@ def run(
         Path | None,
         typer.Option("--map", metavar="MAP.YAML", help="A map_server map: the floor plan."),
     ] = None,
+    map_rules: Annotated[
+        MapServer,
+        typer.Option(
+            "--map-rules",
+            help="The server whose cells the map's pixels become: Nav2 of today, Nav2 before 2025, "
+            "or map_server of ROS 1; they differ at thresholds, in greys and in transparency.",
+        ),
+    ] = MapServer.nav2,
 ) -> None:
     """Make a new log.
 
@@ -34,11 +51,12 @@ def run(
     Examples:
       semmap-log init office
       semmap-log init depot --map depot.yaml --tz Europe/Vienna --robot tug1
+      semmap-log init depot --map depot.yaml --map-rules noetic
     """
     import semmap_log as sl
     from semmap_log.formats.map_server import read_map
 
-    floor = None if floor_map is None else read_map(floor_map)
+    floor = None if floor_map is None else read_map(floor_map, rules=map_rules.value)
     with sl.create(log, tz=tz, building=building, robot=robot) as made:
         if floor is not None and floor_map is not None:
             made.append([floor], note=sl.Note(source=floor_map.name))

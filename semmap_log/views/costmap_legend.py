@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import unicodedata
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont, ImageFont
 
 LEGEND_PX = 250
+NOTE_PX = 17
+NOTES_BELOW_PX = 8 * 32 + 6 + 48
+"""How far below the legend's upper edge its notes start."""
 INK: Rgb = (40, 40, 46)
 DOOR_RGB: dict[DoorState, Rgb] = {
     DoorState.CLOSED: (0xD5, 0x5E, 0x00),
@@ -50,14 +55,7 @@ def font(size: int) -> FreeTypeFont | ImageFont:
 def draw_legend(
     draw: ImageDraw, at: tuple[int, int], notes: list[str], *, px_a_metre: float
 ) -> None:
-    """Draw it from its upper left corner down.
-
-    Args:
-        draw: Where to.
-        at: Upper left corner, pixels.
-        notes: Lines of text below it.
-        px_a_metre: Of the map.
-    """
+    """Draw it from its upper left corner down; the notes stand below."""
     x, y = at
     for cost, text in _SHADES:
         _draw_swatch(draw, (x, y), cost)
@@ -70,8 +68,40 @@ def draw_legend(
         draw.text((x + _SWATCH[0] + 10, middle), text, INK, font(14), anchor="lm")
         y += _LINE_PX
     _draw_scale_bar(draw, (x, y + 14), px_a_metre)
+    draw_notes(draw, (x, at[1] + NOTES_BELOW_PX), notes)
+
+
+def draw_notes(draw: ImageDraw, at: tuple[int, int], notes: list[str]) -> None:
+    """Draw lines of small text, each cut off where its column ends."""
     for line, note in enumerate(notes):
-        draw.text((x, y + 48 + 18 * line), note, INK, font(12))
+        said = fitted(draw, note, LEGEND_PX - 16, 12)
+        draw.text((at[0], at[1] + NOTE_PX * line), said, INK, font(12))
+
+
+def drawable(text: str) -> str:
+    """Return the text in letters that the font has: without accents, or a question mark."""
+    return "".join(c if _has_shape(c) else _plain(c) for c in text)
+
+
+def fitted(draw: ImageDraw, text: str, room_px: float, size: int) -> str:
+    """Return as much of a drawable text as has room."""
+    while len(text) > 3 and draw.textlength(text, font(size)) > room_px:
+        text = text.removesuffix("...")[:-1].rstrip() + "..."
+    return text
+
+
+def _plain(character: str) -> str:
+    base = unicodedata.normalize("NFKD", character)[0]
+    return base if _has_shape(base) else "?"
+
+
+@lru_cache(1024)
+def _has_shape(character: str) -> bool:
+    """Tell whether the font has a shape of its own for it."""
+    mask = font(14).getmask
+    return character == " " or (
+        character.isprintable() and bytes(mask(character)) != bytes(mask("\U0010fffd"))
+    )
 
 
 def draw_door(
@@ -79,12 +109,11 @@ def draw_door(
 ) -> None:
     """Draw a door's line; each state has a stroke of its own, on white, to stand off any cell."""
     colour = DOOR_RGB[state]
-    draw.line((*start, *end), "white", 9)
+    draw.line((*start, *end), "white", 11)
     if state == DoorState.CLOSED:
-        draw.line((*start, *end), colour, 5)
-    elif state == DoorState.OPEN:
         draw.line((*start, *end), colour, 7)
-        draw.line((*start, *end), "white", 3)
+    elif state == DoorState.OPEN:
+        draw.line((*start, *end), colour, 2)
     else:
         for dash_start, dash_end in _dashes(start, end):
             draw.line((*dash_start, *dash_end), colour, 5)

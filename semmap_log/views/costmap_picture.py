@@ -1,7 +1,7 @@
 """A costmap as a picture for people: legend, doors with their ids, a scale bar, y up as in the map.
 
 Shades stand for costs (`costmap_shading`); a door's state is told by the stroke as well as by its
-colour: closed is a thick line, open two thin ones with a way between, unknown is dashed.
+colour: closed is a thick line, open a thin one in a wide gap, unknown is dashed.
 """
 
 from __future__ import annotations
@@ -19,16 +19,20 @@ from semmap_log.views.costmap_legend import (
     DOOR_RGB,
     INK,
     LEGEND_PX,
+    NOTE_PX,
+    NOTES_BELOW_PX,
     draw_door,
     draw_legend,
+    draw_notes,
+    drawable,
+    fitted,
     font,
     round_length,
 )
-from semmap_log.views.costmap_shading import Grid, costs_of, shaded
-from semmap_log.views.label_places import LabelPlaces, Point
+from semmap_log.views.costmap_shading import Grid, Rgb, costs_of, shaded
+from semmap_log.views.label_places import FAR_PX, NEAR_PX, Box, LabelPlaces, Point
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
 SIDE_PX = 1400
@@ -41,6 +45,11 @@ LEAST_HEIGHT_PX = 520
 """Room for the legend."""
 TICKS_EVERY_PX = 90
 LABEL_PX = 13
+MOST_LABEL_PX = 240
+MOST_COLUMNS = 3
+"""Of names, beside the legend."""
+MOST_NAMES = 40
+"""Of more doors than that, names would hide the map: they stand beside it."""
 STROKE_PX = 10
 
 
@@ -62,7 +71,7 @@ def costmap_png(
 ) -> bytes:
     """Return a PNG; the same bytes for the same arguments.
 
-    Its sides are below 2,400 pixels: of a larger grid the dearest cell of each block shows.
+    Its sides are below 3,200 pixels: of a larger grid the dearest cell of each block shows.
 
     Args:
         grid: uint8 costs, or int8 map values; (height, width), row 0 at the lowest y.
@@ -81,18 +90,21 @@ def costmap_png(
     scale = _scale(geometry)
     cells = Image.fromarray(shaded(costs_of(grid), scale))
     view = _View(geometry, scale if scale > 0 else -1 / scale, *cells.size)
-    canvas = Image.new("RGB", view.canvas_size, "white")
+    notes = [f"{geometry.width:,} x {geometry.height:,} cells of {geometry.resolution:.4g} m"]
+    notes += _draw_doors(ImageDraw.Draw(cells), view, doors)
+    below_legend, beside = _columns(notes, view)
+    canvas = Image.new("RGB", view.canvas_size(len(beside)), "white")
     canvas.paste(cells, (MARGIN_PX, MARGIN_PX))
-    unlabelled = _draw_doors(canvas, view, doors)
     draw = ImageDraw.Draw(canvas)
     _draw_frame(draw, view)
     room = canvas.width - MARGIN_PX - 12
-    draw.text((MARGIN_PX, 14), _fitted(draw, title or "costmap", room), INK, font(20))
-    notes = [f"{geometry.width:,} x {geometry.height:,} cells of {geometry.resolution:.4g} m"]
-    if unlabelled:
-        notes.append(f"{unlabelled} door(s) without room for a label")
-    corner = (MARGIN_PX + view.width + MARGIN_PX // 2, MARGIN_PX)
-    draw_legend(draw, corner, notes, px_a_metre=view.px_a_metre)
+    head = fitted(draw, drawable(title or "costmap"), room, 20)
+    draw.text((MARGIN_PX, 14), head, INK, font(20))
+    x = MARGIN_PX + view.width + MARGIN_PX // 2
+    draw_legend(draw, (x, MARGIN_PX), below_legend, px_a_metre=view.px_a_metre)
+    for column in beside:
+        x += LEGEND_PX
+        draw_notes(draw, (x, MARGIN_PX), column)
     file = io.BytesIO()
     canvas.save(file, "PNG", compress_level=9)
     return file.getvalue()
@@ -120,11 +132,13 @@ class _View:
         return self.px_a_cell / self.geometry.resolution
 
     @property
-    def canvas_size(self) -> tuple[int, int]:
-        return (
-            MARGIN_PX + self.width + MARGIN_PX // 2 + LEGEND_PX,
-            max(self.height + 2 * MARGIN_PX, LEAST_HEIGHT_PX),
-        )
+    def canvas_height(self) -> int:
+        return max(self.height + 2 * MARGIN_PX, LEAST_HEIGHT_PX)
+
+    def canvas_size(self, columns: int) -> tuple[int, int]:
+        """Return (width, height) with so many columns of notes beside the legend."""
+        beside = LEGEND_PX * (1 + columns)
+        return MARGIN_PX + self.width + MARGIN_PX // 2 + beside, self.canvas_height
 
     def at(self, x: float, y: float) -> Point:
         """Return the pixel of a place: from the map's upper left corner, y down."""
@@ -184,18 +198,12 @@ def _ticks(start: float, length_px: int, px_a_metre: float) -> list[tuple[float,
     return [(n * step, f"{n * step:.12g}") for n in range(first, last + 1)]
 
 
-def _draw_doors(canvas: Image, view: _View, doors: Sequence[DoorMark]) -> int:
+def _draw_doors(draw: ImageDraw, view: _View, doors: Sequence[DoorMark]) -> list[str]:
     """Draw the doors that are on the map, then their labels, so that no stroke hides a number.
 
     Returns:
-        How many found no room for a label.
+        What could not be said on the map: the names of doors that only have their number there.
     """
-    from PIL import ImageDraw
-
-    # Drawn on a picture of the map alone: what lies beyond its edge is cut off.
-    corners = (MARGIN_PX, MARGIN_PX, MARGIN_PX + view.width, MARGIN_PX + view.height)
-    inset = canvas.crop(corners)
-    draw = ImageDraw.Draw(inset)
     lines = []
     for door in doors:
         seen = view.clipped(view.at(door.x0, door.y0), view.at(door.x1, door.y1))
@@ -205,42 +213,51 @@ def _draw_doors(canvas: Image, view: _View, doors: Sequence[DoorMark]) -> int:
     for door, start, end in lines:
         draw_door(draw, start, end, reduced(door.state))
         places.keep_clear(start, end, margin=6)
-    missing = sum(not _draw_label(draw, places, *line) for line in lines)
-    canvas.paste(inset, corners[:2])
-    return missing
+    named = len(lines) <= MOST_NAMES
+    left_out = [
+        drawable(f"{door.door_id} {door.name or ''}".rstrip())
+        for door, start, end in lines
+        if not _draw_label(draw, places, door, (start, end), named=named)
+    ]
+    return ["", *left_out] if left_out else []
 
 
 def _draw_label(
-    draw: ImageDraw, places: LabelPlaces, door: DoorMark, start: Point, end: Point
+    draw: ImageDraw, places: LabelPlaces, door: DoorMark, line: tuple[Point, Point], *, named: bool
 ) -> bool:
-    """Draw a door's id, and its name where there is room; tell whether there was any."""
-    middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
-    across = math.atan2(end[1] - start[1], end[0] - start[0]) + math.pi / 2
-    full = f"{door.door_id} {_drawable(door.name or '')}".strip()
-    for text in dict.fromkeys((full, str(door.door_id))):
-        width = math.ceil(draw.textlength(text, font(LABEL_PX))) + 4
-        box = places.place(middle, (width, LABEL_PX + 4), across=across)
+    """Draw a door's number, and its name where there is room; tell whether all of it is there."""
+    (x0, y0), (x1, y1) = line
+    middle = (x0 + x1) / 2, (y0 + y1) / 2
+    across = math.atan2(y1 - y0, x1 - x0) + math.pi / 2
+    number = str(door.door_id)
+    full = drawable(f"{number} {door.name}") if door.name else number
+    tries = [(full, NEAR_PX)] if named else []
+    for text, distances in [*tries, (number, NEAR_PX + FAR_PX)]:
+        said = fitted(draw, text, MOST_LABEL_PX, LABEL_PX)
+        size = (math.ceil(draw.textlength(said, font(LABEL_PX))) + 8, LABEL_PX + 5)
+        box = places.place(middle, size, across=across, distances=distances)
         if box is not None:
-            break
-    else:
-        return False
+            _draw_box(draw, box, said, middle, DOOR_RGB[reduced(door.state)])
+            return said == full
+    return False
+
+
+def _draw_box(draw: ImageDraw, box: Box, text: str, middle: Point, colour: Rgb) -> None:
+    """Draw a label, and where it is not beside its door, a line to it."""
     left, top, right, bottom = box
     nearest = min(max(middle[0], left), right), min(max(middle[1], top), bottom)
-    if math.dist(middle, nearest) > 16:
-        draw.line((*middle, *nearest), DOOR_RGB[reduced(door.state)], 1)
+    if math.dist(middle, nearest) > NEAR_PX[-1] + 4:
+        draw.line((*middle, *nearest), colour, 1)
     draw.rounded_rectangle((left, top, right - 1, bottom - 1), 3, "white", (150, 150, 156))
     draw.text(((left + right) / 2, (top + bottom) / 2), text, INK, font(LABEL_PX), anchor="mm")
-    return True
 
 
-def _drawable(text: str) -> str:
-    """Return the text with a question mark for what Pillow's font has no shape of."""
-    return "".join(c if " " <= c <= "\u017f" and c.isprintable() else "?" for c in text)
-
-
-def _fitted(draw: ImageDraw, text: str, room_px: int) -> str:
-    """Return as much of the text as has room."""
-    text = _drawable(text)
-    while draw.textlength(text, font(20)) > room_px:
-        text = text.rstrip("…")[:-1] + "…"
-    return text
+def _columns(notes: list[str], view: _View) -> tuple[list[str], list[list[str]]]:
+    """Return what stands below the legend, and columns of what has no room there."""
+    rows = (view.canvas_height - 2 * MARGIN_PX) // NOTE_PX
+    below = max(1, (view.canvas_height - MARGIN_PX - NOTES_BELOW_PX) // NOTE_PX)
+    room = below + MOST_COLUMNS * rows
+    if len(notes) > room:
+        notes = [*notes[: room - 1], f"and {len(notes) - room + 1} more"]
+    rest = notes[below:]
+    return notes[:below], [rest[n : n + rows] for n in range(0, len(rest), rows)]

@@ -76,7 +76,8 @@ def _dearest(costs: NDArray[np.uint8], cells: int) -> NDArray[np.uint8]:
     ranked = costs + np.uint8(1)
     rows = np.maximum.reduceat(ranked, np.arange(0, height, cells), axis=0)
     blocks = np.maximum.reduceat(rows, np.arange(0, width, cells), axis=1)
-    return np.subtract(blocks, 1, dtype=np.uint8)
+    least: NDArray[np.uint8] = np.subtract(blocks, 1, dtype=np.uint8)
+    return least
 
 
 def _shades() -> NDArray[np.uint8]:
@@ -84,7 +85,7 @@ def _shades() -> NDArray[np.uint8]:
     costs = np.arange(256)
     share = (costs - 1) * LEVELS // 252 / (LEVELS - 1)
     least, most = np.array(LEAST_RGB), np.array(MOST_RGB)
-    table = np.rint(least + np.clip(share, 0, 1)[:, None] * (most - least))
+    table: NDArray[np.float64] = np.rint(least + np.clip(share, 0, 1)[:, None] * (most - least))
     for cost, colour in (
         (FREE_SPACE, FREE_RGB),
         (INSCRIBED, INSCRIBED_RGB),

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-DISTANCES_PX = (5, 14, 26, 42, 62, 90, 125)
+NEAR_PX = (5, 12)
+FAR_PX = (20, 32, 48, 70, 100)
 DIRECTIONS = 16
 
 Point = tuple[float, float]
@@ -29,18 +30,21 @@ class LabelPlaces:
             self._taken[max(0, y - margin) : max(0, y + margin + 1),
                         max(0, x - margin) : max(0, x + margin + 1)] = True  # fmt: skip
 
-    def place(self, at: Point, size: tuple[int, int], *, across: float) -> Box | None:
+    def place(
+        self, at: Point, size: tuple[int, int], *, across: float, distances: tuple[int, ...]
+    ) -> Box | None:
         """Return a free place for a label, and take it.
 
         Args:
             at: What it labels.
             size: (width, height) of the label.
             across: The direction in which to look first, and then its opposite; radians, y down.
+            distances: How far away it may be, pixels; the first at which there is room.
 
         Returns:
-            The nearest place that is free; None where there is none near by.
+            The nearest place that is free; None where there is none.
         """
-        for distance in DISTANCES_PX:
+        for distance in distances:
             for angle in _turns(across):
                 box = _beside(at, size, distance, angle)
                 if self._is_free(box):

@@ -97,6 +97,25 @@ def test_every_verb_has_help_with_an_example(verb: str, run) -> None:
     assert f"semmap-log {verb}" in helped.out.partition("Example")[2]
 
 
+@pytest.mark.parametrize(("rules", "cell"), [("nav2", 100), ("nav2_humble", -1), ("noetic", -1)])
+def test_a_map_is_read_by_the_server_that_is_named(run, rules: str, cell: int) -> None:
+    """
+    A pixel on a threshold: only today's Nav2, the default, takes it for a wall.
+    """
+    Path("m.pgm").write_bytes(b"P5 1 1 255\n\x33")
+    Path("m.yaml").write_text(
+        "image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.8\nfree_thresh: 0.2\n"
+    )
+
+    named = run("init", "named", "--map", "m.yaml", "--map-rules", rules)
+
+    assert 0 == named.code
+    floor = sl.read("named").floor_map()
+    assert floor is not None
+    assert [[cell]] == floor.cells.tolist()
+
+
 def test_a_door_through_its_life(run) -> None:
     """
     Added, seen, updated, annotated, removed; each answer names its event.

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from semmap_log.costmap.grid import GridGeometry
 from semmap_log.costmap.map_rules import RULES
-from semmap_log.errors import FormatError
+from semmap_log.errors import CostmapError, FormatError
 from semmap_log.formats import map_picture
-from semmap_log.formats.map_server import read_map
+from semmap_log.formats.map_server import geometry_of, read_map
 
 HEADER = {
     "image": "m.png",
@@ -289,6 +290,30 @@ def test_one_pixel(tmp_path, rules):
     The smallest map there is.
     """
     assert [[0]] == read_map(written(tmp_path, grey([254])), rules=rules).cells.tolist()
+
+
+@pytest.mark.parametrize("yaw", ["0", "-0.0", "1e-9", "6.283185307179586"])
+def test_a_map_s_place_in_a_costmap(tmp_path, yaw):
+    """
+    Its float32 resolution and its corner; a whole turn and a rounding error are no turn.
+    """
+    path = written(tmp_path, grey([0, 0, 0], [0, 0, 0]), origin=f"[-1.0, 2.0, {yaw}]")
+
+    found = geometry_of(read_map(path))
+
+    assert GridGeometry(3, 2, float(np.float32(0.05)), -1.0, 2.0) == found
+
+
+@pytest.mark.parametrize("yaw", ["0.5", "-0.01", "3.141592653589793"])
+def test_a_turned_map_has_no_place_in_a_costmap(tmp_path, yaw):
+    """
+    The plan keeps its yaw; a costmap has none, and ROS would show walls where none are.
+    """
+    floor = read_map(written(tmp_path, grey([0] * 9), origin=f"[0, 0, {yaw}]"), level=2)
+
+    assert float(yaw) == floor.origin_theta
+    with pytest.raises(CostmapError, match=r"floor plan of level 2: expected .* yaw 0, got -?\d"):
+        geometry_of(floor)
 
 
 def test_strips_join_without_a_seam(tmp_path, monkeypatch):

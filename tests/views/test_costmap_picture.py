@@ -1,0 +1,253 @@
+"""The costmap's picture: what is where, in pixels; odd maps and doors make a picture, too."""
+
+import io
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from semmap_log.costmap.grid import GridGeometry
+from semmap_log.doors import DoorState
+from semmap_log.errors import CostmapError
+from semmap_log.views.costmap_legend import DOOR_RGB, drawable, in_metres, round_length
+from semmap_log.views.costmap_picture import MARGIN_PX, DoorMark, costmap_png
+from semmap_log.views.costmap_shading import (
+    FREE_RGB,
+    HATCH_RGB,
+    INSCRIBED_RGB,
+    LETHAL_RGB,
+    UNKNOWN_RGB,
+    costs_of,
+    shaded,
+)
+
+ROOM = np.zeros((40, 60), np.uint8)
+ROOM[[0, -1]] = 254
+ROOM[:, [0, -1]] = 254
+GEOMETRY = GridGeometry(60, 40, 0.05, -1.0, -1.0)
+PX_A_CELL = 1400 // 60
+
+
+def door(number=1, *, start=(0.0, 0.0), end=(0.9, 0.0), state=DoorState.CLOSED, name=None):
+    return DoorMark(number, name, *start, *end, state)
+
+
+def opened(png):
+    return Image.open(io.BytesIO(png))
+
+
+def pixel_at(x, y):
+    """Where a place of ROOM is on the canvas."""
+    column, row = (x + 1.0) / 0.05, (y + 1.0) / 0.05
+    return MARGIN_PX + int(column * PX_A_CELL), MARGIN_PX + int((40 - row) * PX_A_CELL)
+
+
+def test_y_points_up():
+    """
+    The grid's row 0 is the picture's last.
+    """
+    costs = np.array([[254, 0], [253, 255]], np.uint8)
+
+    found = shaded(costs, 1).tolist()
+
+    assert list(INSCRIBED_RGB) == found[0][0]
+    assert tuple(found[0][1]) in {UNKNOWN_RGB, HATCH_RGB}
+    assert [list(LETHAL_RGB), list(FREE_RGB)] == found[1]
+
+
+def test_costs_darken_as_they_rise():
+    """
+    As a grey print shows them: free, inflated, inscribed, lethal, and never lighter on the way.
+    """
+    row = shaded(np.arange(255, dtype=np.uint8)[None], 1)[0].astype(float)
+
+    grey = row @ [0.299, 0.587, 0.114]
+
+    assert np.all(np.diff(grey) <= 0)
+    steps = grey[[0, 1, 252, 253, 254]]
+    assert np.all(np.diff(steps) < -15)
+
+
+def test_unknown_is_hatched_and_nothing_else_is():
+    """
+    Its two greys are no cost's.
+    """
+    every = {tuple(shade) for shade in shaded(np.arange(255, dtype=np.uint8)[None], 1)[0].tolist()}
+
+    unknown = {
+        tuple(shade) for row in shaded(np.full((9, 9), 255, np.uint8), 1).tolist() for shade in row
+    }
+
+    assert {UNKNOWN_RGB, HATCH_RGB} == unknown
+    assert not unknown & every
+
+
+def test_a_wall_of_one_cell_survives_any_shrinking():
+    """
+    The dearest cell of a block shows; unknown only where nothing else is.
+    """
+    costs = np.full((7, 7), 255, np.uint8)
+    costs[0, 0] = 0
+    costs[5, 5] = 254
+
+    found = shaded(costs, -4)
+
+    assert (2, 2, 3) == found.shape
+    assert FREE_RGB == tuple(found[1, 0])
+    assert LETHAL_RGB == tuple(found[0, 1])
+    assert tuple(found[0, 0]) in {UNKNOWN_RGB, HATCH_RGB}
+
+
+def test_map_values_look_like_the_costs_they_stand_for():
+    """
+    What a costmap publishes as int8; and what is no map value is lethal.
+    """
+    values = np.array([[-1, 0, 1, 98, 99, 100, 101, -2]], np.int8)
+
+    assert [[255, 0, 1, 252, 253, 254, 254, 254]] == costs_of(values).tolist()
+
+
+def test_doors_are_where_the_map_has_them():
+    """
+    In the colour of their state, in the middle of their line.
+    """
+    doors = [
+        door(1, start=(0.0, 0.0), end=(0.9, 0.0), state=DoorState.CLOSED),
+        door(2, start=(0.0, 0.5), end=(0.9, 0.5), state=DoorState.OPEN),
+        door(3, start=(1.5, -0.5), end=(1.5, 0.4), state=DoorState.OFFLINE),
+    ]
+
+    picture = opened(costmap_png(ROOM, GEOMETRY, doors)).convert("RGB")
+
+    assert DOOR_RGB[DoorState.CLOSED] == picture.getpixel(pixel_at(0.45, 0.0))
+    x, y = pixel_at(0.45, 0.5)
+    column = {picture.getpixel((x, y + off)) for off in range(-2, 3)}
+    assert {DOOR_RGB[DoorState.OPEN], (255, 255, 255)} == column
+    assert DOOR_RGB[DoorState.UNKNOWN] == picture.getpixel(pixel_at(1.5, -0.5))
+
+
+def test_a_label_stands_beside_its_door():
+    """
+    A door with a name changes pixels near it, and only there.
+    """
+    bare = opened(costmap_png(ROOM, GEOMETRY, [door(1)])).convert("RGB")
+    named = opened(costmap_png(ROOM, GEOMETRY, [door(1, name="Labor")])).convert("RGB")
+
+    differ = np.argwhere(np.any(np.asarray(bare) != np.asarray(named), axis=2))
+
+    x, y = pixel_at(0.45, 0.0)
+    assert len(differ)
+    assert np.all(np.abs(differ - [y, x]) <= [40, 60])
+
+
+def test_the_same_picture_has_the_same_bytes():
+    """
+    Each time.
+    """
+    marks = [door(n, start=(0.1 * n, 0.0), end=(0.1 * n, 0.5), name=f"d{n}") for n in range(9)]
+
+    first, second = (costmap_png(ROOM, GEOMETRY, marks, title="noon") for _ in range(2))
+
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(1, 1), (1, 4000), (4000, 1), (2001, 3), (4000, 4000)]
+)
+def test_any_size_makes_a_picture_of_some_size(width, height):
+    """
+    From one cell to sixteen million; a picture for people stays one.
+    """
+    grid = np.zeros((height, width), np.uint8)
+
+    png = costmap_png(grid, GridGeometry(width, height, 0.05), [door()], title="t" * 500)
+
+    found = opened(png)
+    assert 300 <= found.width <= 3200
+    assert 500 <= found.height <= 2200
+    assert len(png) < 200_000
+
+
+def test_more_doors_than_can_be_labelled():
+    """
+    They are all drawn; names stand beside, and how many had no room.
+    """
+    crowd = [door(n, start=(0.0, 0.0), end=(0.9, 0.0), name=f"door {n}") for n in range(1000)]
+
+    found = opened(costmap_png(ROOM, GEOMETRY, crowd))
+
+    plain = opened(costmap_png(ROOM, GEOMETRY, []))
+    assert plain.height == found.height
+    assert plain.width + 3 * 250 == found.width
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        ((math.nan, 0.0), (1.0, 0.0)),
+        ((0.0, 0.0), (math.inf, 0.0)),
+        ((50.0, 50.0), (51.0, 50.0)),
+        ((-1e300, 1e300), (1e300, 2e300)),
+    ],
+)
+def test_doors_that_are_not_on_the_map_leave_it_as_it_is(ends):
+    """
+    Off it, or nowhere.
+    """
+    start, end = ends
+
+    assert costmap_png(ROOM, GEOMETRY) == costmap_png(ROOM, GEOMETRY, [door(start=start, end=end)])
+
+
+@pytest.mark.parametrize("state", [DoorState.CLOSED, DoorState.OPEN, DoorState.UNKNOWN])
+@pytest.mark.parametrize("far", [1e3, 1e9, 1e17])
+def test_a_door_that_leaves_the_map_is_cut_off_at_its_edge(state, far):
+    """
+    However long it is.
+    """
+    near = opened(costmap_png(ROOM, GEOMETRY, [door(end=(100.0, 0.0), state=state)]))
+    long = opened(costmap_png(ROOM, GEOMETRY, [door(end=(far, 0.0), state=state)]))
+
+    assert np.array_equal(np.asarray(near), np.asarray(long))
+
+
+@pytest.mark.parametrize("origin", [1e6, 1e15, 1e300, -1e17])
+def test_a_map_far_from_its_origin(origin):
+    """
+    Ticks are left out where no float tells its metres apart.
+    """
+    found = opened(costmap_png(ROOM, GridGeometry(60, 40, 0.05, origin, origin)))
+
+    assert 300 <= found.width
+
+
+def test_another_shape_is_refused():
+    """
+    It would be a picture of something else.
+    """
+    with pytest.raises(CostmapError, match=r"expected cells \(40, 60\), got \(60, 40\)"):
+        costmap_png(ROOM.T, GEOMETRY)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"), [("Tür", "Tur"), ("会", "?"), ("a b", "a b"), ("a\nb", "a?b"), ("", "")]
+)
+def test_letters_that_the_font_does_not_have(text, shown):
+    """
+    Without their accents, else as a question mark.
+    """
+    assert shown == drawable(text)
+
+
+@pytest.mark.parametrize(
+    ("metres", "length", "said"),
+    [(0.9, 1, "1 m"), (1, 1, "1 m"), (1.1, 2, "2 m"), (2.3, 5, "5 m"), (0.06, 0.1, "10 cm"),
+     (6, 10, "10 m"), (700, 1000, "1 km"), (0.0006, 0.001, "1 mm")],
+)  # fmt: skip
+def test_a_scale_bar_has_a_round_length(metres, length, said):
+    """
+    1, 2 or 5 of something.
+    """
+    assert math.isclose(length, round_length(metres))
+    assert said == in_metres(round_length(metres))
