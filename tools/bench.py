@@ -1,6 +1,6 @@
 """Measure what we promise beside what others reach: one table, from one run.
 
-    python tools/bench.py                                   all of it, about five minutes
+    python tools/bench.py                                   all of it, about seven minutes
     python tools/bench.py --only append,fold                a part
     python tools/bench.py --events 10000 10000000 --json    other sizes, for machines
     python tools/bench.py --only fold,moment --events 10_000 1_000_000 --plot bench.svg
@@ -65,7 +65,7 @@ def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
     from benchmark.table import show
 
     if args.plot:
-        pass  # said now, not after five minutes
+        pass  # said now, not after seven minutes
     if file_system(shop.folder) in ("tmpfs", "ramfs"):
         print("bench: this folder is in memory: a sync costs nothing here, and the figures for "
               "append and for what is cold mean nothing; choose another with --dir",

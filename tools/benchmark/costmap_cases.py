@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from benchmark.case import Case
 from benchmark.costmap_changes import change_case
+from benchmark.costmap_day import day_case
 from benchmark.costmap_lines import lines_case
 from benchmark.costmaps import PART, rebuild_case
 from benchmark.logs import Workshop
@@ -15,7 +16,7 @@ SIDE = 4000
 
 
 def costmap_cases(shop: Workshop, rounds: int | None, *, tries_out: bool = False) -> Iterator[Case]:
-    """Yield: the whole map; the lines of all doors; a door's change.
+    """Yield: the whole map; the lines of all doors; a door's change; a day of changes.
 
     Args:
         shop: Told what is being made.
@@ -27,3 +28,4 @@ def costmap_cases(shop: Workshop, rounds: int | None, *, tries_out: bool = False
     yield rebuild_case(side, rounds)
     yield lines_case(side, rounds)
     yield change_case(side, rounds)
+    yield day_case(shop, side, rounds, tries_out=tries_out)

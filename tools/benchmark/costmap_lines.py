@@ -36,7 +36,7 @@ def lines_case(side: int, rounds: int | None) -> Case:
     peers = (
         Peer(OURS, partial(_ours, side), _checksum(expected)),
         Peer("plain Python", partial(_loops, side), _checksum(expected)),
-        Peer(f"skimage.draw.line{_differing(side)}", partial(_skimage, side),
+        Peer(f"skimage{_differing(side)}", partial(_skimage, side),
              _checksum(_ends(expected))),
     )  # fmt: skip
     return Case("costmap", f"Lines of {count} doors", "µs", peers, rounds or ROUNDS, BURST)
@@ -112,4 +112,4 @@ def _differing(side: int) -> str:
         return ""
     theirs, expected = _across_and_up(drawn.once(None)), _by_loops(side)
     differs = (theirs != expected).any(axis=1)
-    return f": {len(np.unique(expected[differs, 0]))} differ"
+    return f": {len(np.unique(expected[differs, 0]))} lines differ"

@@ -48,7 +48,7 @@ def made_building(side: int) -> Building:
     Args:
         side: Cells along each edge of the map, whole rooms: 1000, 4000.
     """
-    geometry = GridGeometry(side, side, RESOLUTION_M)
+    geometry = GridGeometry.of_map((side, side), RESOLUTION_M, (0.0, 0.0))
     costs = np.zeros(geometry.shape, np.uint8)
     for row in range(side // ROOM[1]):
         for column in range(side // ROOM[0]):
