@@ -4,7 +4,7 @@ import ctypes
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.costmap.costs import (
@@ -68,6 +68,7 @@ def test_some_published_values_by_hand(cost, value):
 
 @pytest.mark.parametrize("track_unknown", [True, False])
 @pytest.mark.parametrize("trinary", [True, False])
+@settings(deadline=None)
 @given(lethal_threshold=st.integers(-10, 300), unknown_value=st.integers(-128, 300))
 def test_every_map_value_costs_what_the_static_layer_says(
     track_unknown, trinary, lethal_threshold, unknown_value

@@ -10,17 +10,8 @@ from PIL import Image
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.doors import DoorState
 from semmap_log.errors import CostmapError
-from semmap_log.views.costmap_legend import DOOR_RGB, drawable, in_metres, round_length
+from semmap_log.views.costmap_legend import DOOR_RGB
 from semmap_log.views.costmap_picture import MARGIN_PX, DoorMark, costmap_png
-from semmap_log.views.costmap_shading import (
-    FREE_RGB,
-    HATCH_RGB,
-    INSCRIBED_RGB,
-    LETHAL_RGB,
-    UNKNOWN_RGB,
-    costs_of,
-    shaded,
-)
 
 ROOM = np.zeros((40, 60), np.uint8)
 ROOM[[0, -1]] = 254
@@ -41,71 +32,6 @@ def pixel_at(x, y):
     """Where a place of ROOM is on the canvas."""
     column, row = (x + 1.0) / 0.05, (y + 1.0) / 0.05
     return MARGIN_PX + int(column * PX_A_CELL), MARGIN_PX + int((40 - row) * PX_A_CELL)
-
-
-def test_y_points_up():
-    """
-    The grid's row 0 is the picture's last.
-    """
-    costs = np.array([[254, 0], [253, 255]], np.uint8)
-
-    found = shaded(costs, 1).tolist()
-
-    assert list(INSCRIBED_RGB) == found[0][0]
-    assert tuple(found[0][1]) in {UNKNOWN_RGB, HATCH_RGB}
-    assert [list(LETHAL_RGB), list(FREE_RGB)] == found[1]
-
-
-def test_costs_darken_as_they_rise():
-    """
-    As a grey print shows them: free, inflated, inscribed, lethal, and never lighter on the way.
-    """
-    row = shaded(np.arange(255, dtype=np.uint8)[None], 1)[0].astype(float)
-
-    grey = row @ [0.299, 0.587, 0.114]
-
-    assert np.all(np.diff(grey) <= 0)
-    steps = grey[[0, 1, 252, 253, 254]]
-    assert np.all(np.diff(steps) < -15)
-
-
-def test_unknown_is_hatched_and_nothing_else_is():
-    """
-    Its two greys are no cost's.
-    """
-    every = {tuple(shade) for shade in shaded(np.arange(255, dtype=np.uint8)[None], 1)[0].tolist()}
-
-    unknown = {
-        tuple(shade) for row in shaded(np.full((9, 9), 255, np.uint8), 1).tolist() for shade in row
-    }
-
-    assert {UNKNOWN_RGB, HATCH_RGB} == unknown
-    assert not unknown & every
-
-
-def test_a_wall_of_one_cell_survives_any_shrinking():
-    """
-    The dearest cell of a block shows; unknown only where nothing else is.
-    """
-    costs = np.full((7, 7), 255, np.uint8)
-    costs[0, 0] = 0
-    costs[5, 5] = 254
-
-    found = shaded(costs, -4)
-
-    assert (2, 2, 3) == found.shape
-    assert FREE_RGB == tuple(found[1, 0])
-    assert LETHAL_RGB == tuple(found[0, 1])
-    assert tuple(found[0, 0]) in {UNKNOWN_RGB, HATCH_RGB}
-
-
-def test_map_values_look_like_the_costs_they_stand_for():
-    """
-    What a costmap publishes as int8; and what is no map value is lethal.
-    """
-    values = np.array([[-1, 0, 1, 98, 99, 100, 101, -2]], np.int8)
-
-    assert [[255, 0, 1, 252, 253, 254, 254, 254]] == costs_of(values).tolist()
 
 
 def test_doors_are_where_the_map_has_them():
@@ -228,26 +154,3 @@ def test_another_shape_is_refused():
     """
     with pytest.raises(CostmapError, match=r"expected cells \(40, 60\), got \(60, 40\)"):
         costmap_png(ROOM.T, GEOMETRY)
-
-
-@pytest.mark.parametrize(
-    ("text", "shown"), [("Tür", "Tur"), ("会", "?"), ("a b", "a b"), ("a\nb", "a?b"), ("", "")]
-)
-def test_letters_that_the_font_does_not_have(text, shown):
-    """
-    Without their accents, else as a question mark.
-    """
-    assert shown == drawable(text)
-
-
-@pytest.mark.parametrize(
-    ("metres", "length", "said"),
-    [(0.9, 1, "1 m"), (1, 1, "1 m"), (1.1, 2, "2 m"), (2.3, 5, "5 m"), (0.06, 0.1, "10 cm"),
-     (6, 10, "10 m"), (700, 1000, "1 km"), (0.0006, 0.001, "1 mm")],
-)  # fmt: skip
-def test_a_scale_bar_has_a_round_length(metres, length, said):
-    """
-    1, 2 or 5 of something.
-    """
-    assert math.isclose(length, round_length(metres))
-    assert said == in_metres(round_length(metres))

@@ -3,7 +3,7 @@
 import math
 from itertools import combinations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.views.label_places import FAR_PX, NEAR_PX, LabelPlaces
@@ -15,6 +15,7 @@ def overlap(one, other):
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
+@settings(deadline=None)
 @given(at=st.lists(points, max_size=40), across=st.floats(-4, 4), line=st.tuples(points, points))
 def test_no_label_covers_another(at, across, line):
     """
