@@ -283,17 +283,7 @@ def _geometry(
     """
     if floor is None:
         return _around(points, level, options.resolution)
-    if floor.origin_theta:
-        raise CostmapError(
-            f"the floor map of level {level} is turned by {floor.origin_theta:g} rad "
-            "against its grid: expected 0, for a costmap's cells lie along its axes. "
-            "Turn the picture, and give it an origin without yaw."
-        )
-    return GridGeometry.of_map(
-        (floor.cells.shape[0], floor.cells.shape[1]),
-        floor.resolution,
-        (floor.origin_x, floor.origin_y),
-    )
+    return GridGeometry.of_floor(floor)
 
 
 def _ends(doors: DoorMap, level: int) -> list[Point]:

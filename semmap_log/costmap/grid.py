@@ -15,9 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.errors import CostmapError
+from semmap_log.events import FloorMap
 
 MOST_CELLS = 2**31 - 1
 """Along one edge, and in all: cells are counted in C's `unsigned int` and drawn in `int`."""
+LEAST_TURN_CELLS = 0.01
+"""A yaw that moves no cell further than this is a rounding error, not a turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +141,23 @@ class GridGeometry:
         """
         height, width = shape
         return cls(width, height, float(np.float32(resolution)), *origin)
+
+    @classmethod
+    def of_floor(cls, floor: FloorMap) -> GridGeometry:
+        """Return where a floor plan's cells lie in a costmap.
+
+        Raises:
+            CostmapError: The plan is turned, so that its cells lie along other axes than a
+                costmap's. ROS overlooks the yaw of a map's origin, and shows walls where none are.
+        """
+        height, width = floor.cells.shape
+        turn = math.remainder(floor.origin_theta, 2 * math.pi)
+        if abs(turn) * math.hypot(width, height) > LEAST_TURN_CELLS:
+            raise CostmapError(
+                f"the floor plan of level {floor.level}: expected an origin with yaw 0, "
+                f"got {floor.origin_theta:.6g}; turn the picture instead of its origin"
+            )
+        return cls.of_map((height, width), floor.resolution, (floor.origin_x, floor.origin_y))
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -7,7 +7,7 @@ The servers differ, so their rules go by name: `nav2`, the default, is Nav2 as i
 
 More is refused here than there: thresholds that are not 0 <= free <= occupied <= 1 (the servers
 serve a grid of nonsense), a resolution that is not above 0, a number that is not finite. An
-origin's yaw is kept in the floor plan; a costmap has none (`geometry_of`).
+origin's yaw is kept in the floor plan; a costmap has none (`GridGeometry.of_floor`).
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.grid import GridGeometry
 from semmap_log.costmap.map_rules import MODES, MapRules, Mode, RulesName
-from semmap_log.errors import CostmapError, FormatError
+from semmap_log.errors import FormatError
 from semmap_log.events import FloorMap
 from semmap_log.formats.files import open_regular
 from semmap_log.formats.map_picture import Picture, read_picture
@@ -30,8 +29,6 @@ from semmap_log.formats.strict_yaml import Scalar, load_yaml
 from semmap_log.formats.yaml_values import Fields, mapping_of
 
 DEFAULT_RULES: RulesName = "nav2"
-LEAST_TURN_CELLS = 0.01
-"""A yaw that moves no cell further than this is a rounding error, not a turn."""
 
 
 def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) -> FloorMap:
@@ -55,23 +52,6 @@ def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) ->
         origin_x=x, origin_y=y, origin_theta=theta,
         cells=cells,
     )  # fmt: skip
-
-
-def geometry_of(floor: FloorMap) -> GridGeometry:
-    """Return where a floor plan's cells lie in a costmap.
-
-    Raises:
-        CostmapError: The plan is turned, so that its cells lie along other axes than a costmap's.
-            ROS overlooks the yaw of a map's origin, and its costmap shows walls where none are.
-    """
-    height, width = floor.cells.shape
-    turn = math.remainder(floor.origin_theta, 2 * math.pi)
-    if abs(turn) * math.hypot(width, height) > LEAST_TURN_CELLS:
-        raise CostmapError(
-            f"the floor plan of level {floor.level}: expected an origin with yaw 0, "
-            f"got {floor.origin_theta:.6g}; turn the picture instead of its origin"
-        )
-    return GridGeometry(width, height, floor.resolution, floor.origin_x, floor.origin_y)
 
 
 def _cells(picture: Picture, meaning: MapRules) -> NDArray[np.int8]:

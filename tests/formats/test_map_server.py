@@ -11,7 +11,7 @@ from semmap_log.costmap.grid import GridGeometry
 from semmap_log.costmap.map_rules import RULES
 from semmap_log.errors import CostmapError, FormatError
 from semmap_log.formats import map_picture
-from semmap_log.formats.map_server import geometry_of, read_map
+from semmap_log.formats.map_server import read_map
 
 HEADER = {
     "image": "m.png",
@@ -299,7 +299,7 @@ def test_a_map_s_place_in_a_costmap(tmp_path, yaw):
     """
     path = written(tmp_path, grey([0, 0, 0], [0, 0, 0]), origin=f"[-1.0, 2.0, {yaw}]")
 
-    found = geometry_of(read_map(path))
+    found = GridGeometry.of_floor(read_map(path))
 
     assert GridGeometry(3, 2, float(np.float32(0.05)), -1.0, 2.0) == found
 
@@ -313,7 +313,7 @@ def test_a_turned_map_has_no_place_in_a_costmap(tmp_path, yaw):
 
     assert float(yaw) == floor.origin_theta
     with pytest.raises(CostmapError, match=r"floor plan of level 2: expected .* yaw 0, got -?\d"):
-        geometry_of(floor)
+        GridGeometry.of_floor(floor)
 
 
 def test_strips_join_without_a_seam(tmp_path, monkeypatch):
