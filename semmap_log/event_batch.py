@@ -65,6 +65,8 @@ class EventBatch:
     """Kind number -> structured array, for the kinds of fixed size."""
     objects: Mapping[int, Sequence[Event]]
     """Kind number -> events, for the kinds with text or arrays."""
+    known_door_ids: NDArray[np.uint32] | None = field(default=None, repr=False, compare=False)
+    """`door_ids`, where who made the batch had them at hand."""
     _places: dict[int, NDArray[np.intp]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -171,6 +173,19 @@ class EventBatch:
         """Return the fields of that fixed-size kind, one row an event (KeyError: none here)."""
         return self.columns[kind.kind]
 
+    def some(self, kind: type[Event], places: NDArray[np.intp]) -> NDArray[np.void]:
+        """Return the fields of that fixed-size kind at some places among its rows.
+
+        Of events in a log the others are not read for it.
+        """
+        return self._some(kind.kind, places)
+
+    def _some(self, kind: int, places: NDArray[np.intp]) -> NDArray[np.void]:
+        columns = self.columns
+        if isinstance(columns, LazyColumns):
+            return columns.some(kind, places)
+        return columns[kind].take(places)
+
     def __contains__(self, kind: type[Event]) -> bool:
         return kind.kind in self.columns or kind.kind in self.objects
 
@@ -187,6 +202,8 @@ class EventBatch:
 
     def door_ids(self) -> NDArray[np.uint32]:
         """Return the door each event is about; 0 where it is about none."""
+        if self.known_door_ids is not None:
+            return self.known_door_ids
         ids = np.zeros(len(self), np.uint32)
         for kind in self.columns:
             if issubclass(KINDS[kind - 1], DoorEvent):
@@ -261,6 +278,7 @@ class EventBatch:
             self.recorded_ns[inside],
             {kind: rows[spans[kind]] for kind, rows in self.columns.items() if kind in spans},
             {kind: found[spans[kind]] for kind, found in self.objects.items() if kind in spans},
+            None if self.known_door_ids is None else self.known_door_ids[inside],
         )
 
     def select(self, keep: NDArray[np.bool_]) -> EventBatch:
@@ -268,11 +286,8 @@ class EventBatch:
         if keep.all():
             return self
         inside = {kind: keep[self.kind == kind] for kind in (*self.columns, *self.objects)}
-        lazy = self.columns if isinstance(self.columns, LazyColumns) else None
         columns = {
-            k: lazy.of(k, inside[k]) if lazy is not None else self.columns[k][inside[k]]
-            for k in self.columns
-            if inside[k].any()
+            k: self._some(k, np.flatnonzero(inside[k])) for k in self.columns if inside[k].any()
         }
         objects = {
             k: [event for event, kept in zip(events, inside[k], strict=True) if kept]
@@ -286,6 +301,7 @@ class EventBatch:
             self.recorded_ns[keep],
             columns,
             objects,
+            None if self.known_door_ids is None else self.known_door_ids[keep],
         )
 
     def to_events(self) -> Iterator[Event]:

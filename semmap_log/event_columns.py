@@ -32,19 +32,19 @@ from semmap_log.messages import OBJECT_KINDS, fixed_layout
 Rows = NDArray[np.void]
 
 
-Chosen = NDArray[np.bool_] | slice
-"""Which rows: for each whether it is wanted, or all."""
+Places = NDArray[np.intp] | slice
+"""Which rows of a kind: their places among all, or a slice of them."""
 
 
 class LazyColumns(Mapping[int, Rows]):
     """Kind -> the fields of its events, made when somebody asks for that kind."""
 
-    def __init__(self, kinds: Collection[int], make: Callable[[int, Chosen], Rows]) -> None:
+    def __init__(self, kinds: Collection[int], make: Callable[[int, Places], Rows]) -> None:
         """Take note of them.
 
         Args:
             kinds: Which there are.
-            make: Returns the rows of a kind, or those that are chosen.
+            make: Returns the rows of a kind at some places.
         """
         self._kinds = kinds
         self._make = make
@@ -58,9 +58,9 @@ class LazyColumns(Mapping[int, Rows]):
             rows = self._made[kind] = self._make(kind, slice(None))
         return rows
 
-    def of(self, kind: int, chosen: Chosen) -> Rows:
-        """Return some rows of a kind; the others are not made for it."""
-        return self._made[kind][chosen] if kind in self._made else self._make(kind, chosen)
+    def some(self, kind: int, places: NDArray[np.intp]) -> Rows:
+        """Return the rows of a kind at some places; the others are not made for it."""
+        return self._made[kind].take(places) if kind in self._made else self._make(kind, places)
 
     def __contains__(self, kind: object) -> bool:
         return kind in self._kinds

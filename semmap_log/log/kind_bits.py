@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.events import Event
+from semmap_log.events import KINDS, Event
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
@@ -41,7 +41,7 @@ _BITS[:FLOOR_MAP_CHANNEL] = [_bit_of_channel(channel) for channel in range(FLOOR
 
 def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
     """Return the bit of each channel."""
-    bits: NDArray[np.uint32] = _BITS[channels]
+    bits: NDArray[np.uint32] = _BITS.take(channels)
     return bits
 
 
@@ -53,3 +53,8 @@ def bits_of_counts(counts: Mapping[int, int]) -> int:
 def bits_of_kinds(kinds: Iterable[type[Event]]) -> int:
     """Return the bits of these kinds of events together."""
     return sum({1 << kind.kind for kind in kinds})
+
+
+def kinds_of_bits(bits: int) -> list[int]:
+    """Return the kinds of events among bits."""
+    return [kind.kind for kind in KINDS if bits >> kind.kind & 1]

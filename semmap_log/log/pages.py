@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import starmap
@@ -15,7 +16,7 @@ from semmap_log.commits import Commit, Durability, Note
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.event_columns import LazyColumns
-from semmap_log.events import Event, FloorMap
+from semmap_log.events import KINDS, DoorEvent, Event, FloorMap
 from semmap_log.log import records as mcap
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
@@ -24,6 +25,7 @@ from semmap_log.log.form import (
     NOTE_CHANNEL,
     kind_of_channel,
 )
+from semmap_log.log.kind_bits import bits_of_channels, kinds_of_bits
 from semmap_log.log.walking import ChunkDamage, Walked, gather, heads_of, walk
 from semmap_log.messages import (
     OBJECT_KINDS,
@@ -41,14 +43,17 @@ _KIND_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
 ]
 
 
+_ABOUT_DOORS = frozenset(kind.kind for kind in KINDS if issubclass(kind, DoorEvent))
+
+
 def kinds_of(channels: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Return the kind of event on each channel; 0: Commit, CommitNote, Keyframe or foreign."""
-    kinds: NDArray[np.uint8] = _KIND_OF_CHANNEL[channels]
+    kinds: NDArray[np.uint8] = _KIND_OF_CHANNEL.take(channels)
     return kinds
 
 
 class Heads:
-    """The fixed fields of many message records, as columns by the names of `MESSAGE_DTYPE`."""
+    """The fixed fields of many message records, as columns by the names of `HEAD_DTYPE`."""
 
     def __init__(self, rows: NDArray[np.void]) -> None:
         self._rows = rows
@@ -105,6 +110,11 @@ class Page:
         known = None if self.walked is None else self.walked.heads
         return Heads(heads_of(self.records, self.offsets) if known is None else known)
 
+    @cached_property
+    def bits(self) -> NDArray[np.uint32]:
+        """Which kind of record each is, as a bit: `kind_bits`."""
+        return bits_of_channels(self.heads["channel_id"])
+
     @property
     def levels(self) -> set[int]:
         """Levels whose floor map is here."""
@@ -123,30 +133,36 @@ class Page:
             raise CorruptLogError(self.path, self.offset, str(error)) from None
 
     def _events(self) -> EventBatch:
-        channels = self.heads["channel_id"]
-        kinds = kinds_of(channels)
-        chosen = np.flatnonzero(kinds)
-        kinds, offsets = kinds[chosen], self.offsets[chosen]
-        lengths, sequence, happened, recorded = (
-            self.heads[name][chosen] for name in ("length", "sequence", "publish_time", "log_time")
+        kinds = kinds_of(self.heads["channel_id"])
+        there = kinds_of_bits(int(np.bitwise_or.reduce(self.bits)))
+        self._check_lengths(kinds, there)
+        chosen = np.flatnonzero(kinds != 0)
+        sequence, happened, recorded, door_ids = (
+            self.heads[name].take(chosen)
+            for name in ("sequence", "publish_time", "log_time", "door_id")
         )
-        columns: dict[int, NDArray[np.int64]] = {}
+        places: dict[int, NDArray[np.intp]] = {}
         objects: dict[int, list[Event]] = {}
         batch = EventBatch(
             number=self._numbers(sequence),
-            kind=kinds,
+            kind=kinds.take(chosen),
             happened_ns=happened,
             recorded_ns=recorded,
-            columns=LazyColumns(columns, lambda kind, some: self._rows(kind, columns[kind][some])),
+            columns=LazyColumns(
+                places, lambda kind, some: self._rows(kind, chosen[places[kind][some]])
+            ),
             objects=objects,
+            known_door_ids=door_ids,
         )
-        for kind in np.flatnonzero(np.bincount(kinds)).tolist():
+        for kind in there:
             mine = batch.places_of(kind)
             if kind in OBJECT_KINDS:
-                objects[kind] = [self._object(kind, chosen[i]) for i in mine]
+                objects[kind] = [self._object(kind, i) for i in chosen[mine].tolist()]
+                door_ids[mine] = [getattr(event, "door_id", 0) for event in objects[kind]]
             else:
-                self._check_lengths(kind, lengths[mine])
-                columns[kind] = offsets[mine]
+                places[kind] = mine
+                if kind not in _ABOUT_DOORS:
+                    door_ids[mine] = 0
         return batch
 
     def commits(self) -> list[Commit]:
@@ -214,12 +230,19 @@ class Page:
         numbers += self.first_event
         return numbers
 
-    def _rows(self, kind: int, offsets: NDArray[np.int64]) -> NDArray[np.void]:
-        return gather(self.records, offsets + mcap.MESSAGE.size, fixed_layout(kind).dtype)
+    def _rows(self, kind: int, places: NDArray[np.intp]) -> NDArray[np.void]:
+        offsets = self.offsets[places] + mcap.MESSAGE.size
+        return gather(self.records, offsets, fixed_layout(kind).dtype)
 
-    def _check_lengths(self, kind: int, lengths: NDArray[np.uint64]) -> None:
-        fixed = fixed_layout(kind)
-        if (lengths != mcap.MESSAGE_BODY_HEAD + fixed.dtype.itemsize).any():
+    def _check_lengths(self, kinds: NDArray[np.uint8], there: Iterable[int]) -> None:
+        lengths = np.zeros(256, np.uint64)
+        for kind in there:
+            if kind not in OBJECT_KINDS:
+                lengths[kind] = mcap.MESSAGE_BODY_HEAD + fixed_layout(kind).dtype.itemsize
+        others = np.flatnonzero(lengths.take(kinds) != self.heads["length"])
+        wrong = kinds[others][lengths[kinds[others]] > 0]
+        if len(wrong):
+            fixed = fixed_layout(int(wrong[0]))
             raise ValueError(f"a {fixed.name} that is not {fixed.dtype.itemsize} bytes long")
 
     def _payload(self, i: int) -> bytes:

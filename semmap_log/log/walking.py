@@ -10,6 +10,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.log import records as mcap
+from semmap_log.messages import CDR_HEADER
 
 
 class ChunkDamage(Exception):  # noqa: N818  # translated into CorruptLogError, which knows the file
@@ -61,7 +62,7 @@ def walk_by_index(
     Raises:
         ChunkDamage: As `walk_together`.
     """
-    found = (_columns_behind if len(behind) > 1 else _columns_behind_one)(file, behind, starts)
+    found = (_columns_of_few if len(behind) <= _FEW else _columns_of_many)(file, behind, starts)
     offsets = np.sort(np.concatenate(found), kind="stable")  # which merges what is sorted already
     heads = _tile(records, offsets, starts, ends)
     if heads is not None:
@@ -79,26 +80,24 @@ def walk_one(file: memoryview | bytes, behind: int, records: bytes | memoryview)
     return walk_by_index(file, np.array([behind]), records, start, end)
 
 
-def _columns_behind_one(
+def _columns_of_few(
     file: memoryview | bytes, behind: NDArray[np.int64], starts: NDArray[np.int64]
 ) -> list[NDArray[np.int64]]:
-    """Return the offsets that each MessageIndex behind a chunk says, whatever it is worth."""
-    (at,), (start,) = behind.tolist(), starts.tolist()
+    """Return the offsets that each MessageIndex behind these chunks says, whatever it is worth."""
     found = [np.empty(0, np.int64)]
     head, step = mcap.MESSAGE_INDEX_HEAD_BYTES, mcap.MESSAGE_INDEX_ENTRY_BYTES
-    for opcode, offset, length in frames(file, at, len(file)):
-        if opcode != _MESSAGE_INDEX or length < head:
-            break
-        count = (length - head) // step
-        found.append(
-            np.ndarray(count, "<i8", file, offset + head + _OFFSET_IN_ENTRY, strides=(step,))
-            if count
-            else found[0]
-        )
-    return [column + start for column in found] if start else found
+    for at, start in zip(behind.tolist(), starts.tolist(), strict=True):
+        for opcode, offset, length in frames(file, at, len(file)):
+            if opcode != _MESSAGE_INDEX or length < head:
+                break
+            count = (length - head) // step
+            if count:
+                first = offset + head + _OFFSET_IN_ENTRY
+                found.append(np.ndarray(count, np.int64, file, first, strides=(step,)) + start)
+    return found
 
 
-def _columns_behind(
+def _columns_of_many(
     file: memoryview | bytes, at: NDArray[np.int64], starts: NDArray[np.int64]
 ) -> list[NDArray[np.int64]]:
     """Return the same of many chunks: the first index of each at once, then the second."""
@@ -122,6 +121,8 @@ def _columns_behind(
     return found
 
 
+_FEW = 8
+"""So many chunks are faster one by one."""
 _INT: np.dtype[np.void] = np.dtype([("value", "<i8")])
 _INDEX_DTYPE: np.dtype[np.void] = np.dtype(
     {"names": ["opcode", "length"], "formats": ["u1", "<i8"], "offsets": [0, 1],
@@ -183,16 +184,18 @@ def _tile(
     most = len(records) - mcap.MESSAGE.size
     if not len(offsets) or offsets[0] < 0 or offsets[-1] > most:
         return None
-    heads = heads_of(records, offsets)
-    length = heads["length"].astype(np.int64)
-    if (heads["opcode"] != _MESSAGE).any() or (length < mcap.MESSAGE_BODY_HEAD).any():
-        return None
     firsts = np.searchsorted(offsets, starts)
     if firsts[0] or firsts[-1] >= len(offsets) or (offsets[firsts] != starts).any():
         return None
-    following = np.append(offsets[1:], ends[-1])
-    following[firsts[1:] - 1] = ends[:-1]
-    return heads if (offsets + mcap.FRAME.size + length == following).all() else None
+    lengths = np.empty_like(offsets)  # as they are if the messages fill the space
+    np.subtract(offsets[1:], offsets[:-1], out=lengths[:-1])
+    lengths[firsts[1:] - 1] = ends[:-1] - offsets[firsts[1:] - 1]
+    lengths[-1] = ends[-1] - offsets[-1]
+    lengths -= mcap.FRAME.size
+    heads = heads_of(records, offsets)
+    if lengths.min() < mcap.MESSAGE_BODY_HEAD or (heads["length"] != lengths.view("u8")).any():
+        return None
+    return heads if (heads["opcode"] == _MESSAGE).all() else None
 
 
 class Walked(NamedTuple):
@@ -204,9 +207,27 @@ class Walked(NamedTuple):
     """Their fixed fields, where these had to be read for it."""
 
 
+HEAD_DTYPE: np.dtype[np.void] = np.dtype(
+    {
+        "names": ["opcode", "length", "channel_id", "sequence", "log_time", "publish_time",
+                  "door_id"],
+        "formats": ["u1", "<u8", "<u2", "<u4", "<i8", "<i8", "<u4"],
+        "offsets": [0, 1, 9, 11, 15, 23, mcap.MESSAGE.size + len(CDR_HEADER)],
+        "itemsize": mcap.MESSAGE.size + len(CDR_HEADER) + 4,
+    }
+)  # fmt: skip
+"""The fixed fields of a message record (`MESSAGE_DTYPE`), and the first four bytes of what it
+carries: of an event of fixed size that is about a door, the door's id. Read with the rest they cost
+nothing."""
+
+
 def heads_of(records: bytes | memoryview, offsets: NDArray[np.int64]) -> NDArray[np.void]:
-    """Return the fixed fields of the message records at these offsets, as MESSAGE_DTYPE."""
-    return gather(records, offsets, mcap.MESSAGE_DTYPE)
+    """Return the heads of the message records at these ascending offsets, as `HEAD_DTYPE`."""
+    if len(offsets):
+        missing = int(offsets[-1]) + HEAD_DTYPE.itemsize - len(records)
+        if missing > 0:  # the last one carries less
+            records = bytes(records) + bytes(missing)
+    return gather(records, offsets, HEAD_DTYPE)
 
 
 def gather(

@@ -16,7 +16,8 @@ import numpy as np
 from semmap_log.doors import DoorState
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAnnotated
-from semmap_log.projections.door_map import NEVER, DoorMapState, Writes, writes_of
+from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.registers import NEVER, Writes, writes_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +64,7 @@ def _changes_of_register(
     where = np.concatenate([part.positions for part in parts])
     in_order = np.argsort(where)
     where = where[in_order]
-    doors, group = np.unique(
-        np.concatenate([part.door_ids for part in parts])[in_order], return_inverse=True
-    )
+    doors, group = np.unique(batch.door_ids()[where], return_inverse=True)
     known_ns, known_events, known = state.register_of(doors, register)
     happened = np.concatenate([known_ns, batch.folds_ns[where]])
     numbers = np.concatenate([known_events, batch.number[where]])
@@ -78,8 +77,9 @@ def _changes_of_register(
     counts = rank[rows][1:] > greatest[:-1]
     counts &= rows[1:] >= len(doors)
     before, after = by_stamp[greatest[:-1]][counts], rows[1:][counts]
+    written = [part.values_of(np.arange(len(part.positions))) for part in parts]
     for name, old in known.items():
-        new = np.concatenate([part.values[name] for part in parts])[in_order]
+        new = np.concatenate([values[name] for values in written])[in_order]
         values = np.concatenate([old, new])
         was, now = values[before], values[after]
         is_new = numbers[before] == NEVER

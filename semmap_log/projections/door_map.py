@@ -1,61 +1,30 @@
 """The door database as a fold: every field of a door keeps the value with the greatest stamp.
 
-A stamp is (happened time, event number); an event that claims to have happened after it was
-recorded counts from its recorded time. Since each field is a last-writer-wins register, the fold
-commutes: late events, batches of any size and a keyframe plus its tail all give the same state.
-(Shapiro et al., "Conflict-free Replicated Data Types", 2011: LWW-Register.)
+Since each field is a last-writer-wins register, the fold commutes: late events, batches of any size
+and a keyframe plus its tail all give the same state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.doors import Door, DoorId, DoorMap, Level
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorAnnotated,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorUpdated,
-    FloorMap,
-    LevelAdded,
-)
+from semmap_log.events import DoorAdded, DoorAnnotated, FloorMap, LevelAdded
 from semmap_log.projections.annotations import Annotations, Stamp
 from semmap_log.projections.doors_present import DoorsPresent
+from semmap_log.projections.registers import NEVER, NOBODY, REGISTERS, DoorColumns, writes_of
 from semmap_log.projections.retraction import in_ranges
 
 Array = NDArray[Any]
 
 STATE_VERSION = 2
 """Of the arrays that `to_arrays` gives; another version's keyframes are not used."""
-
-REGISTERS: Mapping[str, Mapping[str, str]] = {
-    "added": {},
-    "removed": {},
-    "pose": {"level": "u2", "x": "f8", "y": "f8", "theta": "f8"},
-    "width": {"width": "f8"},
-    "state": {"state": "u1"},
-    "prob_open": {"prob_open": "f8"},
-    "prob_closed": {"prob_closed": "f8"},
-}
-"""Register -> its values and their numpy types; each also has `_happened_ns` and `_event`."""
-
-_CHANGED = {
-    "pose": Changed.POSE, "width": Changed.WIDTH, "state": Changed.STATE,
-    "prob_open": Changed.PROB_OPEN, "prob_closed": Changed.PROB_CLOSED,
-}  # fmt: skip
-
-NEVER = -1
-"""The event number of a register that nothing has set."""
 
 MAX_TABLE = 2**20
 """Doors with greater ids (8 MiB of table) are looked up one by one."""
@@ -66,17 +35,6 @@ _OF_A_DOOR = (
     "prob_closed", "last_event", "added_happened_ns", "added_event",
 )  # fmt: skip
 """The columns of which a `Door` is made."""
-
-
-@dataclass(frozen=True, slots=True)
-class Writes:
-    """What some events of a batch write to one register."""
-
-    register: str
-    positions: NDArray[np.intp]
-    """Of the events in the batch."""
-    door_ids: Array
-    values: Mapping[str, Array]
 
 
 class DoorMapState:
@@ -94,7 +52,7 @@ class DoorMapState:
         self._row_of: dict[int, int] = {}
         self._row_by_id = np.empty(0, np.intp)
         """The same for ids below `MAX_TABLE`, to look up many at once."""
-        self._columns = _new_columns(0)
+        self._columns = DoorColumns(room=1)
         self._annotations = Annotations()
         self._levels: dict[int, tuple[Stamp, str, float]] = {}
         self._floor_maps: dict[int, Stamp] = {}
@@ -103,15 +61,13 @@ class DoorMapState:
         """Fold a batch in."""
         if not len(batch):
             return
-        self.event = max(self.event, int(batch.number.max()))
+        self.event = max(self.event, int(batch.number[-1]))
         happened = batch.folds_ns
         self.latest = max(self.latest, _last_stamp(happened, batch.number))
         self.note_used_ids(batch)
         rows = self._rows(batch.door_ids())
-        self._touch(rows, batch.number)
-        for writes in writes_of(batch):
-            where = writes.positions
-            self._write(writes, rows[where], happened[where], batch.number[where])
+        self._columns.touch(rows, batch.number)
+        self._columns.write(list(writes_of(batch)), rows, happened, batch.number)
         self._apply_objects(batch, happened)
 
     def note_used_ids(self, batch: EventBatch) -> None:
@@ -199,7 +155,7 @@ class DoorMapState:
         The number is `NEVER` for a door of which it was never set.
         """
         names = (f"{register}_happened_ns", f"{register}_event", *REGISTERS[register])
-        empty = _new_columns(1)
+        empty = DoorColumns(room=1)
         rows = np.array([self._row_of.get(door_id, -1) for door_id in door_ids.tolist()], np.intp)
         columns = [np.append(self._columns[name], empty[name])[rows] for name in names]
         happened, numbers, *values = columns
@@ -268,10 +224,10 @@ class DoorMapState:
         state.event = int(arrays["event"])
         state.latest = (int(arrays["latest_happened_ns"]), int(arrays["latest_happened_event"]))
         state.used_door_ids = set(np.asarray(arrays["used_door_ids"]).tolist())
-        state._columns = {name: np.array(arrays[name]) for name in _new_columns(0)}
-        if len({len(column) for column in state._columns.values()}) > 1:
+        if len({len(arrays[name]) for name in state._columns}) > 1:
             raise ValueError("columns of different lengths")
-        door_ids = state._columns["door_id"]
+        door_ids = np.asarray(arrays["door_id"])
+        state._columns = DoorColumns.holding(arrays, len(door_ids), len(door_ids) + 1)
         state._row_of = dict(zip(door_ids.tolist(), range(len(door_ids)), strict=True))
         if len(door_ids) and door_ids[-1] < MAX_TABLE:  # they ascend
             state._grow_table(int(door_ids[-1]) + 1)
@@ -303,8 +259,8 @@ class DoorMapState:
     def _rows(self, door_ids: Array) -> NDArray[np.intp]:
         """Return the row of each door, making new ones where needed; -1 for the id 0: no door."""
         if int(door_ids.max()) < len(self._row_by_id):
-            rows = self._row_by_id[door_ids]
-            if (rows != UNKNOWN_ROW).all():
+            rows = self._row_by_id.take(door_ids)
+            if rows.min() != UNKNOWN_ROW:
                 return rows
         unique, inverse = np.unique(door_ids, return_inverse=True)
         rows = np.array([self._row(door_id) for door_id in unique.tolist()], np.intp)
@@ -315,11 +271,12 @@ class DoorMapState:
 
     def _row(self, door_id: int) -> int:
         if door_id == 0:
-            return -1
+            return NOBODY
         row = self._row_of.get(door_id)
         if row is None:
             row = self._row_of[door_id] = len(self._row_of)
-            self._grow(row + 1)
+            if row + 1 == self._columns.room:  # doubles, so that adding doors stays linear
+                self._columns = DoorColumns.holding(self._columns, row, 16 + 2 * row)
             self._columns["door_id"][row] = door_id
         return row
 
@@ -328,38 +285,8 @@ class DoorMapState:
         if size > have:
             more = np.full(max(size, 2 * have) - have, UNKNOWN_ROW, np.intp)
             if not have:
-                more[0] = -1  # no door
+                more[0] = NOBODY
             self._row_by_id = np.concatenate([self._row_by_id, more])
-
-    def _grow(self, size: int) -> None:
-        have = len(self._columns["door_id"])
-        if size > have:
-            more = _new_columns(max(16, have))  # doubles, so that adding doors stays linear
-            self._columns = {
-                name: np.concatenate([column, more[name]]) for name, column in self._columns.items()
-            }
-
-    def _touch(self, rows: NDArray[np.intp], numbers: Array) -> None:
-        """Note, for each door, the last event about it, whatever that sets."""
-        last = np.full(len(self._columns["door_id"]) + 1, NEVER, np.int64)
-        last[rows] = numbers  # which ascend; of those about no door the row is the last one, -1
-        np.maximum(self._columns["last_event"], last[:-1], out=self._columns["last_event"])
-
-    def _write(
-        self, writes: Writes, rows: NDArray[np.intp], happened: Array, numbers: Array
-    ) -> None:
-        last = _last_per_row(rows, happened, len(self._columns["door_id"]))
-        rows, happened, numbers = rows[last], happened[last], numbers[last]
-        stored_ns = self._columns[f"{writes.register}_happened_ns"]
-        stored_event = self._columns[f"{writes.register}_event"]
-        newer = (happened > stored_ns[rows]) | (
-            (happened == stored_ns[rows]) & (numbers > stored_event[rows])
-        )
-        rows, chosen = rows[newer], last[newer]
-        stored_ns[rows] = happened[newer]
-        stored_event[rows] = numbers[newer]
-        for name, values in writes.values.items():
-            self._columns[name][rows] = values[chosen]
 
     def _apply_objects(self, batch: EventBatch, happened: Array) -> None:
         for kind in (DoorAnnotated, LevelAdded, FloorMap):
@@ -382,57 +309,6 @@ class DoorMapState:
 
 
 def _last_stamp(happened: Array, numbers: Array) -> Stamp:
-    """Return the greatest (happened, number)."""
-    latest = happened.max()
-    return int(latest), int(numbers[happened == latest].max())
-
-
-def _last_per_row(rows: NDArray[np.intp], happened: Array, size: int) -> NDArray[np.intp]:
-    """Return, for each row that occurs, where its latest event is; of equal ones the last."""
-    latest = np.full(size, -1, np.int64)
-    np.maximum.at(latest, rows, happened)
-    candidates = np.flatnonzero(happened == latest[rows])
-    place = np.full(size, -1, np.intp)
-    place[rows[candidates]] = candidates  # of assignments to the same place numpy keeps the last
-    return place[place >= 0]
-
-
-def _new_columns(n: int) -> dict[str, Array]:
-    columns: dict[str, Array] = {"door_id": np.zeros(n, "u4"), "last_event": np.full(n, -1, "i8")}
-    for register, values in REGISTERS.items():
-        for name, dtype in values.items():
-            columns[name] = np.full(n, np.nan if dtype == "f8" else 0, dtype)
-        columns[f"{register}_happened_ns"] = np.full(n, -1, "i8")
-        columns[f"{register}_event"] = np.full(n, NEVER, "i8")
-    return columns
-
-
-def writes_of(batch: EventBatch) -> Iterator[Writes]:
-    """Yield what the batch writes, register by register."""
-    if DoorAdded in batch:
-        rows, where = batch[DoorAdded], batch.where(DoorAdded)
-        for register in REGISTERS:
-            if register != "removed":
-                yield Writes(register, where, rows["door_id"], _values(rows, register))
-    if DoorUpdated in batch:
-        rows, where = batch[DoorUpdated], batch.where(DoorUpdated)
-        for register, bit in _CHANGED.items():
-            set_ = (rows["changed"] & int(bit)) != 0
-            if set_.any():
-                chosen = rows[set_]
-                yield Writes(register, where[set_], chosen["door_id"], _values(chosen, register))
-    if DoorRemoved in batch:
-        yield Writes("removed", batch.where(DoorRemoved), batch[DoorRemoved]["door_id"], {})
-    if DoorObserved in batch:
-        rows = batch[DoorObserved]
-        yield Writes("state", batch.where(DoorObserved), rows["door_id"], _values(rows, "state"))
-    if DoorPassed in batch:
-        rows, where = batch[DoorPassed], batch.where(DoorPassed)
-        through = rows["passed"]
-        opened = np.full(int(np.count_nonzero(through)), int(DoorState.OPEN), "u1")
-        if len(opened):
-            yield Writes("state", where[through], rows["door_id"][through], {"state": opened})
-
-
-def _values(rows: NDArray[np.void], register: str) -> dict[str, Array]:
-    return {name: rows[name] for name in REGISTERS[register]}
+    """Return the greatest (happened, number); the numbers ascend."""
+    last = len(happened) - 1 - int(happened[::-1].argmax())
+    return int(happened[last]), int(numbers[last])

@@ -35,8 +35,8 @@ ROW: np.dtype[np.void] = np.dtype(
 )
 """As the fields of `StoredChunk`; and which kinds of record are in it: `kind_bits`."""
 
-JOIN_BELOW = 2**15
-"""Smaller uncompressed chunks are read together: each by itself would cost more than its bytes."""
+SMALL_BYTES = 2**15
+"""Chunks of fewer records cost more to check one by one than their bytes do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +105,18 @@ class ChunkTable(Sequence[StoredChunk]):
         """Return the places of those with a record of one of these kinds: `kind_bits`."""
         return np.flatnonzero(self.rows["kinds"] & np.uint32(kinds))
 
+    @property
+    def are_plain(self) -> NDArray[np.bool_]:
+        """Whether each is uncompressed."""
+        plain: NDArray[np.bool_] = self.rows["compression"] == b""
+        return plain
+
+    @property
+    def are_small(self) -> bool:
+        """Whether they are uncompressed, and small on the average."""
+        small = int(self.rows["size"].sum()) < SMALL_BYTES * len(self)
+        return small and bool(self.are_plain.all())
+
     def span(self) -> tuple[int, int]:
         """Return where the first one begins in the file, and where the last one ends."""
         first, last = self.rows[0], self.rows[-1]
@@ -115,19 +127,18 @@ class ChunkTable(Sequence[StoredChunk]):
         return int(np.searchsorted(self.rows["start_ns"], time_ns, "right"))
 
     def groups(self, most_bytes: int) -> Iterator[ChunkTable]:
-        """Yield them in order: small ones in groups of about so many bytes, the others alone."""
-        sizes = self.rows["size"]
-        is_small = (self.rows["compression"] == b"") & (sizes < JOIN_BELOW)
-        reached = np.cumsum(sizes)
-        alone = np.flatnonzero(~is_small)
+        """Yield them in order, in groups of so many bytes at most: all compressed, or none.
+
+        One that is larger is alone.
+        """
+        reached, is_plain = np.cumsum(self.rows["size"]), self.are_plain
+        turns = np.flatnonzero(is_plain[1:] != is_plain[:-1]) + 1
         at = 0
         while at < len(self):
-            end = at + 1
-            if is_small[at]:
-                before = int(reached[at] - sizes[at])
-                end = int(np.searchsorted(reached, before + most_bytes)) + 1
-                stop = int(np.searchsorted(alone, at))
-                end = min(end, *alone[stop : stop + 1].tolist(), len(self))
+            before = int(reached[at] - self.rows["size"][at])
+            end = max(at + 1, int(np.searchsorted(reached, before + most_bytes, "right")))
+            turn = int(np.searchsorted(turns, at, "right"))
+            end = min(end, *turns[turn : turn + 1].tolist(), len(self))
             yield self[at:end]
             at = end
 

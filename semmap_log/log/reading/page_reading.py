@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import crc_problem
-from semmap_log.log.kind_bits import bits_of_channels
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.walking import (
@@ -44,17 +43,32 @@ Records = bytes | memoryview
 
 
 def unpack(chunks: ChunkTable) -> Records | None:
-    """Return the records of one chunk, CRC checked; None of several, which are not compressed.
+    """Return the records of compressed chunks, one behind the other, each CRC checked.
+
+    None of several that are not compressed: their pages are made of the file's bytes.
 
     Raises:
         CorruptLogError: They are not what was written.
     """
-    if len(chunks) > 1:
+    if len(chunks) > 1 and chunks.are_plain[0]:
         return None
+    parts = [_records_of(chunks, place) for place in range(len(chunks))]
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+def _records_of(chunks: ChunkTable, place: int) -> Records:
     try:
-        return chunks[0].records(chunks.file)
+        records = chunks[place].records(chunks.file)
+        _check_filled(records)
     except ChunkDamage as damage:
-        raise CorruptLogError(chunks.path, int(chunks.rows["offset"][0]), str(damage)) from None
+        offset = int(chunks.rows["offset"][place])
+        raise CorruptLogError(chunks.path, offset, str(damage)) from None
+    return records
+
+
+def _check_filled(records: Records) -> None:
+    if not len(records):
+        raise ChunkDamage("a chunk without messages")
 
 
 def read_page(
@@ -62,30 +76,26 @@ def read_page(
     first_event: int,
     *,
     records: Records | None = None,
+    in_place: bool = False,
     is_sound: bool = False,
 ) -> Page:
     """Return the records of these chunks as one page.
 
     Args:
-        chunks: At least one; where there are several, none of them compressed.
+        chunks: At least one; where there are several, all of them compressed or none.
         first_event: Event number at which their segment begins.
         records: What `unpack` said of them; None: not asked yet.
-        is_sound: Whether their bytes were checked before: then several are read where they lie.
+        in_place: Whether several that are not compressed are read where they lie in the file.
+        is_sound: Whether their bytes were checked before: then they are, too.
 
     Raises:
         CorruptLogError: One is not what was written.
     """
     if len(chunks) == 1:
         return _read_one(chunks, first_event, records)
-    crcs = _check_heads(chunks)
     rows = chunks.rows
-    starts = rows["offset"] + _HEAD.itemsize
+    whole, starts = _laid_out(chunks, records, in_place=in_place, is_sound=is_sound)
     ends = starts + rows["size"]
-    whole: Records = chunks.file
-    if not is_sound:
-        whole = _joined(chunks, starts, ends, crcs)
-        ends = np.cumsum(rows["size"])
-        starts = ends - rows["size"]
     place = int(rows["offset"][0])
     try:
         walked = _walk(chunks, whole, starts, ends)
@@ -98,15 +108,25 @@ def read_page(
     return page
 
 
-def _joined(
-    chunks: ChunkTable, starts: NDArray[np.int64], ends: NDArray[np.int64], crcs: list[int]
-) -> bytes:
-    """Return the records of uncompressed chunks one behind the other, each CRC checked."""
-    file = chunks.file
-    parts = [file[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
+def _laid_out(
+    chunks: ChunkTable, known: Records | None, *, in_place: bool, is_sound: bool
+) -> tuple[Records, NDArray[np.int64]]:
+    """Return what holds the records of several chunks, checked, and where those of each begin."""
+    sizes = chunks.rows["size"]
+    joined = np.cumsum(sizes) - sizes
+    if not chunks.are_plain[0]:
+        whole = unpack(chunks) if known is None else known
+        assert whole is not None, "of compressed chunks there are"
+        return whole, joined
+    crcs = _check_heads(chunks)
+    starts = chunks.rows["offset"] + _HEAD.itemsize
+    if is_sound:
+        return chunks.file, starts
+    ends = starts + sizes
+    parts = [chunks.file[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
     if list(map(zlib.crc32, parts)) != crcs:
         raise _first_misfit_of_crc(chunks, parts, crcs)
-    return b"".join(parts)
+    return (chunks.file, starts) if in_place else (b"".join(parts), joined)
 
 
 def _walk(
@@ -152,8 +172,7 @@ def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
         page: Their records.
         ends: How many messages there are to the end of each; each has at least one.
     """
-    bits = bits_of_channels(page.heads["channel_id"])
-    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(bits, np.append(0, ends[:-1]))
+    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(page.bits, np.append(0, ends[:-1]))
     return kinds
 
 
@@ -189,8 +208,6 @@ def _read_one(chunks: ChunkTable, first_event: int, known: Records | None) -> Pa
 
 
 def _check_rows(page: Page, chunks: ChunkTable) -> None:
-    if not len(page.offsets):
-        raise ChunkDamage("a chunk without messages")
     misfit = _misfit(page, np.array([len(page.offsets)]), chunks.rows)
     if misfit is not None:
         raise ChunkDamage(misfit[1])

@@ -107,7 +107,7 @@ class LogReader:
     def pages(
         self, start: ChunkPlace = BEGINNING, progress: Progress | None = None
     ) -> Iterator[tuple[Segment, Page]]:
-        """Yield all records, in order, small chunks joined to pages of about a MiB.
+        """Yield all records, in order, in pages of a few MiB.
 
         Raises:
             CorruptLogError: A chunk is not what was written, or a segment does not follow the last.

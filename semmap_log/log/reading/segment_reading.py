@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
+from functools import cache, partial
 from itertools import repeat, tee
 
 import numpy as np
@@ -25,7 +25,7 @@ from semmap_log.log.walking import ChunkDamage
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
-    """Yield a segment's records from a chunk on, small chunks joined to pages of about a MiB.
+    """Yield a segment's records from a chunk on, chunks joined to pages of a few MiB.
 
     Raises:
         CorruptLogError: A chunk is not what was written.
@@ -65,17 +65,39 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     Raises:
         CorruptLogError: They are not what was written, or not the events that must be there.
     """
+    _keep_freed_memory()
     firsts, ends = numbers_of(segment)
-    is_sound = 2 * len(chunks) > len(firsts) and segment.is_sound  # to know it, all is read
+    wanted = segment.chunks.chosen(chunks)
+    is_most = 2 * len(chunks) > len(firsts)
+    is_sound = is_most and wanted.are_small and segment.is_sound  # to know it, all is read
     at = 0
-    for group, records in _unpacked(segment, segment.chunks.chosen(chunks)):
+    for group, records in _unpacked(segment, wanted):
         mine = chunks[at : at + len(group)]
         at += len(group)
-        page = read_page(group, segment.header.first_event, records=records, is_sound=is_sound)
+        page = read_page(
+            group, segment.header.first_event, records=records, in_place=True, is_sound=is_sound
+        )
         batch = page.events()
         _check_numbers(page, batch, firsts[mine], ends[mine])
         yield page, batch
 
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library keep a few MiB that were freed for the next page's arrays.
+
+    glibc hands larger arrays back to the kernel at once, until it has seen one freed that is larger
+    still (mallopt(3), M_MMAP_THRESHOLD). Every page of memory that the kernel clears and maps anew
+    costs as much as reading 20 events.
+    """
+    np.empty(_KEPT_BYTES, np.uint8)  # never touched, so it takes no memory
+
+
+_KEPT_BYTES = 2**22
+
+_PAGE_BYTES = 5 * CHUNK_BYTES // 2
+"""So many are read together: each page costs some 0.2 ms beside its bytes. Behind a keyframe come a
+whole chunk and a fifth of one: twice that is a page."""
 
 FEW_CHUNKS = 3
 """So few are unpacked at once: to hand them to other threads would take longer."""
@@ -84,7 +106,7 @@ FEW_CHUNKS = 3
 def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Records | None]]:
     """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
     groups = _groups(segment, chunks)
-    if len(chunks) <= FEW_CHUNKS or not (chunks.rows["compression"] != b"").any():
+    if len(chunks) <= FEW_CHUNKS or chunks.are_plain.all():
         yield from zip(groups, repeat(None))
         return
     mine, theirs = tee(groups)
@@ -92,9 +114,9 @@ def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable
 
 
 def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
-    """Yield chunks in groups of about a MiB, each of them asked of the disk one group ahead."""
+    """Yield chunks in groups, each of them asked of the disk one group ahead."""
     before: ChunkTable | None = None
-    for group in chunks.groups(CHUNK_BYTES):
+    for group in chunks.groups(_PAGE_BYTES):
         segment.mapped.will_need(*group.span())
         if before is not None:
             yield before

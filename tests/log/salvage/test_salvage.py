@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
@@ -248,6 +248,8 @@ def test_a_torn_tail_is_no_damage(original: Path, tmp_path: Path) -> None:
     ),
     in_place=st.booleans(),
 )  # fmt: skip
+@example(places=[(0, 0.0, "end"), (1, 0.0, "end"), (2, 0.0, "end")], in_place=False)
+@example(places=[(0, 0.0, "file"), (1, 0.0, "file"), (2, 0.0, "file")], in_place=True)
 def test_whatever_was_damaged(
     original: Path, log: Path, tmp_path: Path,
     places: list[tuple[int, float, str]], in_place: bool,
@@ -261,8 +263,12 @@ def test_whatever_was_damaged(
     restore(original, log, tmp_path)
     for number, place, what in places:
         damage(log / f"log_00000{number}.mcap", place, what)
-    found = survey(log) if sorted(log.glob("*.mcap")) else None
-    if found is None or not found.has_to_do:
+    if not any(file.stat().st_size for file in log.glob("*.mcap")):
+        with pytest.raises(LogError, match="no segment of a semmap log is in this folder"):
+            survey(log)
+        return
+    found = survey(log)
+    if not found.has_to_do:
         return
 
     done = recover(log) if in_place else recover_into(log, tmp_path / "new")

@@ -1,0 +1,220 @@
+"""The fields of doors as last-writer-wins registers: what events write to them, and who wins.
+
+A stamp is (happened time, event number); an event that claims to have happened after it was
+recorded counts from its recorded time. Of all writes to a register that with the greatest stamp
+stays, in whatever order they come.
+(Shapiro et al., "Conflict-free Replicated Data Types", 2011: LWW-Register.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorState
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+)
+
+Array = NDArray[Any]
+
+REGISTERS: Mapping[str, Mapping[str, str]] = {
+    "added": {},
+    "removed": {},
+    "pose": {"level": "u2", "x": "f8", "y": "f8", "theta": "f8"},
+    "width": {"width": "f8"},
+    "state": {"state": "u1"},
+    "prob_open": {"prob_open": "f8"},
+    "prob_closed": {"prob_closed": "f8"},
+}
+"""Register -> its values and their numpy types; each also has `_happened_ns` and `_event`."""
+
+_PLACE_OF = {register: place for place, register in enumerate(REGISTERS)}
+
+_CHANGED = {
+    "pose": int(Changed.POSE), "width": int(Changed.WIDTH), "state": int(Changed.STATE),
+    "prob_open": int(Changed.PROB_OPEN), "prob_closed": int(Changed.PROB_CLOSED),
+}  # fmt: skip
+
+NEVER = -1
+"""The event number of a register that nothing has set."""
+
+NOBODY = -1
+"""The row of what is about no door: the last one, which is never a door's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Writes:
+    """What some events of a batch write to one register."""
+
+    register: str
+    positions: NDArray[np.intp]
+    """Of the events in the batch."""
+    values_of: Callable[[NDArray[np.intp]], Mapping[str, Array]]
+    """Returns the values of the writes at some places among these. Most are outdone by others of
+    the same batch: theirs are never looked at."""
+
+
+class DoorColumns(Mapping[str, Array]):
+    """A row for each door, in columns: its id, its last event, and what its registers hold."""
+
+    def __init__(self, room: int) -> None:
+        """Make as many empty rows.
+
+        Args:
+            room: At least one, which is nobody's.
+        """
+        self.room = room
+        self._happened_ns = np.full((len(REGISTERS), room), -1, np.int64)
+        self._event = np.full((len(REGISTERS), room), NEVER, np.int64)
+        self._named: dict[str, Array] = {
+            "door_id": np.zeros(room, "u4"),
+            "last_event": np.full(room, NEVER, "i8"),
+        }
+        for register, happened_ns, event in zip(
+            REGISTERS, self._happened_ns, self._event, strict=True
+        ):
+            for name, dtype in REGISTERS[register].items():
+                self._named[name] = np.full(room, np.nan if dtype == "f8" else 0, dtype)
+            self._named[f"{register}_happened_ns"] = happened_ns
+            self._named[f"{register}_event"] = event
+
+    @classmethod
+    def holding(cls, columns: Mapping[str, Array], count: int, room: int) -> DoorColumns:
+        """Return the first rows of other columns, and room for more.
+
+        Args:
+            columns: By the same names.
+            count: How many of their rows.
+            room: More than that.
+        """
+        made = cls(room)
+        for name, column in made.items():
+            column[:count] = columns[name][:count]
+        return made
+
+    def __getitem__(self, name: str) -> Array:
+        return self._named[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._named)
+
+    def __len__(self) -> int:
+        return len(self._named)
+
+    def touch(self, rows: NDArray[np.intp], numbers: NDArray[np.int64]) -> None:
+        """Note, for each door, the last event about it, whatever that sets."""
+        np.maximum.at(self._named["last_event"], rows, numbers)
+
+    def write(
+        self,
+        written: Sequence[Writes],
+        rows: NDArray[np.intp],
+        happened: NDArray[np.int64],
+        numbers: NDArray[np.int64],
+    ) -> None:
+        """Write what is newer than what is there.
+
+        Args:
+            written: What a batch writes.
+            rows: Of the doors that its events are about.
+            happened: When each event happened.
+            numbers: The events' numbers, ascending.
+        """
+        if not written:
+            return
+        where = np.concatenate([writes.positions for writes in written])
+        ends = np.cumsum([len(writes.positions) for writes in written]).tolist()
+        spans = list(zip([0, *ends[:-1]], ends, strict=True))
+        registers = [_PLACE_OF[writes.register] * self.room for writes in written]
+        cells = rows.take(where)
+        for (start, end), register in zip(spans, registers, strict=True):
+            cells[start:end] += register
+        winners = self._settle(cells, happened.take(where), where, numbers)
+        borders = np.searchsorted(winners, [0, *ends]).tolist()
+        for writes, (start, _), register, (first, behind) in zip(
+            written, spans, registers, pairwise(borders), strict=True
+        ):
+            won = winners[first:behind]
+            if len(won):
+                mine = cells[won] - register
+                for name, values in writes.values_of(won - start).items():
+                    self._named[name][mine] = values
+
+    def _settle(
+        self, cells: Array, happened: Array, where: Array, numbers: Array
+    ) -> NDArray[np.intp]:
+        """Stamp the registers, and return which writes won, ascending; one at most for each.
+
+        Args:
+            cells: The register that each write is to, as its place among all of all doors.
+            happened: When each happened.
+            where: The position of the event that each is of.
+            numbers: The events' numbers, ascending.
+        """
+        stored_ns, stored_event = self._happened_ns.ravel(), self._event.ravel()
+        before = stored_ns.take(cells)
+        np.maximum.at(stored_ns, cells, happened)
+        latest = np.flatnonzero(happened == stored_ns.take(cells))
+        latest = latest[np.argsort(where[latest], kind="stable")]
+        last = np.empty(len(stored_ns), np.intp)
+        last[cells[latest]] = latest  # of assignments to the same place numpy keeps the last
+        winners = np.sort(latest[last[cells[latest]] == latest])
+        cells, events = cells[winners], numbers[where[winners]]
+        is_newer = (happened[winners] > before[winners]) | (events > stored_event[cells])
+        stored_event[cells[is_newer]] = events[is_newer]
+        won: NDArray[np.intp] = winners[is_newer]
+        return won
+
+
+def writes_of(batch: EventBatch) -> Iterator[Writes]:
+    """Yield what the batch writes, register by register."""
+    if DoorAdded in batch:
+        where = batch.where(DoorAdded)
+        for register in REGISTERS:
+            if register != "removed":
+                yield Writes(register, where, _ValuesOf(register, batch, DoorAdded))
+    if DoorUpdated in batch:
+        where, changed = batch.where(DoorUpdated), batch[DoorUpdated]["changed"]
+        for register, bit in _CHANGED.items():
+            places = np.flatnonzero(changed & bit != 0)
+            if len(places):
+                values = _ValuesOf(register, batch, DoorUpdated, places)
+                yield Writes(register, where[places], values)
+    if DoorRemoved in batch:
+        yield Writes("removed", batch.where(DoorRemoved), lambda _: {})
+    if DoorObserved in batch:
+        values = _ValuesOf("state", batch, DoorObserved)
+        yield Writes("state", batch.where(DoorObserved), values)
+    if DoorPassed in batch:
+        through = batch.where(DoorPassed)[batch[DoorPassed]["passed"]]
+        opened = np.full(len(through), int(DoorState.OPEN), "u1")
+        if len(opened):
+            yield Writes("state", through, lambda places: {"state": opened[places]})
+
+
+@dataclass(frozen=True, slots=True)
+class _ValuesOf:
+    """Gives what rows of a kind write to a register: those at places among all, or among some."""
+
+    register: str
+    batch: EventBatch
+    kind: type[Event]
+    among: NDArray[np.intp] | None = None
+
+    def __call__(self, places: NDArray[np.intp]) -> Mapping[str, Array]:
+        places = places if self.among is None else self.among[places]
+        rows = self.batch.some(self.kind, places)
+        return {name: rows[name] for name in REGISTERS[self.register]}
