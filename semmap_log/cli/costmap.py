@@ -68,8 +68,8 @@ def run(
         typer.Option("--map", metavar="MAP.YAML", help="The floor; default: the log's own."),
     ] = None,
     rules: Annotated[
-        Rules, typer.Option("--rules", help="As which map_server to read --map.")
-    ] = Rules.nav2,
+        Rules | None, typer.Option("--rules", help="As which map_server to read --map; nav2.")
+    ] = None,
     layer: Annotated[
         Layer | None,
         typer.Option("--layer", help="All together (default), or the doors without floor."),
@@ -145,7 +145,11 @@ def run(
         inscribed_m=inscribed or 0.0,
         resolution=0.05 if resolution is None else resolution,
     )
-    floor = None if floor_map is None else read_map(floor_map, rules=rules.value)
+    floor = None
+    if floor_map is not None:
+        floor = read_map(floor_map, rules=(rules or Rules.nav2).value)
+    elif rules is not None:
+        raise typer.BadParameter("how to read --map, which is not given", param_hint="--rules")
     scope = opened.scope(at, known_at, event)
     costmap = costmap_at(
         opened, options, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event, floor=floor

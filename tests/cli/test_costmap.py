@@ -283,6 +283,7 @@ def test_export_makes_the_same_map(run: Run) -> None:
         (("office", "mask.png", "--keepout"), 1, "a keepout mask is a ROS map"),
         (("office", "mask.yaml", "--keepout", "--layer", "master"), 2, "shows doors only"),
         (("office", "now.npy", "--map", "none.yaml"), 1, "none.yaml"),
+        (("office", "now.npy", "--rules", "noetic"), 2, "how to read --map"),
         (("office", "now.npy", "--level", "cellar"), 1, "no level 'cellar'; there are: 0"),
         (("nothing", "now.npy"), 1, "has no floor map, and no door with a place"),
         (("nowhere", "now.npy"), 1, "nowhere"),
@@ -337,7 +338,7 @@ def test_a_turned_floor_is_refused(run: Run) -> None:
     code, _, err = run("costmap", "nothing", "now.npy")
 
     assert 1 == code
-    assert "turned by 0.1 rad" in err
+    assert "expected an origin with yaw 0, got 0.1; turn the picture" in err
 
 
 def test_an_old_file_survives_an_error(run: Run) -> None:
