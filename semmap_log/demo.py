@@ -11,6 +11,8 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.commits import Note
+from semmap_log.costmap_files import write_costmap
+from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorMap
@@ -20,6 +22,7 @@ from semmap_log.exporting import export
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.live.event_lines import Answer, LineRecorder
 from semmap_log.projections.history import HistoryEntry
+from semmap_log.replay import Scope
 
 RECORDING = "office"
 MOST_WAIT_S = 10.0
@@ -33,6 +36,7 @@ class Demo:
     folder: Path
     log: Path
     yaml: Path
+    costmap: Path
     rrd: Path | None
     """None: rerun is not installed."""
     rrd_problem: str
@@ -77,8 +81,10 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     yaml = folder / "doors.yaml"
     export(made, yaml, default_prob=0.5)
     tell(f"{yaml}: the door database in the thesis's form")
+    costmap = _costmap(made, folder / "costmap.png", middle.moment_ns)
+    tell(f"{costmap}: the doors in the middle of it, as a robot's planner would see them")
     rrd, problem = _rrd(made, folder / f"{RECORDING}.rrd")
-    return Demo(folder, path, yaml, rrd, problem, half, recorded, (first, middle, last))
+    return Demo(folder, path, yaml, costmap, rrd, problem, half, recorded, (first, middle, last))
 
 
 def shipped_recording(name: str) -> Path:
@@ -171,6 +177,13 @@ def _record(log: DoorLogWriter, entries: list[HistoryEntry], clock: _RecordingCl
         feeder.join()
     assert not problems, problems
     return recorder.recorded
+
+
+def _costmap(log: DoorLog, path: Path, at_ns: int) -> Path:
+    """Draw the costmap of a moment, with room for a robot as wide as a person."""
+    options = CostmapOptions(inflate_m=0.55, inscribed_m=0.25)
+    write_costmap(log, costmap_at(log, options, at=at_ns), path, scope=Scope(at_ns))
+    return path
 
 
 def _rrd(log: DoorLog, path: Path) -> tuple[Path | None, str]:

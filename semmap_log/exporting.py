@@ -8,9 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.costmap_files import write_costmap
+from semmap_log.costmaps import costmap_at
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
-from semmap_log.errors import CommandError, FormatError, OutputError
+from semmap_log.errors import CommandError, FormatError, OutputError, UnknownLevelError
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
@@ -22,7 +24,8 @@ from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches
 
 WRITABLE = (
-    ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun)"
+    ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun), "
+    ".pgm (a costmap, with its .yaml)"
 )
 
 
@@ -56,6 +59,7 @@ def export(
         FormatError: The name tells no format.
         MissingExtraError: The format needs a package that is not installed.
         CommandError: The format cannot hold a door; the message says what to do.
+        CostmapError: `.pgm`: there is nothing to draw, or the floor map is turned.
         OutputError: The file cannot be written; what was there is whole.
     """
     writers: dict[str, Callable[[Path], Exported]] = {
@@ -68,6 +72,8 @@ def export(
     }
     if out.parent.resolve() == log.path.resolve():
         raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+    if out.suffix == ".pgm":
+        return _ros_map(log, out, scope)  # two files, which it puts in place together
     writer = writers.get(out.suffix.lower())
     if writer is None:
         raise FormatError(out, f"its name tells no format that can be exported; known: {WRITABLE}.")
@@ -138,6 +144,16 @@ def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
     with path.open("w", encoding="utf-8") as file:
         file.writelines(dump_door_csv(rows, tz=log.info.timezone))
     return Exported(f"{len(rows)} rows")
+
+
+def _ros_map(log: DoorLog, out: Path, scope: Scope) -> Exported:
+    try:
+        costmap = costmap_at(log, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event)
+    except UnknownLevelError as error:
+        raise UnknownLevelError(f"{error} `costmap` does it, with --level.") from None
+    made = write_costmap(log, costmap, out, scope=scope)
+    left_out = tuple(f"{door.label}: {why}" for door, why in made.left_out)
+    return Exported(f"a costmap of {len(made.doors)} doors", left_out)
 
 
 def _names(door_map: DoorMap) -> dict[int, str]:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from benchmark.case import Case, Measured, Peer, Work
+from benchmark.made_building import ROOM, WALL, made_building
 from benchmark.moments import moments
 from benchmark.patrol import START_NS, STEP_NS, patrol
 from benchmark.plain_fold import PlainFold, plain_answer, plain_answers
@@ -23,7 +24,7 @@ from benchmark.worker import PeerFailedError, measure
 TOOLS = Path(__file__).parents[1] / "tools"
 ROWS = {
     "append": 3, "fold": 3, "now": 1, "moment": 3, "history": 1, "day": 1, "open": 3, "import": 2,
-    "start": 2,
+    "costmap": 4, "start": 2,
 }  # fmt: skip
 MIB = 2**20
 
@@ -136,6 +137,19 @@ def test_a_few_moments_lie_as_evenly_as_all() -> None:
     few = [(at_ns - START_NS) / (1000 * STEP_NS) for at_ns in moments(1000)[:7]]
 
     assert [n / 8 for n in range(1, 8)] == sorted(few)
+
+
+def test_a_small_building_is_a_corner_of_a_large_one() -> None:
+    """
+    What a slow peer is given of the costmap is as full as the whole: the same rooms, doors apart.
+    """
+    small, large = made_building(1000), made_building(2000)
+    room = slice(WALL, ROOM[1]), slice(WALL, ROOM[0])
+    walls = {(round(line.x, 6), round(line.y, 6)) for line in large.doors.values()}
+
+    assert (small.costs[room] == large.costs[room]).all()
+    assert {(round(line.x, 6), round(line.y, 6)) for line in small.doors.values()} < walls
+    assert (31, 142) == (len(small.doors), len(large.doors))
 
 
 def _grown(promise: str, *seconds: float) -> list[Result]:

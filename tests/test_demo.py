@@ -27,6 +27,7 @@ def test_it_records_what_the_recording_holds(tmp_path: Path) -> None:
         assert [d.state for d in theirs.doors.values()] == [d.state for d in ours.doors.values()]
     assert made.copied + made.recorded == log.replay().event + 1
     assert made.yaml.read_text().startswith("1:\n  position:\n")
+    assert made.costmap.read_bytes().startswith(b"\x89PNG")
     assert [False] == list({door_map.event == -1 for door_map in made.moments})
 
 

@@ -32,7 +32,7 @@ ORDER = [
     {"opening", "summary", "costmaps"},
     {"formats"},
     {"views"},
-    {"importing", "exporting", "costmap_recording", "live"},
+    {"importing", "exporting", "live"},
     {"demo"},
     {"cli"},
     {"__main__"},

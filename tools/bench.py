@@ -1,6 +1,6 @@
 """Measure what we promise beside what others reach: one table, from one run.
 
-    python tools/bench.py                                   all of it, about five minutes
+    python tools/bench.py                                   all of it, about seven minutes
     python tools/bench.py --only append,fold                a part
     python tools/bench.py --events 10000 10000000 --json    other sizes, for machines
     python tools/bench.py --only fold,moment --events 10_000 1_000_000 --plot bench.svg
@@ -23,6 +23,7 @@ from types import FrameType
 
 from benchmark.appending import append_cases
 from benchmark.case import Case
+from benchmark.costmap_cases import costmap_cases
 from benchmark.folding import SMALL, fold_cases, now_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
@@ -41,7 +42,7 @@ SIZED = {
     "day": day_cases, "open": open_cases, "import": import_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
-GROUPS = ("append", *SIZED, "start")
+GROUPS = ("append", *SIZED, "costmap", "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -64,7 +65,7 @@ def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
     from benchmark.table import show
 
     if args.plot:
-        pass  # said now, not after five minutes
+        pass  # said now, not after seven minutes
     if file_system(shop.folder) in ("tmpfs", "ramfs"):
         print("bench: this folder is in memory: a sync costs nothing here, and the figures for "
               "append and for what is cold mean nothing; choose another with --dir",
@@ -105,6 +106,8 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
         shop.clear()
     if "open" in args.only:
         yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
+    if "costmap" in args.only:
+        yield from costmap_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "start" in args.only:
         yield from start_cases(args.rounds)
     shop.look()

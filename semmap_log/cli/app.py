@@ -10,6 +10,7 @@ from semmap_log.cli import (
     add,
     annotate,
     compact,
+    costmap,
     demo,
     diff,
     export,
@@ -91,6 +92,7 @@ app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
 app.command("timeline", short_help="Show when a door was open, when closed.")(timeline.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)
+app.command("costmap", short_help="Draw the doors into a costmap.")(costmap.run)
 app.command("info", short_help="Show what a log holds.")(info.run)
 app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
 app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)

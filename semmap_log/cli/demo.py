@@ -45,6 +45,7 @@ def run(
         f"\nMade in {made.folder}:\n"
         f"  {made.log.name}/      the log: {made.copied} events copied, {made.recorded} recorded\n"
         f"  {made.yaml.name}   the doors, for the thesis's server\n"
+        f"  {made.costmap.name}  the costmap in the middle of it\n"
         f"  {picture}"
     )
     if made.rrd_problem:
@@ -56,6 +57,7 @@ def run(
         f"  {program} history {made.log} -n 10\n"
         f'  {program} replay {made.log} --at "{noon}"\n'
         f'  {program} diff {made.log} "2h ago" now\n'
+        f"  {program} costmap {made.log} now.png --inflate 0.5\n"
         f"  {program} view {made.log}"
     )
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -172,6 +172,12 @@ def drawn(geometry: GridGeometry, doors: Mapping[Id, DoorLine]) -> NDArray[np.ui
     costs = np.array([line.cost for line in ascending.values()], np.uint8)
     grid.reshape(-1)[cells] = costs[owner]  # of several values for a cell the last stays
     return grid
+
+
+def are_on_map(geometry: GridGeometry, lines: Sequence[DoorLine]) -> NDArray[np.bool_]:
+    """Tell of each line whether at least one of its cells lies on the map."""
+    owner, _ = cells_of(geometry, dict(enumerate(lines)))
+    return np.isin(np.arange(len(lines)), owner)
 
 
 def cells_of(

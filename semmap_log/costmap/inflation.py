@@ -19,6 +19,8 @@ from semmap_log.costmap.door_layer import DoorLayer
 from semmap_log.costmap.grid import GridGeometry, Window
 from semmap_log.errors import CostmapError
 
+MOST_REACH = 1500
+"""Cells: its tables, one entry for each place within reach, take 0.8 GB then."""
 SURROUNDINGS = 1024
 """So many are remembered: a door that opens and closes finds the same ones again and again."""
 MOST_REMEMBERED_CELLS = 2**15
@@ -38,7 +40,7 @@ class InflationLayer:
             (the thesis's wish, 2.2.2). The doors' own cells stay as they are.
 
     Raises:
-        CostmapError: A number is negative or not finite.
+        CostmapError: A number is negative or not finite, or the radius is beyond `MOST_REACH`.
     """
 
     def __init__(
@@ -57,6 +59,11 @@ class InflationLayer:
         cells = math.ceil(radius / geometry.resolution)
         self.reach = min(cells, sum(geometry.shape))
         """Cells: a change concerns those so far away from it, at most the whole map."""
+        if self.reach > MOST_REACH:
+            raise CostmapError(
+                f"inflation's radius: expected at most {MOST_REACH:,} cells "
+                f"({MOST_REACH * geometry.resolution:g} m), got {radius:g} m"
+            )
         self._geometry = geometry
         self._around = around
         self._inflate_unknown = inflate_unknown

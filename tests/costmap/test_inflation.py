@@ -181,3 +181,13 @@ def test_inscribed_cells_show_where_nothing_is_known() -> None:
         assert [LETHAL, INSCRIBED, INSCRIBED] == row[10:13]
         assert inflate_unknown == (NO_INFORMATION != row[13])
         assert NO_INFORMATION == row[16]
+
+
+def test_a_radius_that_no_table_can_hold() -> None:
+    """
+    A kilometre on a great map is an error; on a small one nothing lies beyond the map.
+    """
+    with pytest.raises(CostmapError, match=r"at most 1,500 cells \(75 m\), got 1000 m"):
+        InflationLayer(GridGeometry(4000, 4000, 0.05), 1000.0)
+
+    assert 100 == InflationLayer(GridGeometry(60, 40, 0.05), 1000.0).reach

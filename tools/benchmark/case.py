@@ -60,6 +60,8 @@ class Case:
     """A peer's turns in a round end after this time: slow ones take fewer."""
     has_memory: bool = True
     """Whether the memory of the peer's process says something."""
+    memory_promise: bool = True
+    """Whether we promise to stay below `promises.MEMORY_MB`: not where a map is that large."""
     events: int | None = None
     """How many events the log holds; None: that does not matter."""
     warms_up: bool = True

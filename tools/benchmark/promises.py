@@ -65,7 +65,8 @@ def speed_kept(measured: Measured, peers: Sequence[Measured]) -> bool | None:
 
 def memory_kept(case: Case, measured: Measured) -> bool | None:
     """Tell whether we stayed below `MEMORY_MB`; None: that is not asked."""
-    if not (case.has_memory and measured.peer.name.startswith(OURS)) or measured.problem:
+    asked = case.has_memory and case.memory_promise and measured.peer.name.startswith(OURS)
+    if not asked or measured.problem:
         return None
     return measured.peak_bytes < MEMORY_MB * MB
 

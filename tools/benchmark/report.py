@@ -14,7 +14,7 @@ from benchmark.case import Case, Measured
 from benchmark.promises import Result, growths, is_kept, memory_kept, speed_kept, times_of
 
 PACKAGES = ("semmap-log", "numpy", "zstandard", "mcap", "mcap-ros2-support", "rosbags", "duckdb",
-            "pyarrow")  # fmt: skip
+            "pyarrow", "scipy", "scikit-image")  # fmt: skip
 
 NOTES = """\
 Medians of n turns, taken by the peers in rounds (A B A B; slow ones take fewer turns a round); a \
@@ -35,6 +35,13 @@ with zstd, sorted by number; SQLite with nine indexes, one for each question. Th
 All read from the page cache, but for Moment, cold: opened anew, its pages dropped; read: what \
 came from the disk, of the whole; the kernel reads more than it is asked for (read-ahead).
 One day: a 365th of the log's time. append: commits are given as event objects, as bytes, as rows.
+Costmap: a made-up building with up to 500 doors, cells of 0.05 m, inflation of 0.55 m, from \
+nothing to the master. plain Python: the thesis's and noetic's loops over cells, on a corner of \
+the map, scaled by area. scipy: costs by exact distances, never less than noetic's. skimage: \
+draw.line, with the same ends and as many cells. A door's change: met for the first time; seen \
+before: one that the door has made already, large map. plain Python redraws the door's \
+surroundings as noetic does, which is not always what the whole map would give; here it is. A \
+day: from the log on disk; the opening is part of it.
 """.splitlines()
 
 

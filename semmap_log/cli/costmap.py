@@ -1,0 +1,217 @@
+"""`costmap`: the doors of a moment as a costmap."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semmap_log.cli.common import (
+    AsJson,
+    At,
+    KnownAt,
+    LogPath,
+    UpToEvent,
+    print_json,
+    refuse_nan,
+    say,
+)
+
+if TYPE_CHECKING:
+    from semmap_log.costmap_files import Part
+    from semmap_log.costmaps import Costmap
+    from semmap_log.doors import Door
+
+
+MOST_NAMED = 3
+"""So many of the doors that are left out for one reason are named; --json has all."""
+
+
+class Layer(str, Enum):
+    """Which grid of the costmap, as typer wants its choices."""
+
+    master = "master"
+    door = "door"
+
+
+class By(str, Enum):
+    """`semmap_log.projections.door_layer.By`, as typer wants its choices."""
+
+    state = "state"
+    belief = "belief"
+
+
+class Rules(str, Enum):
+    """`semmap_log.costmap.map_rules.RulesName`, as typer wants its choices."""
+
+    nav2 = "nav2"
+    nav2_humble = "nav2_humble"
+    noetic = "noetic"
+
+
+def run(
+    log: LogPath,
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The file; its name tells the format.")
+    ],
+    *,
+    at: At = None,
+    known_at: KnownAt = None,
+    event: UpToEvent = None,
+    level: Annotated[str | None, typer.Option(help="Level, by number or name.")] = None,
+    floor_map: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.YAML", help="The floor; default: the log's own."),
+    ] = None,
+    rules: Annotated[
+        Rules | None, typer.Option("--rules", help="As which map_server to read --map; nav2.")
+    ] = None,
+    layer: Annotated[
+        Layer | None,
+        typer.Option("--layer", help="All together (default), or the doors without floor."),
+    ] = None,
+    keepout: Annotated[
+        bool, typer.Option("--keepout", help="A mask of closed doors for Nav2's keepout filter.")
+    ] = False,
+    by: Annotated[
+        By, typer.Option("--by", help="What doors cost: by their state, or by P(open).")
+    ] = By.state,
+    inflate: Annotated[
+        float,
+        typer.Option("--inflate", metavar="M", help="Reach of costs around obstacles, metres."),
+    ] = 0.0,
+    door_inflate: Annotated[
+        float,
+        typer.Option("--door-inflate", metavar="M", help="The same around doors that may close."),
+    ] = 0.0,
+    scaling: Annotated[
+        float | None,
+        typer.Option("--scaling", metavar="S", help="How fast costs fall off, 1/m; default: 10."),
+    ] = None,
+    inscribed: Annotated[
+        float | None,
+        typer.Option("--inscribed", metavar="M", help="The robot's inscribed radius, metres."),
+    ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option("--resolution", metavar="M", help="Without a floor: metres a cell; 0.05."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Draw the doors of a moment into a costmap, cell for cell as ROS's costmap_2d would.
+
+    A closed door is lethal, an open one free (it cuts its opening into a wall), any other shows
+    what is below it. Without a floor map, in the log or by --map, the grid lies around the doors.
+    Files are written whole or not at all; old ones of that name are replaced at once.
+
+    \b
+    Formats, by the file's name:
+      .yaml, .pgm   a ROS map for map_server and Nav2, both files; its values are those that
+                    costmap_2d publishes (0..100, unknown -1)
+      .png          a picture for people
+      .npy          the costs: uint8 (height, width), row 0 at the lowest y;
+                    0 free, 253 inscribed, 254 lethal, 255 unknown
+
+    \b
+    Examples:
+      semmap-log costmap office office.png --inflate 0.55 --inscribed 0.2
+      semmap-log costmap office map.yaml --at "yesterday 14:00"
+      semmap-log costmap clinic L2.npy --level L2 --layer door
+      semmap-log costmap office keepout.yaml --keepout
+      semmap-log costmap office office.png --by belief --inflate 0.3 --door-inflate 0.8
+    """
+    import semmap_log as sl
+    from semmap_log.costmap_files import write_costmap
+    from semmap_log.costmaps import CostmapOptions, costmap_at
+    from semmap_log.formats.costmap_json import costmap_to_json
+    from semmap_log.formats.map_server import read_map
+
+    refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
+               resolution=resolution)  # fmt: skip
+    part = _part(layer, keepout=keepout)
+    inflates = inflate != 0 or door_inflate != 0
+    _refuse_useless(part, inflates=inflates, scaling=scaling, inscribed=inscribed)
+    opened = sl.read(log)
+    options = CostmapOptions(
+        level=level,
+        by=by.value,
+        inflate_m=inflate,
+        door_inflate_m=door_inflate,
+        scaling=10.0 if scaling is None else scaling,
+        inscribed_m=inscribed or 0.0,
+        resolution=0.05 if resolution is None else resolution,
+    )
+    floor = None
+    if floor_map is not None:
+        floor = read_map(floor_map, rules=(rules or Rules.nav2).value)
+    elif rules is not None:
+        raise typer.BadParameter("how to read --map, which is not given", param_hint="--rules")
+    scope = opened.scope(at, known_at, event)
+    costmap = costmap_at(
+        opened, options, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event, floor=floor
+    )
+    if costmap.floor is not None and resolution is not None:
+        raise typer.BadParameter(
+            f"the floor map has cells of {costmap.floor.resolution:.4g} m; leave the option out",
+            param_hint="--resolution",
+        )
+    made = write_costmap(opened, costmap, out, part, scope=scope)
+    if as_json:
+        print_json(
+            costmap_to_json(
+                costmap, made.doors, made.left_out, part=part, files=made.files, scope=scope
+            )
+        )
+        return
+    _tell_left_out(made.left_out)
+    if costmap.floor is None:
+        say("no floor map then: the grid lies around the doors; another: --map MAP.YAML")
+    say(f"{', '.join(map(str, made.files))}: {_told(costmap, made.doors)}")
+
+
+def _part(layer: Layer | None, *, keepout: bool) -> Part:
+    if keepout and layer is Layer.master:
+        raise typer.BadParameter("a mask shows doors only; leave one out", param_hint="--keepout")
+    return "keepout" if keepout else "door" if layer is Layer.door else "master"
+
+
+def _refuse_useless(
+    part: Part, *, inflates: bool, scaling: float | None, inscribed: float | None
+) -> None:
+    """Refuse options that would change nothing: somebody meant something by them."""
+    if part != "master" and inflates:
+        raise typer.BadParameter(
+            "costs around obstacles are in the master only; leave it out",
+            param_hint="--inflate, --door-inflate",
+        )
+    if not inflates and not (scaling is inscribed is None):
+        raise typer.BadParameter(
+            "how costs fall off; how far they reach is --inflate or --door-inflate",
+            param_hint="--scaling, --inscribed",
+        )
+
+
+def _tell_left_out(left_out: Sequence[tuple[Door, str]]) -> None:
+    """Say a line for each reason, with the first of the doors."""
+    reasons = dict.fromkeys(why for _, why in left_out)
+    for reason in reasons:
+        doors = [door.label for door, why in left_out if why == reason]
+        more = ", …" if len(doors) > MOST_NAMED else ""
+        named = ", ".join(doors[:MOST_NAMED])
+        say(f"left out: {len(doors)} door{'s' * (len(doors) > 1)} {reason}: {named}{more}")
+
+
+def _told(costmap: Costmap, doors: Sequence[Door]) -> str:
+    """Return what was drawn: cells, and doors by their state."""
+    geometry = costmap.geometry
+    states = Counter(door.state.name.lower() for door in doors)
+    by_state = ", ".join(f"{count} {state}" for state, count in sorted(states.items()))
+    plural = "" if len(doors) == 1 else "s"
+    return (
+        f"{geometry.width:,} x {geometry.height:,} cells of {geometry.resolution:.4g} m, "
+        f"{len(doors)} door{plural}" + (f" ({by_state})." if doors else ".")
+    )

@@ -1,0 +1,353 @@
+"""`costmap` as a person types it: the files, what it says of them, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import semmap_log as sl
+from semmap_log.cli import main
+from semmap_log.events import FloorMap, LevelAdded
+from semmap_log.formats.map_server import read_map
+
+Run = Callable[..., tuple[int, str, str]]
+
+FREE, INSCRIBED, LETHAL, UNKNOWN = 0, 253, 254, 255
+EIGHT_NS = 1_772_352_000 * 10**9
+"""1 March 2026, 08:00 UTC."""
+FLOOR = np.zeros((30, 40), np.int8)
+FLOOR[10] = 100  # a wall along y = 1.0..1.1 m
+FLOOR[25:] = -1
+
+
+def floor(level: int = 0, **values: float) -> FloorMap:
+    """Return a floor plan that was there before the doors."""
+    placed = {"resolution": float(np.float32(0.1)), "origin_x": 0.0, "origin_y": 0.0, **values}
+    return FloorMap(level=level, cells=FLOOR, happened_ns=EIGHT_NS, **placed)
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a verb beside a log `office`: a floor with a wall, and doors of all sorts in it."""
+    monkeypatch.chdir(tmp_path)
+    at = "2026-03-01T08:00"
+    wall = {"y": 1.05, "theta": 0.0, "width": 0.5, "at": at}
+    with sl.create("office", tz="UTC") as log:
+        log.append([floor()])
+        front = log.add_door(x=0.55, name="front", state="closed", **wall)
+        log.add_door(x=1.55, name="back", state="open", prob_open=0.75, **wall)
+        log.add_door(x=2.55, name="side", state="unknown", **wall)
+        log.add_door(name="button", at=at)
+        log.add_door(x=90.0, name="shed", state="closed", **wall)
+        log.observe(front, "open", at="2026-03-01T09:00")
+    with sl.create("nothing", tz="UTC"):
+        pass
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = 0
+        try:
+            main([str(argument) for argument in arguments])
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else 1
+        return (code, *capsys.readouterr())
+
+    return run
+
+
+def row_of_wall(name: str) -> list[int]:
+    """The wall's cells: of each door the second, then one of the wall itself."""
+    costs = np.load(name)
+    return [int(costs[10, x]) for x in (6, 16, 26, 36)]
+
+
+def test_costs_at_a_moment(run: Run) -> None:
+    """
+    A closed door is lethal, an open one cuts through the wall, an unknown one shows the wall.
+    """
+    before = run("costmap", "office", "before.npy", "--at", "2026-03-01T08:30")
+    after = run("costmap", "office", "after.npy")
+
+    assert (0, 0) == (before[0], after[0])
+    assert [LETHAL, FREE, LETHAL, LETHAL] == row_of_wall("before.npy")
+    assert [FREE, FREE, LETHAL, LETHAL] == row_of_wall("after.npy")
+    costs = np.load("after.npy")
+    assert ((30, 40), np.uint8) == (costs.shape, costs.dtype)
+    assert [FREE, UNKNOWN] == [costs[0, 0], costs[29, 0]]  # the first row is the lowest y
+
+
+def test_it_says_what_it_drew_and_what_not(run: Run) -> None:
+    """
+    To people on stderr, nothing on stdout; --json has every door.
+    """
+    code, out, err = run("costmap", "office", "now.npy")
+
+    assert (0, "") == (code, out)
+    assert [
+        "left out: 1 door without a place: button",
+        "left out: 1 door off the map: shed",
+        "now.npy: 40 x 30 cells of 0.1 m, 3 doors (2 open, 1 unknown).",
+    ] == err.splitlines()
+
+
+def test_the_same_as_json(run: Run) -> None:
+    """
+    One document: files, moment, grid, doors with their costs, and why others are left out.
+    """
+    code, out, err = run("costmap", "office", "now.yaml", "--at", "2026-03-01T08:30", "--json")
+
+    said = json.loads(out)
+    assert (0, "") == (code, err)
+    assert ["now.yaml", "now.pgm"] == said["files"]
+    assert ("master", "2026-03-01T08:30:00.000000000Z") == (said["layer"], said["at"])
+    assert (40, 30, True) == (said["width"], said["height"], said["has_floor"])
+    assert [("front", "CLOSED", 254), ("back", "OPEN", 0), ("side", "UNKNOWN", 255)] == [
+        (door["name"], door["state"], door["cost"]) for door in said["doors"]
+    ]
+    assert [("button", "without a place"), ("shed", "off the map")] == [
+        (door["name"], door["why"]) for door in said["left_out"]
+    ]
+
+
+@pytest.mark.parametrize("rules", ["noetic", "nav2", "nav2_humble"])
+@pytest.mark.parametrize("out", ["now.yaml", "now.pgm"])
+def test_a_ros_map_reads_back_to_the_same_cells(run: Run, out: str, rules: str) -> None:
+    """
+    Both files, whichever is named; every server sees walls, doors, and the costs around them.
+    """
+    code, *_ = run("costmap", "office", out, "--inflate", 0.4, "--inscribed", 0.15)
+    run("costmap", "office", "now.npy", "--inflate", 0.4, "--inscribed", 0.15)
+
+    read = read_map(Path("now.yaml"), rules=rules)
+    costs = np.load("now.npy")
+    assert 0 == code
+    assert (floor().resolution, 0.0, 0.0) == (read.resolution, read.origin_x, read.origin_y)
+    for cost, value in ((FREE, 0), (INSCRIBED, 99), (LETHAL, 100), (UNKNOWN, -1)):
+        assert ((costs == cost) == (read.cells == value)).all()
+        assert (costs == cost).any()
+    assert ((costs > FREE) & (costs < INSCRIBED)).any()
+
+
+def test_doors_may_be_given_more_room_than_walls(run: Run) -> None:
+    """
+    Around a closed door costs reach further; around the wall no further than before.
+    """
+    options = ("--at", "2026-03-01T08:30", "--scaling", 1)
+    run("costmap", "office", "walls.npy", *options, "--inflate", 0.2)
+    run("costmap", "office", "doors.npy", *options, "--inflate", 0.2, "--door-inflate", 0.6)
+
+    walls, doors = np.load("walls.npy"), np.load("doors.npy")
+    front, wall = 7, 36
+    assert [FREE, FREE] == [walls[15, front], walls[15, wall]]
+    assert FREE < doors[15, front] < INSCRIBED
+    assert FREE == doors[15, wall]
+
+
+def test_the_door_layer_has_no_floor_in_it(run: Run) -> None:
+    """
+    Only doors: what they do not draw is unknown, and so is a door of unknown state.
+    """
+    code, *_ = run("costmap", "office", "doors.npy", "--layer", "door")
+
+    assert 0 == code
+    assert [FREE, FREE, UNKNOWN, UNKNOWN] == row_of_wall("doors.npy")
+    assert 12 == (np.load("doors.npy") != UNKNOWN).sum()
+
+
+def test_by_belief_a_door_costs_and_does_not_block(run: Run) -> None:
+    """
+    P(open) of 0.75 is a quarter of the dearest cost that a path may cross.
+    """
+    code, *_ = run("costmap", "office", "belief.npy", "--by", "belief")
+
+    assert 0 == code
+    assert [FREE, 63, LETHAL, LETHAL] == row_of_wall("belief.npy")
+
+
+def test_a_keepout_mask_holds_closed_doors_only(run: Run) -> None:
+    """
+    100 at the closed door, nothing said of all else: not of walls, not of open doors.
+    """
+    code, *_ = run("costmap", "office", "mask.yaml", "--keepout", "--at", "2026-03-01T08:30")
+
+    mask = read_map(Path("mask.yaml"))
+    assert 0 == code
+    assert [(10, x) for x in range(5, 11)] == list(zip(*np.nonzero(mask.cells == 100), strict=True))
+    assert {-1, 100} == set(np.unique(mask.cells).tolist())
+
+
+def test_a_picture_for_people(run: Run) -> None:
+    """
+    A PNG that shows the map larger than its cells, and is not of one colour.
+    """
+    code, *_ = run("costmap", "office", "now.png", "--inflate", 0.3)
+
+    assert 0 == code
+    with Image.open("now.png") as picture:
+        assert "PNG" == picture.format
+        assert min(picture.size) > 400
+        assert len(picture.convert("RGB").getcolors(2**24) or ()) > 10
+
+
+def test_a_level_by_number_or_name(run: Run) -> None:
+    """
+    Of several levels one must be named; the doors of the others are left out.
+    """
+    with sl.append("office") as log:
+        log.append([LevelAdded(level=1, name="attic"), floor(1)])
+        log.add_door(x=0.55, y=1.05, theta=0.0, width=0.5, level=1, state="closed", name="hatch")
+
+    unnamed = run("costmap", "office", "now.npy")
+    by_number, by_name = (
+        run("costmap", "office", f"{level}.npy", "--level", level) for level in ("1", "attic")
+    )
+
+    assert 1 == unnamed[0]
+    assert "several levels" in unnamed[2]
+    assert (0, 0) == (by_number[0], by_name[0])
+    assert "left out: 4 doors on level 0: front, back, side, …" in by_name[2]
+    assert (np.load("1.npy") == np.load("attic.npy")).all()
+    assert [LETHAL] * 4 == row_of_wall("1.npy")
+
+
+def test_another_map_than_the_log_s(run: Run) -> None:
+    """
+    --map gives the floor, read as the server that is named reads it.
+    """
+    Image.fromarray(np.full((20, 20), 254, np.uint8)).save("hall.pgm")
+    Path("hall.yaml").write_text(
+        "image: hall.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+
+    code, _, err = run("costmap", "office", "hall.npy", "--map", "hall.yaml", "--rules", "noetic")
+
+    assert 0 == code
+    assert "left out: 2 doors off the map: side, shed" in err
+    assert (20, 20) == np.load("hall.npy").shape
+    assert {FREE} == set(np.unique(np.load("hall.npy")).tolist())
+
+
+def test_without_a_floor_the_grid_lies_around_the_doors(run: Run) -> None:
+    """
+    That is said; what no door draws is unknown; cells are as large as asked for.
+    """
+    with sl.create("bare", tz="UTC") as log:
+        log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
+
+    code, _, err = run("costmap", "bare", "bare.npy", "--resolution", 0.25)
+
+    costs = np.load("bare.npy")
+    assert 0 == code
+    assert "no floor map then: the grid lies around the doors" in err
+    assert [LETHAL, UNKNOWN] == np.unique(costs).tolist()
+    assert 5 == (costs == LETHAL).sum()
+    assert "cells of 0.25 m, 1 door (1 closed)." in err
+
+
+def test_a_floor_without_doors_is_a_costmap_too(run: Run) -> None:
+    """
+    Nothing to draw in it: the walls alone.
+    """
+    with sl.append("nothing") as log:
+        log.append([floor()])
+
+    code, _, err = run("costmap", "nothing", "walls.npy")
+
+    assert 0 == code
+    assert "40 x 30 cells of 0.1 m, 0 doors." in err
+    assert [LETHAL] * 4 == row_of_wall("walls.npy")
+
+
+def test_export_makes_the_same_map(run: Run) -> None:
+    """
+    `export LOG x.pgm` is `costmap LOG x.pgm`.
+    """
+    run("costmap", "office", "a.pgm", "--at", "2026-03-01T08:30")
+    code, _, err = run("export", "office", "b.pgm", "--at", "2026-03-01T08:30")
+
+    assert 0 == code
+    assert Path("a.pgm").read_bytes() == Path("b.pgm").read_bytes()
+    assert "left out: shed: off the map" in err
+    assert Path("b.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("office", "now.tif"), 1, "now.tif: its name tells no format of a costmap; known: .yaml"),
+        (("office", "mask.png", "--keepout"), 1, "a keepout mask is a ROS map"),
+        (("office", "mask.yaml", "--keepout", "--layer", "master"), 2, "shows doors only"),
+        (("office", "now.npy", "--map", "none.yaml"), 1, "none.yaml"),
+        (("office", "now.npy", "--rules", "noetic"), 2, "how to read --map"),
+        (("office", "now.npy", "--level", "cellar"), 1, "no level 'cellar'; there are: 0"),
+        (("nothing", "now.npy"), 1, "has no floor map, and no door with a place"),
+        (("nowhere", "now.npy"), 1, "nowhere"),
+        (("office", "now.npy", "--inflate", "nan"), 2, "not a number"),
+        (("office", "now.npy", "--inflate", "-1"), 1, "inflation's radius: expected 0 or more"),
+        (("office", "now.npy", "--inflate", "inf"), 1, "inflation's radius: expected 0 or more"),
+        (("office", "now.npy", "--scaling", "3"), 2, "how far they reach is --inflate"),
+        (("office", "now.npy", "--layer", "door", "--inflate", "1"), 2, "in the master only"),
+        (("office", "now.npy", "--resolution", "0.1"), 2, "the floor map has cells of 0.1 m"),
+        (("office", "now.npy", "--resolution", "nan"), 2, "not a number"),
+        (("office", "now.npy", "--by", "chance"), 2, "chance"),
+        (("office", "office/now.npy"), 1, "lies in the log's own folder"),
+        (("office", "gone/now.npy"), 1, "gone/now.npy: could not be written"),
+        (("office", "gone/now.yaml"), 1, "gone/now.yaml: could not be written"),
+        (("office", "gone/now.png"), 1, "gone/now.png: could not be written"),
+    ],
+)
+def test_what_cannot_be_is_said(run: Run, arguments: tuple[str, ...], code: int, said: str) -> None:
+    """
+    One line, exit 1 or 2, and no file.
+    """
+    before = sorted(Path().rglob("*"))
+
+    left, out, err = run("costmap", *arguments)
+
+    assert (code, "") == (left, out)
+    assert said in " ".join(err.replace("│", " ").split())
+    assert before == sorted(Path().rglob("*"))
+
+
+@pytest.mark.parametrize("value", ["0", "-0.1", "inf"])
+def test_a_resolution_that_cannot_be(run: Run, value: str) -> None:
+    """
+    Also where there is no floor to take it from.
+    """
+    with sl.create("bare", tz="UTC") as log:
+        log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
+
+    code, _, err = run("costmap", "bare", "bare.npy", "--resolution", value)
+
+    assert 1 == code
+    assert "the resolution: expected metres a cell, above 0" in err
+
+
+def test_a_turned_floor_is_refused(run: Run) -> None:
+    """
+    A costmap's cells lie along the axes: a yaw is not left out in silence.
+    """
+    with sl.append("nothing") as log:
+        log.append([floor(origin_theta=0.1)])
+
+    code, _, err = run("costmap", "nothing", "now.npy")
+
+    assert 1 == code
+    assert "expected an origin with yaw 0, got 0.1; turn the picture" in err
+
+
+def test_an_old_file_survives_an_error(run: Run) -> None:
+    """
+    What cannot be made leaves what was there.
+    """
+    Path("now.npy").write_bytes(b"old")
+
+    code, *_ = run("costmap", "nothing", "now.npy")
+
+    assert 1 == code
+    assert b"old" == Path("now.npy").read_bytes()
