@@ -11,14 +11,14 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.commits import Note
-from semmap_log.costmap_files import write_costmap
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorMap
 from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
 from semmap_log.events import Retracted, RobotPose
-from semmap_log.exporting import export
+from semmap_log.exporting.costmap_files import write_costmap
+from semmap_log.exporting.log_files import export
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.live.event_lines import Answer, LineRecorder
 from semmap_log.projections.history import HistoryEntry

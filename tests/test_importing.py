@@ -23,7 +23,7 @@ from semmap_log.errors import (
     UnknownLevelError,
 )
 from semmap_log.events import DoorObserved, DoorUpdated
-from semmap_log.exporting import export
+from semmap_log.exporting.log_files import export
 from semmap_log.importing import ImportOptions, import_file
 
 

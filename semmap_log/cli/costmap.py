@@ -22,9 +22,9 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.costmap_files import Part
     from semmap_log.costmaps import Costmap
     from semmap_log.doors import Door
+    from semmap_log.exporting.costmap_files import Part
 
 
 MOST_NAMED = 3
@@ -125,8 +125,8 @@ def run(
       semmap-log costmap office office.png --by belief --inflate 0.3 --door-inflate 0.8
     """
     import semmap_log as sl
-    from semmap_log.costmap_files import write_costmap
     from semmap_log.costmaps import CostmapOptions, costmap_at
+    from semmap_log.exporting.costmap_files import write_costmap
     from semmap_log.formats.costmap_json import costmap_to_json
     from semmap_log.formats.map_server import read_map
 

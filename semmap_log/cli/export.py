@@ -48,7 +48,7 @@ def run(
       semmap-log export office march.parquet --at 2026-04-01
     """
     import semmap_log as sl
-    from semmap_log.exporting import export
+    from semmap_log.exporting.log_files import export
 
     opened = sl.read(log)
     scope = opened.scope(at, known_at, event)

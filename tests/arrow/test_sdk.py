@@ -11,7 +11,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import MissingExtraError
-from semmap_log.exporting import export
+from semmap_log.exporting.log_files import export
 from tests.batches import batch_of
 
 NEEDS_IT = ("sdk", "schema", "table", "history_table", "parquet", "intervals")

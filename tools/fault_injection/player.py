@@ -15,7 +15,7 @@ import semmap_log as sl
 from fault_injection.story import Act, SteadyClock, Story
 from semmap_log.appendable_log import Appended
 from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.exporting import export
+from semmap_log.exporting.log_files import export
 from semmap_log.log.compaction import compact
 
 LEVELS = ("event", "batch", "flush", "none")

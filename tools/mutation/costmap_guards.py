@@ -9,7 +9,8 @@ CASES = "tests/costmap/test_cases.py"
 LINES = "tests/costmap/test_lines.py"
 LAYERED = "tests/costmap/test_layered.py"
 INFLATION = "tests/costmap/test_inflation.py"
-OVER_TIME = "tests/test_costmaps.py"
+FRAMES = "semmap_log/costmaps/over_time.py"
+OVER_TIME = "tests/costmaps/test_over_time.py"
 
 
 def _put(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
@@ -47,9 +48,9 @@ COSTMAPS = (
          "math.ceil(radius / geometry.resolution)", "int(radius / geometry.resolution)", INFLATION),
     _put("the master is reset first", "layered.py",
          "self._master[window.slices] = self._default", "pass", LAYERED),
-    Mutant("frames in the order of happening", "semmap_log/costmaps.py",
+    Mutant("frames in the order of happening", FRAMES,
            "yield from _in_order([batch for batch in half if len(batch)])",
            "yield from [(int(b.folds_ns[0]), [b]) for b in half if len(b)]", (OVER_TIME,)),
-    Mutant("live, a retraction takes back", "semmap_log/costmaps.py", "if Retracted in batch:",
-           "if False:", (OVER_TIME,)),
+    Mutant("live, a retraction takes back", FRAMES, "if Retracted in batch:", "if False:",
+           (OVER_TIME,)),
 )  # fmt: skip

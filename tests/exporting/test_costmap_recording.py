@@ -10,9 +10,9 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.costmap.costs import to_occupancy
-from semmap_log.costmap_recording import Which, record_costmap
 from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames
 from semmap_log.errors import CostmapError, FormatError, OutputError
+from semmap_log.exporting.costmap_recording import Which, record_costmap
 from tests.conftest import SteadyClock
 from tests.formats.played import played, seen_by_rviz
 from tests.views.rerun.some_logs import SECOND, START, restless_log, room, small_log

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.costmap_files import write_costmap
 from semmap_log.costmaps import costmap_at
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
 from semmap_log.errors import CommandError, FormatError, OutputError, UnknownLevelError
+from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml

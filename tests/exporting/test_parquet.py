@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.events import Event, Retracted
-from semmap_log.exporting import export
+from semmap_log.exporting.log_files import export
 from semmap_log.log.compaction import compact
 from semmap_log.replay import Scope
 from tests.arrow.rows import row_of, rows_of, write_any
@@ -166,7 +166,7 @@ def test_a_full_disk_leaves_the_old_file_whole(tmp_path: Path) -> None:
 import resource, sys, semmap_log as sl
 from pathlib import Path
 from semmap_log.errors import OutputError
-from semmap_log.exporting import export
+from semmap_log.exporting.log_files import export
 import semmap_log.arrow.sdk
 log = sl.read(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))

@@ -11,7 +11,7 @@ import yaml
 
 import semmap_log as sl
 from semmap_log.errors import CommandError, OutputError
-from semmap_log.exporting import export
+from semmap_log.exporting.log_files import export
 from semmap_log.importing import import_file
 
 
@@ -71,7 +71,7 @@ def test_a_full_disk_leaves_the_old_file_whole(name: str, tmp_path: Path) -> Non
 import resource, sys, semmap_log as sl
 from pathlib import Path
 from semmap_log.errors import OutputError
-from semmap_log.exporting import export
+from semmap_log.exporting.log_files import export
 log = sl.read(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))
 try:
