@@ -32,6 +32,7 @@ ORDER = [
     {"opening", "summary", "costmaps"},
     {"formats"},
     {"views"},
+    {"costmap_files", "costmap_recording"},
     {"importing", "exporting", "live"},
     {"demo"},
     {"cli"},
