@@ -32,7 +32,6 @@ ORDER = [
     {"opening", "summary", "costmaps"},
     {"formats"},
     {"views"},
-    {"costmap_files", "costmap_recording"},
     {"importing", "exporting", "live"},
     {"demo"},
     {"cli"},

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,14 +18,18 @@ from semmap_log.cli.common import (
     LogPath,
     UpToEvent,
     print_json,
+    progress,
     refuse_nan,
     say,
 )
 
 if TYPE_CHECKING:
-    from semmap_log.costmaps import Costmap
+    from semmap_log.costmaps import Costmap, CostmapOptions
+    from semmap_log.door_log import DoorLog, Time
     from semmap_log.doors import Door
+    from semmap_log.events import FloorMap
     from semmap_log.exporting.costmap_files import Part
+    from semmap_log.exporting.costmap_recording import RecordedCostmap
 
 
 MOST_NAMED = 3
@@ -100,6 +105,21 @@ def run(
         float | None,
         typer.Option("--resolution", metavar="M", help="Without a floor: metres a cell; 0.05."),
     ] = None,
+    since: Annotated[
+        str | None,
+        typer.Option("--since", metavar="TIME", help="A bag's first moment; or T1..T2."),
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option("--until", metavar="TIME", help="A bag's last moment.")
+    ] = None,
+    every: Annotated[
+        float | None,
+        typer.Option("--every", metavar="S", help="Whole grids at most so often; 60. 0: always."),
+    ] = None,
+    updates: Annotated[
+        bool | None,
+        typer.Option("--updates/--no-updates", help="Each change as an update, too (default)."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Draw the doors of a moment into a costmap, cell for cell as ROS's costmap_2d would.
@@ -115,6 +135,9 @@ def run(
       .png          a picture for people
       .npy          the costs: uint8 (height, width), row 0 at the lowest y;
                     0 free, 253 inscribed, 254 lethal, 255 unknown
+      .mcap, .bag   over time, for players (RViz, Foxglove, rerun): nav_msgs/OccupancyGrid
+                    on /semmap/costmap, and what changed on /semmap/costmap_updates;
+                    without an extension: the same as a rosbag2 folder
 
     \b
     Examples:
@@ -123,18 +146,25 @@ def run(
       semmap-log costmap clinic L2.npy --level L2 --layer door
       semmap-log costmap office keepout.yaml --keepout
       semmap-log costmap office office.png --by belief --inflate 0.3 --door-inflate 0.8
+      semmap-log costmap office day.mcap --since 08:00 --until 18:00 --inflate 0.4
     """
     import semmap_log as sl
     from semmap_log.costmaps import CostmapOptions, costmap_at
     from semmap_log.exporting.costmap_files import write_costmap
+    from semmap_log.formats.bags import tells_a_bag
     from semmap_log.formats.costmap_json import costmap_to_json
     from semmap_log.formats.map_server import read_map
 
     refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
-               resolution=resolution)  # fmt: skip
+               resolution=resolution, every=every)  # fmt: skip
     part = _part(layer, keepout=keepout)
     inflates = inflate != 0 or door_inflate != 0
     _refuse_useless(part, inflates=inflates, scaling=scaling, inscribed=inscribed)
+    of_a_moment = {"--at": at, "--known-at": known_at, "--event": event,
+                   "--keepout": keepout or None}  # fmt: skip
+    over_time = {"--since": since, "--until": until, "--every": every, "--updates": updates}
+    is_bag = tells_a_bag(out)
+    _refuse_given(of_a_moment if is_bag else over_time, out, is_bag=is_bag)
     opened = sl.read(log)
     options = CostmapOptions(
         level=level,
@@ -150,6 +180,14 @@ def run(
         floor = read_map(floor_map, rules=(rules or Rules.nav2).value)
     elif rules is not None:
         raise typer.BadParameter("how to read --map, which is not given", param_hint="--rules")
+    if is_bag:
+        span = opened.span(since) if since and ".." in since else (since, until)
+        done = _record(
+            opened, out, options, span, layer=layer or Layer.master,
+            every=60.0 if every is None else every, updates=updates is not False, floor=floor,
+        )  # fmt: skip
+        _say_recorded(out, done, as_json=as_json)
+        return
     scope = opened.scope(at, known_at, event)
     costmap = costmap_at(
         opened, options, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event, floor=floor
@@ -171,6 +209,41 @@ def run(
     if costmap.floor is None:
         say("no floor map then: the grid lies around the doors; another: --map MAP.YAML")
     say(f"{', '.join(map(str, made.files))}: {_told(costmap, made.doors)}")
+
+
+def _record(
+    log: DoorLog,
+    out: Path,
+    options: CostmapOptions,
+    span: tuple[Time, Time],
+    *,
+    layer: Layer,
+    every: float,
+    updates: bool,
+    floor: FloorMap | None,
+) -> RecordedCostmap:
+    from semmap_log.exporting.costmap_recording import record_costmap
+
+    with progress("Drawing", unit="ns") as told:
+        return record_costmap(
+            log, out, options, since=span[0], until=span[1], which=layer.value, every_s=every,
+            updates=updates, floor=floor, progress=told,
+        )  # fmt: skip
+
+
+def _say_recorded(out: Path, done: RecordedCostmap, *, as_json: bool) -> None:
+    if as_json:
+        print_json({"file": str(out), **asdict(done)})
+    else:
+        say(f"{out}: {done.grids:,} grids, {done.updates:,} updates, {done.bytes / 1e6:.1f} MB.")
+
+
+def _refuse_given(options: Mapping[str, object], out: Path, *, is_bag: bool) -> None:
+    """Refuse options that mean nothing for a file of that kind."""
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        instead = "shows a range: --since, --until" if is_bag else "shows one moment: --at"
+        raise typer.BadParameter(f"{out.name} {instead}", param_hint=", ".join(given))
 
 
 def _part(layer: Layer | None, *, keepout: bool) -> Part:

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 import semmap_log as sl
 from semmap_log.cli import main
@@ -295,6 +297,13 @@ def test_export_makes_the_same_map(run: Run) -> None:
         (("office", "now.npy", "--resolution", "0.1"), 2, "the floor map has cells of 0.1 m"),
         (("office", "now.npy", "--resolution", "nan"), 2, "not a number"),
         (("office", "now.npy", "--by", "chance"), 2, "chance"),
+        (("office", "day.mcap", "--at", "08:00"), 2, "day.mcap shows a range: --since, --until"),
+        (("office", "day", "--keepout"), 2, "day shows a range: --since, --until"),
+        (("office", "now.png", "--until", "08:00"), 2, "now.png shows one moment: --at"),
+        (("office", "now.png", "--no-updates"), 2, "now.png shows one moment: --at"),
+        (("office", "day.mcap", "--every", "nan"), 2, "not a number"),
+        (("office", "gone/day.mcap"), 1, "gone/day.mcap"),
+        (("office", "office/day.mcap"), 1, "lies in the log's own folder"),
         (("office", "office/now.npy"), 1, "lies in the log's own folder"),
         (("office", "gone/now.npy"), 1, "gone/now.npy: could not be written"),
         (("office", "gone/now.yaml"), 1, "gone/now.yaml: could not be written"),
@@ -312,6 +321,28 @@ def test_what_cannot_be_is_said(run: Run, arguments: tuple[str, ...], code: int,
     assert (code, "") == (left, out)
     assert said in " ".join(err.replace("│", " ").split())
     assert before == sorted(Path().rglob("*"))
+
+
+@pytest.mark.parametrize("name", ["day.mcap", "day.bag", "day"])
+def test_a_bag_shows_it_over_time(name: str, run: Run) -> None:
+    """
+    Each change as a grid; the door that opens at nine is free from then on.
+    """
+    code, out, _ = run("costmap", "office", name, "--since", "2026-03-01T08:00..2026-03-01T10:00",
+                       "--every", "0", "--json")  # fmt: skip
+
+    said = json.loads(out)
+    assert (0, 2, 1) == (code, said["grids"], said["updates"])
+    with AnyReader([Path(name)], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+        grids = [
+            (stamp // 10**9, bag.deserialize(raw, connection.msgtype))
+            for connection, stamp, raw in bag.messages()
+            if connection.topic == "/semmap/costmap"
+        ]
+    nine = EIGHT_NS // 10**9 + 3600
+    assert [(nine - 3600, 100), (nine, 0)] == [
+        (at, grid.data.reshape(grid.info.height, grid.info.width)[10, 6]) for at, grid in grids
+    ]
 
 
 @pytest.mark.parametrize("value", ["0", "-0.1", "inf"])
