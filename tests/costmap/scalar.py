@@ -1,4 +1,4 @@
-"""The same rules as plain loops over cells: what the vectorised ones are compared with."""
+"""noetic's inflation as a plain loop over cells: what the vectorised one is compared with."""
 
 from __future__ import annotations
 
@@ -9,24 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.costmap.costs import INSCRIBED, LETHAL, NO_INFORMATION
-
-
-def line(x0: int, y0: int, x1: int, y1: int) -> Iterator[tuple[int, int]]:
-    """The loop of the thesis, Fig. 4.2."""
-    dx, dy = abs(x1 - x0), -abs(y1 - y0)
-    sx, sy = (1 if x0 < x1 else -1), (1 if y0 < y1 else -1)
-    error = dx + dy
-    while True:
-        yield x0, y0
-        if (x0, y0) == (x1, y1):
-            return
-        doubled = 2 * error
-        if doubled > dy:
-            error += dy
-            x0 += sx
-        if doubled < dx:
-            error += dx
-            y0 += sy
 
 
 def inflated(

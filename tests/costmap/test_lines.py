@@ -6,11 +6,11 @@ import itertools
 import tracemalloc
 
 import numpy as np
+from benchmark.plain_costmap import line as line_of_the_thesis
 from hypothesis import given
 from hypothesis import strategies as st
 
 from semmap_log.costmap.lines import draw_lines
-from tests.costmap import scalar
 
 CELL = st.integers(-60, 90)
 
@@ -27,7 +27,7 @@ def test_all_directions_are_the_loop_of_the_thesis() -> None:
     for row, (dx, dy) in enumerate(ends.tolist()):
         mine = drawn.line == row
         cells = list(zip(drawn.x[mine].tolist(), drawn.y[mine].tolist(), strict=True))
-        assert list(scalar.line(50, 50, 50 + dx, 50 + dy)) == cells
+        assert list(line_of_the_thesis(50, 50, 50 + dx, 50 + dy)) == cells
         assert max(abs(dx), abs(dy)) + 1 == len(cells)
 
 
@@ -38,7 +38,8 @@ def test_the_way_back_is_another_line_in_a_third_of_the_directions() -> None:
     steps = list(itertools.product(range(-40, 41), repeat=2))
 
     others = sum(
-        set(scalar.line(0, 0, dx, dy)) != set(scalar.line(dx, dy, 0, 0)) for dx, dy in steps
+        set(line_of_the_thesis(0, 0, dx, dy)) != set(line_of_the_thesis(dx, dy, 0, 0))
+        for dx, dy in steps
     )
 
     assert 2272 == others
@@ -58,7 +59,7 @@ def test_only_what_is_on_the_map_is_left(
     expected = [
         (row, x, y)
         for row, line in enumerate(lines)
-        for x, y in scalar.line(*line)
+        for x, y in line_of_the_thesis(*line)
         if 0 <= x < width and 0 <= y < height
     ]
     ends = np.array(lines, np.int64).reshape(-1, 4)
