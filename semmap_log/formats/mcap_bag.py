@@ -10,7 +10,7 @@ from typing import Any
 
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_types import RosVersion, ros_types
-from semmap_log.log.form import LIBRARY, PROFILE
+from semmap_log.log.form import LIBRARY, PROFILE, TRANSIENT_LOCAL, VOLATILE, offered_qos
 
 CHUNK_BYTES = 4 * 2**20
 """A grid in a chunk with those before it costs little more than what changed; but to show one, a
@@ -30,17 +30,8 @@ def mcap_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[_McapBag]:
 
 
 def qos_of(topic: BagTopic) -> str:
-    """Return the QoS with which players offer a topic, as rosbag2 writes it since Jazzy.
-
-    In words: from version 9 on it takes a number for an unknown policy (rosbag2_storage/qos.cpp).
-    """
-    durability = "transient_local" if topic.is_latched else "volatile"
-    infinite = "{sec: 9223372036, nsec: 854775807}"
-    return (
-        f"- {{history: keep_last, depth: 10, reliability: reliable, durability: {durability}, "
-        f"deadline: {infinite}, lifespan: {infinite}, liveliness: automatic, "
-        f"liveliness_lease_duration: {infinite}, avoid_ros_namespace_conventions: false}}"
-    )
+    """Return the QoS with which players offer a topic."""
+    return offered_qos(TRANSIENT_LOCAL if topic.is_latched else VOLATILE)
 
 
 class _McapBag:

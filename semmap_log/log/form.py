@@ -68,7 +68,7 @@ KEYFRAME_CHANNEL = 92
 FLOOR_MAP_CHANNEL = 100
 """Level 0; level n is on channel 100 + n, written before first use in each segment."""
 
-_VOLATILE, _TRANSIENT_LOCAL = 2, 1
+VOLATILE, TRANSIENT_LOCAL = "volatile", "transient_local"
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class Topic:
     schema_id: int
     topic: str
     ros_type: str
-    durability: int = _VOLATILE
-    """As rosbag2 numbers it: 1 transient local (a late subscriber gets the latest), 2 volatile."""
+    durability: str = VOLATILE
+    """As rosbag2 has it; `transient_local`: who subscribes late gets the latest."""
 
 
 def snake_case(name: str) -> str:
@@ -92,7 +92,7 @@ def floor_map_topic(level: int) -> Topic:
     """Return the channel of a level's floor map."""
     topic = "/map" if level == 0 else f"/map/{level}"
     return Topic(
-        FLOOR_MAP_CHANNEL + level, FloorMap.kind, topic, ros_type(FloorMap.kind), _TRANSIENT_LOCAL
+        FLOOR_MAP_CHANNEL + level, FloorMap.kind, topic, ros_type(FloorMap.kind), TRANSIENT_LOCAL
     )
 
 
@@ -107,9 +107,9 @@ def topics() -> tuple[Topic, ...]:
     care = [
         Topic(channel, channel, f"/semmap/{snake_case(name)}", type_name(name), durability)
         for channel, name, durability in (
-            (COMMIT_CHANNEL, "Commit", _VOLATILE),
-            (NOTE_CHANNEL, "CommitNote", _VOLATILE),
-            (KEYFRAME_CHANNEL, "Keyframe", _TRANSIENT_LOCAL),
+            (COMMIT_CHANNEL, "Commit", VOLATILE),
+            (NOTE_CHANNEL, "CommitNote", VOLATILE),
+            (KEYFRAME_CHANNEL, "Keyframe", TRANSIENT_LOCAL),
         )
     ]
     return (*events, *care, floor_map_topic(0))
@@ -140,15 +140,16 @@ def segment_name(log: Path, number: int) -> str:
     return f"{plain or 'log'}_{number:06d}.mcap"
 
 
-def offered_qos(durability: int) -> str:
-    """Return a channel's QoS as rosbag2 writes it (v9: numbers), one block for all of our topics.
+def offered_qos(durability: str) -> str:
+    """Return a channel's QoS as rosbag2 writes it, one block for all topics.
 
-    rosbags drops, in silence, a file whose channel and metadata.yaml differ here: both are
-    written from this text.
+    In words, as version 9 has it: it takes a number for an unknown policy (rosbag2_storage/qos.cpp)
+    and would play nothing. rosbags drops, in silence, a file whose channel and metadata.yaml differ
+    here: both are written from this text.
     """
     infinite = "{sec: 9223372036, nsec: 854775807}"
     return (
-        f"- {{history: 1, depth: 10, reliability: 1, durability: {durability}, "
-        f"deadline: {infinite}, lifespan: {infinite}, liveliness: 1, "
+        f"- {{history: keep_last, depth: 10, reliability: reliable, durability: {durability}, "
+        f"deadline: {infinite}, lifespan: {infinite}, liveliness: automatic, "
         f"liveliness_lease_duration: {infinite}, avoid_ros_namespace_conventions: false}}"
     )

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from mcap.reader import SeekingReader
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2.metadata import dump_qos_v9
 
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
@@ -284,3 +286,20 @@ def test_the_folder_is_a_rosbag2_without_its_live_segment(tmp_path: Path) -> Non
         [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
     )
     assert "3" == done.stdout.strip()
+
+
+def test_qos_is_in_the_words_of_rosbag2(log: Path) -> None:
+    """
+    Its version 9 takes a number for an unknown policy, and plays nothing; rosbags, which writes
+    the same words, understands them: floor maps and keyframes stay for who comes late.
+    """
+    said = yaml.safe_load((log / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    with AnyReader([log]) as reader:
+        read = {c.topic: c.ext.offered_qos_profiles for c in reader.connections}
+
+    for topic in said["topics_with_message_count"]:
+        name = topic["topic_metadata"]["name"]
+        profiles = topic["topic_metadata"]["offered_qos_profiles"]
+        assert dump_qos_v9(read[name]) == profiles
+        stays = name.startswith("/map") or name == "/semmap/keyframe"
+        assert ["transient_local" if stays else "volatile"] == [p["durability"] for p in profiles]
