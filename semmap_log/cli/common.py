@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import Enum
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,6 +46,15 @@ Since = Annotated[
 Until = Annotated[
     str | None, typer.Option("--until", metavar="TIME", help="Before then (happened time).")
 ]
+
+
+class MapServer(str, Enum):
+    """Whose reading of a map's pixels: `map_rules.RulesName`, as typer wants its choices."""
+
+    nav2 = "nav2"
+    nav2_humble = "nav2_humble"
+    noetic = "noetic"
+
 
 PROGRESS_AFTER_S = 1.0
 """Shorter work needs no bar."""

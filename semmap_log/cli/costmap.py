@@ -16,6 +16,7 @@ from semmap_log.cli.common import (
     At,
     KnownAt,
     LogPath,
+    MapServer,
     UpToEvent,
     print_json,
     progress,
@@ -50,14 +51,6 @@ class By(str, Enum):
     belief = "belief"
 
 
-class Rules(str, Enum):
-    """`semmap_log.costmap.map_rules.RulesName`, as typer wants its choices."""
-
-    nav2 = "nav2"
-    nav2_humble = "nav2_humble"
-    noetic = "noetic"
-
-
 def run(
     log: LogPath,
     out: Annotated[
@@ -72,8 +65,9 @@ def run(
         Path | None,
         typer.Option("--map", metavar="MAP.YAML", help="The floor; default: the log's own."),
     ] = None,
-    rules: Annotated[
-        Rules | None, typer.Option("--rules", help="As which map_server to read --map; nav2.")
+    map_rules: Annotated[
+        MapServer | None,
+        typer.Option("--map-rules", help="As which map_server to read --map; nav2."),
     ] = None,
     layer: Annotated[
         Layer | None,
@@ -177,9 +171,9 @@ def run(
     )
     floor = None
     if floor_map is not None:
-        floor = read_map(floor_map, rules=(rules or Rules.nav2).value)
-    elif rules is not None:
-        raise typer.BadParameter("how to read --map, which is not given", param_hint="--rules")
+        floor = read_map(floor_map, rules=(map_rules or MapServer.nav2).value)
+    elif map_rules is not None:
+        raise typer.BadParameter("how to read --map, which is not given", param_hint="--map-rules")
     if is_bag:
         span = opened.span(since) if since and ".." in since else (since, until)
         done = _record(

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, say
-
-
-class MapServer(str, Enum):
-    """Whose reading of a map's pixels."""
-
-    nav2 = "nav2"
-    nav2_humble = "nav2_humble"
-    noetic = "noetic"
+from semmap_log.cli.common import LogPath, MapServer, say
 
 
 def run(

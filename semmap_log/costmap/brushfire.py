@@ -40,7 +40,7 @@ class Brushfire:
 
     def __init__(self, reach: int) -> None:
         self._reach = reach
-        self._side = side = 2 * reach + 3  # one more on each side, that steps may leave the reach
+        side = 2 * reach + 3  # one more on each side, that steps may leave the reach
         away = np.arange(side) - (reach + 1)
         squares = away[:, None] ** 2 + away[None, :] ** 2
         self._square_at = squares.ravel()

@@ -83,13 +83,13 @@ def merged(windows: Iterable[Window]) -> list[Window]:
     """Return windows that hold the same cells and do not overlap."""
     apart: list[Window] = []
     for window in windows:
-        if not window.area:
-            continue
-        while near := [other for other in apart if window.within(other).area]:
+        grown = window
+        while near := [other for other in apart if grown.within(other).area]:
             for other in near:
-                window = window.joined(other)  # noqa: PLW2901 - it grows over what it meets
+                grown = grown.joined(other)
                 apart.remove(other)
-        apart.append(window)
+        if grown.area:
+            apart.append(grown)
     return apart
 
 

@@ -12,14 +12,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import to_occupancy
 from semmap_log.costmap.door_layer import are_on_map
 from semmap_log.costmap.keepout import keepout_mask
 from semmap_log.costmaps import Costmap
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import Door
 from semmap_log.errors import FormatError, OutputError
-from semmap_log.formats.map_server_out import write_map
+from semmap_log.formats.map_server_out import write_costs, write_map
 from semmap_log.log.disk import replace_file, whole_file
 from semmap_log.moments import format_local
 from semmap_log.replay import Scope
@@ -98,8 +97,8 @@ def _writer(out: Path, part: Part) -> Callable[[Path, _Page], tuple[Path, ...]]:
 
 
 def _ros_map(out: Path, page: _Page) -> tuple[Path, ...]:
-    occupancy = page.values if page.part == "keepout" else to_occupancy(page.values)
-    write_map(out, occupancy, page.costmap.geometry, comment=page.title)
+    write = write_map if page.part == "keepout" else write_costs
+    write(out, page.values, page.costmap.geometry, comment=page.title)
     return out.with_suffix(".yaml"), out.with_suffix(".pgm")
 
 

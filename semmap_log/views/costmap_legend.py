@@ -14,6 +14,7 @@ from semmap_log.doors import DoorState
 from semmap_log.views.costmap_shading import Rgb, shaded
 
 if TYPE_CHECKING:
+    from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
     from PIL.ImageFont import FreeTypeFont, ImageFont
 
@@ -52,13 +53,15 @@ def font(size: int) -> FreeTypeFont | ImageFont:
     return ImageFont.load_default(size)
 
 
-def draw_legend(
-    draw: ImageDraw, at: tuple[int, int], notes: list[str], *, px_a_metre: float
-) -> None:
+def draw_legend(canvas: Image, at: tuple[int, int], notes: list[str], *, px_a_metre: float) -> None:
     """Draw it from its upper left corner down; the notes stand below."""
+    from PIL.ImageDraw import Draw
+
+    draw = Draw(canvas)
     x, y = at
     for cost, text in _SHADES:
-        _draw_swatch(draw, (x, y), cost)
+        canvas.paste(_swatch(cost), (x, y))
+        draw.rectangle((x, y, x + _SWATCH[0] - 1, y + _SWATCH[1] - 1), outline=INK)
         draw.text((x + _SWATCH[0] + 10, y + _SWATCH[1] / 2), text, INK, font(14), anchor="lm")
         y += _LINE_PX
     y += 6
@@ -136,15 +139,13 @@ def in_metres(length: float) -> str:
     return f"{length * 100:g} cm" if length >= 0.01 else f"{length * 1000:g} mm"
 
 
-def _draw_swatch(draw: ImageDraw, at: tuple[int, int], cost: int | None) -> None:
-    """Draw a sample of a cost; None: of all costs of inflation, the dear to the right."""
-    from PIL import Image
+def _swatch(cost: int | None) -> Image:
+    """Return a sample of a cost; None: of all costs of inflation, the dear to the right."""
+    from PIL.Image import fromarray
 
     width, height = _SWATCH
     costs = np.linspace(1, 252, width) if cost is None else np.full(width, cost)
-    sample = shaded(np.tile(costs.astype(np.uint8), (height, 1)), 1)
-    draw._image.paste(Image.fromarray(sample), at)  # noqa: SLF001 - draw has no other way to paste
-    draw.rectangle((at[0], at[1], at[0] + width - 1, at[1] + height - 1), outline=INK)
+    return fromarray(shaded(np.tile(costs.astype(np.uint8), (height, 1)), 1))
 
 
 def _draw_scale_bar(draw: ImageDraw, at: tuple[int, int], px_a_metre: float) -> None:

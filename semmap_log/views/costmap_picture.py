@@ -101,7 +101,7 @@ def costmap_png(
     head = fitted(draw, drawable(title or "costmap"), room, 20)
     draw.text((MARGIN_PX, 14), head, INK, font(20))
     x = MARGIN_PX + view.width + MARGIN_PX // 2
-    draw_legend(draw, (x, MARGIN_PX), below_legend, px_a_metre=view.px_a_metre)
+    draw_legend(canvas, (x, MARGIN_PX), below_legend, px_a_metre=view.px_a_metre)
     for column in beside:
         x += LEGEND_PX
         draw_notes(draw, (x, MARGIN_PX), column)

@@ -226,7 +226,9 @@ def test_another_map_than_the_log_s(run: Run) -> None:
         "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
     )
 
-    code, _, err = run("costmap", "office", "hall.npy", "--map", "hall.yaml", "--rules", "noetic")
+    code, _, err = run(
+        "costmap", "office", "hall.npy", "--map", "hall.yaml", "--map-rules", "noetic"
+    )
 
     assert 0 == code
     assert "left out: 2 doors off the map: side, shed" in err
@@ -285,7 +287,7 @@ def test_export_makes_the_same_map(run: Run) -> None:
         (("office", "mask.png", "--keepout"), 1, "a keepout mask is a ROS map"),
         (("office", "mask.yaml", "--keepout", "--layer", "master"), 2, "shows doors only"),
         (("office", "now.npy", "--map", "none.yaml"), 1, "none.yaml"),
-        (("office", "now.npy", "--rules", "noetic"), 2, "how to read --map"),
+        (("office", "now.npy", "--map-rules", "noetic"), 2, "how to read --map"),
         (("office", "now.npy", "--level", "cellar"), 1, "no level 'cellar'; there are: 0"),
         (("nothing", "now.npy"), 1, "has no floor map, and no door with a place"),
         (("nowhere", "now.npy"), 1, "nowhere"),
