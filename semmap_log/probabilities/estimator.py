@@ -1,0 +1,45 @@
+"""What an estimator is: it learns from evidence, and makes forecasts of any time.
+
+Every forecast has two times: the one it is of, and the one up to which evidence counts. So one
+object answers what was known then, an evaluation asks for a million pairs at once, and what is
+recorded later changes none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId
+from semmap_log.probabilities.evidence import DoorEvidence
+from semmap_log.probabilities.forecast import Forecast
+from semmap_log.probabilities.local_clock import LocalClock
+
+Times = NDArray[np.int64]
+
+
+class Learnt(Protocol):
+    """What was learnt from the evidence about the doors of a log."""
+
+    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return how likely the door is open.
+
+        Args:
+            door_id: Any; of a door without evidence nothing is known.
+            times_ns: (n,), of each forecast.
+            known_ns: (n,), of each: only what had happened by then counts.
+        """
+
+
+class Estimator(Protocol):
+    """A method; its settings are its fields, and the same evidence gives the same forecasts."""
+
+    @property
+    def name(self) -> str:
+        """What the command line calls it."""
+
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> Learnt:
+        """Return what the evidence teaches; the work may wait until it is asked for."""

@@ -1,0 +1,51 @@
+"""What an estimator says: P(open) at some times, how sure it is, and whether it knows at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Probabilities = NDArray[np.float64]
+
+LEAST, MOST = 0.001, 0.999
+"""No forecast is surer than that: a log-loss stays finite, and a surprise possible."""
+INTERVAL = 0.9
+"""How often the true frequency shall lie between `low` and `high`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """P(open) of one door at n times; the columns are as long as there are times."""
+
+    p_open: Probabilities
+    """(n,), between `LEAST` and `MOST`."""
+    low: Probabilities
+    """(n,), lower end of the credible interval of `INTERVAL`."""
+    high: Probabilities
+    """(n,), its upper end."""
+    is_known: NDArray[np.bool_]
+    """(n,), False: the evidence is below the stated amount, and `p_open` is what doors are like
+    of which nothing is known."""
+
+    @classmethod
+    def of(
+        cls,
+        p_open: Probabilities,
+        low: Probabilities,
+        high: Probabilities,
+        is_known: NDArray[np.bool_],
+    ) -> Forecast:
+        """Return a forecast with its bounds kept: LEAST <= low <= p_open <= high <= MOST."""
+        p_open = np.clip(p_open, LEAST, MOST)
+        low, high = np.clip(low, LEAST, p_open), np.clip(high, p_open, MOST)
+        return cls(p_open, low, high, is_known)
+
+    def __len__(self) -> int:
+        return len(self.p_open)
+
+    @property
+    def p_closed(self) -> Probabilities:
+        """(n,), 1 - P(open): a door in between counts as neither, and is no evidence."""
+        return 1.0 - self.p_open
