@@ -70,7 +70,7 @@ class LocalClock:
             while offsets[-1] != self._offset_at(end_s):
                 change = bisect_left(
                     range(starts[-1] if day == first_day else day * DAY_S, end_s),
-                    True,  # noqa: FBT003 - what is searched
+                    True,
                     key=lambda second: self._offset_at(second) != offsets[-1],
                 )
                 start_s = (starts[-1] if day == first_day else day * DAY_S) + change
