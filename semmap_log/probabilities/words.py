@@ -171,8 +171,8 @@ class _Index:
 
     def of(self, door_id: DoorId) -> NDArray[np.intp]:
         """Return the places of a door, ascending."""
-        wanted = np.array([door_id, door_id + 1], np.int64)
-        first, end = np.searchsorted(self._sorted, wanted).tolist()
+        wanted = np.uint32(door_id)  # any other type would have the whole column converted
+        first, end = (np.searchsorted(self._sorted, wanted, side) for side in ("left", "right"))
         return self._order[first:end]
 
 
