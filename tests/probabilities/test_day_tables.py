@@ -216,7 +216,7 @@ def test_a_door_nobody_saw_has_no_rows() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.sampled_from(["UTC", "Europe/Vienna", "Australia/Lord_Howe", "America/St_Johns"]),
+    st.sampled_from(["UTC", "Europe/Vienna", "Australia/Lord_Howe", "America/Havana"]),
     st.lists(
         st.tuples(
             st.sampled_from([60, 900, 3600, 5000, 20_000, 90_000, 40 * DAY]),

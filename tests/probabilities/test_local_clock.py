@@ -7,7 +7,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.errors import MomentError
@@ -45,6 +45,7 @@ def shown(ns: int, tz: str) -> datetime:
     return utc.astimezone(ZoneInfo(tz)).replace(tzinfo=None)
 
 
+@settings(deadline=None)
 @given(zones, st.lists(instants, min_size=1, max_size=5))
 def test_the_clocks_show_what_zoneinfo_says(tz: str, times: list[int]) -> None:
     """
@@ -59,6 +60,7 @@ def test_the_clocks_show_what_zoneinfo_says(tz: str, times: list[int]) -> None:
         assert expected // timedelta(hours=1) == clock.hour_of(np.array([ns]))[0]
 
 
+@settings(deadline=None)
 @given(zones, instants)
 def test_a_time_that_is_shown_comes_back_as_the_first_instant_that_shows_it(
     tz: str, ns: int
@@ -130,6 +132,7 @@ def test_days_last_from_midnight_to_midnight(tz: str, day: str, hours: float) ->
     assert hours * HOUR_NS == (pieces.end_ns - pieces.start_ns).sum()
 
 
+@settings(deadline=None)
 @given(zones, st.integers(0, 24 * 25_000), st.integers(1, 24 * 10))
 def test_hours_are_pieces_that_show_one_hour_and_leave_nothing_out(
     tz: str, first: int, count: int
