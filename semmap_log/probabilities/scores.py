@@ -40,9 +40,9 @@ class Reliability:
     Sums, so that those of several doors add up to one diagram.
     """
 
-    count: NDArray[np.int64]
-    """(BINS,), forecasts in each bin; bin i holds i / BINS <= p < (i + 1) / BINS, the last one
-    p = 1 too."""
+    count: Probabilities
+    """(BINS,), how many forecasts lie in each bin; bin i holds i / BINS <= p < (i + 1) / BINS, the
+    last one p = 1 too."""
     said: Probabilities
     """(BINS,), the sum of their p."""
     came: Probabilities
@@ -57,28 +57,22 @@ class Reliability:
             outcome: (n,), what came: 0 or 1.
         """
         bins = np.minimum((p * BINS).astype(np.int64), BINS - 1)
-        return cls(
-            np.bincount(bins, minlength=BINS),
-            np.bincount(bins, weights=p, minlength=BINS),
-            np.bincount(bins, weights=outcome, minlength=BINS),
-        )
+        return cls(*(np.bincount(bins, weights, BINS) for weights in (np.ones(len(p)), p, outcome)))
 
     def __add__(self, other: Reliability) -> Reliability:
         """Return the diagram of both."""
-        return Reliability(
-            self.count + other.count, self.said + other.said, self.came + other.came
-        )
+        return Reliability(self.count + other.count, self.said + other.said, self.came + other.came)
 
     @property
     def ece(self) -> float | None:
         """Expected calibration error; None where there is no forecast."""
-        total = int(self.count.sum())
+        total = float(self.count.sum())
         return float(np.abs(self.said - self.came).sum() / total) if total else None
 
     def rows(self) -> list[tuple[float, float, int]]:
         """Return (mean p, frequency of the outcome, count) of each bin that is not empty."""
         found = zip(self.said.tolist(), self.came.tolist(), self.count.tolist(), strict=True)
-        return [(said / count, came / count, count) for said, came, count in found if count]
+        return [(said / count, came / count, int(count)) for said, came, count in found if count]
 
 
 def scores(p: Probabilities, outcome: Probabilities) -> Scores:
@@ -108,7 +102,7 @@ def mean_scores(each: Sequence[Scores]) -> Scores:
         return Scores(0, None, None, None, None)
 
     def mean(name: str) -> float:
-        return sum(getattr(one, name) for one in told) / len(told)
+        return float(sum(getattr(one, name) for one in told) / len(told))
 
     return Scores(
         sum(one.count for one in told),
