@@ -57,7 +57,8 @@ class Reliability:
             outcome: (n,), what came: 0 or 1.
         """
         bins = np.minimum((p * BINS).astype(np.int64), BINS - 1)
-        return cls(*(np.bincount(bins, weights, BINS) for weights in (np.ones(len(p)), p, outcome)))
+        one = np.ones(len(p))
+        return cls(_sums(bins, one), _sums(bins, p), _sums(bins, outcome))
 
     def __add__(self, other: Reliability) -> Reliability:
         """Return the diagram of both."""
@@ -111,3 +112,7 @@ def mean_scores(each: Sequence[Scores]) -> Scores:
         ece=mean("ece"),
         bias=mean("bias"),
     )
+
+
+def _sums(bins: NDArray[np.int64], weights: Probabilities) -> Probabilities:
+    return np.bincount(bins, weights, BINS).astype(np.float64)
