@@ -19,6 +19,7 @@
     │   └── CorruptLogError         damage, with file and offset
     ├── FormatError                 a foreign file that cannot be read, with file and line
     ├── CostmapError                a grid that cannot be, or does not fit           (ValueError)
+    ├── EvaluationError             forecasts that cannot be judged                  (ValueError)
     ├── CheckpointError             a checkpoint of something else, or of an odd state
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
@@ -151,6 +152,10 @@ class FormatError(SemmapError, ValueError):
 
 class CostmapError(SemmapError, ValueError):
     """A grid that cannot be, or that does not fit the others of its costmap."""
+
+
+class EvaluationError(SemmapError, ValueError):
+    """Forecasts cannot be judged like that, or there is nothing to hold them against."""
 
 
 class CheckpointError(SemmapError):
