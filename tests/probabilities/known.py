@@ -42,6 +42,7 @@ def evidence(
         accuracy_closed=right,
         reads_open=reads_open,
         is_visit=np.ones(len(seen), np.bool_),
+        visit=np.arange(len(seen)),
     )
 
 
