@@ -19,7 +19,7 @@
     │   └── CorruptLogError         damage, with file and offset
     ├── FormatError                 a foreign file that cannot be read, with file and line
     ├── CostmapError                a grid that cannot be, or does not fit           (ValueError)
-    ├── EvaluationError             forecasts that cannot be judged                  (ValueError)
+    ├── EstimatorError              an estimator that there is not, or that cannot say  (ValueError)
     ├── CheckpointError             a checkpoint of something else, or of an odd state
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
@@ -154,8 +154,8 @@ class CostmapError(SemmapError, ValueError):
     """A grid that cannot be, or that does not fit the others of its costmap."""
 
 
-class EvaluationError(SemmapError, ValueError):
-    """Forecasts cannot be judged like that, or there is nothing to hold them against."""
+class EstimatorError(SemmapError, ValueError):
+    """There is no such estimator, it cannot say what was asked, or it cannot be judged."""
 
 
 class CheckpointError(SemmapError):

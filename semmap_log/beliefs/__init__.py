@@ -1,1 +1,4 @@
-"""What a log says about how likely its doors are open: now, later, and in a typical week."""
+"""What a log's events make an estimator believe, and how right that was: what joins the two.
+
+`probabilities` knows evidence and time, and no log; here its estimators are asked about one.
+"""

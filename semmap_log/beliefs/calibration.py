@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from semmap_log.beliefs.trials import Stretches
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import EvaluationError
+from semmap_log.errors import EstimatorError
 from semmap_log.events import DoorObserved
 from semmap_log.probabilities.beta import beta_interval
 from semmap_log.probabilities.visits import visits_of
@@ -97,7 +97,7 @@ def calibrate(
         source: Only sightings whose commit names this source; default: all.
 
     Raises:
-        EvaluationError: No sighting lies in the known time.
+        EstimatorError: No sighting lies in the known time.
     """
     seen = _sightings(log, list(truths), source)
     doors = {d: _calibrated(*seen[d], truths[d]) for d in seen}
@@ -108,7 +108,7 @@ def calibrate(
     }
     if not found:
         of = "" if source is None else f" of source {source!r}"
-        raise EvaluationError(
+        raise EstimatorError(
             f"{log.path}: nothing to calibrate: expected sightings{of} of a door while its true "
             "state is known, got none; look at `timeline` and at the zone of the truth's times."
         )

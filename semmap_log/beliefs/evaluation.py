@@ -22,7 +22,7 @@ from semmap_log.beliefs.trials import (
 )
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId
-from semmap_log.errors import EvaluationError
+from semmap_log.errors import EstimatorError
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.estimator import Estimator, Learnt
 from semmap_log.probabilities.evidence import Evidence, EvidenceProjection
@@ -98,7 +98,7 @@ def evaluate(
         progress: Told (done, in all), in forecasts of a door by an estimator.
 
     Raises:
-        EvaluationError: No door has enough known time, or visits; a patrol of a log without truth.
+        EstimatorError: No door has enough known time, or visits; a patrol of a log without truth.
     """
     return evaluate_all(
         log, estimators, {"": protocol}, doors=doors, since=since, until=until, tz=tz,
@@ -127,7 +127,7 @@ def evaluate_all(
         {d: found.between(*span) for d, found in truths(log, evidence, chosen)} if is_truth else {}
     )
     if not is_truth and any(protocol.patrol for protocol in protocols.values()):
-        raise EvaluationError(
+        raise EstimatorError(
             f"{log.path}: a patrol visits doors whose states are known, and this log holds mostly "
             "sightings; evaluate it without a patrol."
         )
@@ -198,7 +198,7 @@ class _Test:
         """Split what is asked of each door; leave out doors with too little.
 
         Raises:
-            EvaluationError: That leaves none.
+            EstimatorError: That leaves none.
         """
         least = LEAST_SAMPLES if self.is_truth else LEAST_VISITS
         for door_id in door_ids:
@@ -211,7 +211,7 @@ class _Test:
             self.doors[door_id] = training, tests, int(trials.times_ns[training])
         if not self.doors:
             unit = "samples of a known state" if self.is_truth else "visits"
-            raise EvaluationError(
+            raise EstimatorError(
                 f"{where}: nothing to evaluate: expected a door with at least {least[0]} {unit} "
                 f"to learn from and {least[1]} to forecast; {len(self.left_out)} doors have fewer."
             )

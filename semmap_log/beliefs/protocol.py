@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.trials import Trials
-from semmap_log.errors import EvaluationError
+from semmap_log.errors import EstimatorError
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.local_clock import DAY_S, LocalClock
 
@@ -37,7 +37,7 @@ class Protocol:
         """Check the values.
 
         Raises:
-            EvaluationError: One of them cannot be.
+            EstimatorError: One of them cannot be.
         """
         _check("split", "a share between 0 and 1", self.split, 0 < self.split < 1)
         _check("step", "at least a second", self.step_s, self.step_s >= 1)
@@ -69,4 +69,4 @@ class Protocol:
 
 def _check(name: str, expected: str, got: float, is_right: bool) -> None:  # noqa: FBT001 - private
     if not is_right:
-        raise EvaluationError(f"{name}: expected {expected}, got {got:g}.")
+        raise EstimatorError(f"{name}: expected {expected}, got {got:g}.")

@@ -88,14 +88,14 @@ def run(
     from semmap_log.beliefs.protocol import Protocol
     from semmap_log.formats.evaluation_json import evaluation_to_json
     from semmap_log.moments import parse_duration
-    from semmap_log.probabilities.estimators import NAMES, by_name
+    from semmap_log.probabilities.estimators import ESTIMATORS, by_name
     from semmap_log.views.evaluation_table import evaluation_table
 
     protocol = Protocol(
         split, prequential, None if horizon is None else parse_duration(horizon),
         _patrol(patrol, accuracy, seed), step,
     )  # fmt: skip
-    methods = [by_name(name) for name in dict.fromkeys(estimator or NAMES)]
+    methods = [by_name(name) for name in dict.fromkeys(estimator or ESTIMATORS)]
     opened = sl.read(log)
     start, end = opened.span(since) if since and ".." in since else (since, until)
     with progress("Forecasting", unit="forecasts") as told:

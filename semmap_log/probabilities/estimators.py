@@ -1,31 +1,34 @@
-"""The methods by name."""
+"""The estimators by the names that the command line knows them by."""
 
 from __future__ import annotations
 
 import re
 
-from semmap_log.errors import EvaluationError
+from semmap_log.errors import EstimatorError
 from semmap_log.probabilities.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
 from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.fremen import PERIODS_S, Fremen
+from semmap_log.probabilities.last import Last
+from semmap_log.probabilities.schedule import Schedule
 
-_METHODS: dict[str, Estimator] = {
-    method.name: method for method in (Fremen(5), CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK)
+ESTIMATORS: dict[str, Estimator] = {
+    one.name: one for one in (Schedule(), Last(), Fremen(), CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK)
 }
-NAMES = tuple(_METHODS)
-"""What `by_name` knows, beside FreMEn of other orders."""
+"""Name -> estimator, with the settings that it has by default."""
 
 
 def by_name(name: str) -> Estimator:
-    """Return the method of that name.
+    """Return the estimator of that name; FreMEn of any order: fremen1..fremen84.
 
     Raises:
-        EvaluationError: There is none.
+        EstimatorError: There is none.
     """
-    if name in _METHODS:
-        return _METHODS[name]
+    if name in ESTIMATORS:
+        return ESTIMATORS[name]
     fremen = re.fullmatch(r"fremen(\d{1,2})", name, re.ASCII)
     if fremen and 1 <= int(fremen[1]) <= len(PERIODS_S):
         return Fremen(int(fremen[1]))
-    known = ", ".join(NAMES)
-    raise EvaluationError(f"no estimator {name!r}: expected one of {known}, fremen1..fremen84.")
+    known = ", ".join(ESTIMATORS)
+    raise EstimatorError(
+        f"estimator {name!r}: expected one of {known}, fremen1..fremen{len(PERIODS_S)}."
+    )

@@ -27,8 +27,9 @@ class DoorEvidence:
     start_ns: Times
     """(m,), ascending: when stretches begin in which the state is known all through."""
     end_ns: Times
-    """(m,): when they end; <= the next one's start, and <= `until_ns`. Of two that touch the state
-    is another. Only one that begins at `until_ns` has no length."""
+    """(m,): when they end; <= the next one's start, and <= `until_ns`. Two that touch are in
+    different states, unless a sighting that disagreed lies between them; only one that begins at
+    `until_ns` has no length."""
     is_open: NDArray[np.bool_]
     """(m,): their state."""
     seen_ns: Times

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ class Holds(NamedTuple):
     """What the words about a door mean."""
 
     start_ns: NDArray[np.int64]
-    """(m,), ascending: when stretches begin in which the state is known; neighbours that touch
-    are in different states."""
+    """(m,), ascending: when stretches begin in which the state is known. Two that touch are in
+    different states, unless a sighting that disagreed lies between them."""
     end_ns: NDArray[np.int64]
     """(m,), > start: when they end, as far as these words tell."""
     is_open: NDArray[np.bool_]
@@ -54,8 +54,9 @@ def holds_of(words: Rows) -> Holds:
     lapsed = np.diff(time_ns, prepend=time_ns[:1]) > HOLDS_NS
     broken = np.cumsum(is_sighting & (disagrees | lapsed))
     agrees = holds & (broken == broken[base])
-    points = np.flatnonzero(is_sighting & ~agrees)
-    return Holds(*_stretches(words, base, agrees), points, base[points])
+    is_point = is_sighting & ~agrees
+    points = np.flatnonzero(is_point)
+    return Holds(*_stretches(words, base, agrees, np.cumsum(is_point)), points, base[points])
 
 
 def _last_true(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -64,22 +65,28 @@ def _last_true(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 def _stretches(
-    words: Rows, base: NDArray[np.intp], agrees: NDArray[np.bool_]
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    words: Rows,
+    base: NDArray[np.intp],
+    agrees: NDArray[np.bool_],
+    points_so_far: NDArray[np.intp],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Return (start, end, is_open) of the stretches; touching ones of one state are joined."""
     time_ns = words["time_ns"]
-    ends = _last_of_each(base, agrees)
-    firsts = base[ends]
-    start_ns, is_open = time_ns[firsts], words["state"][firsts] == DoorState.OPEN
-    silent_ns = np.minimum(time_ns[ends], MAX_TIME_NS - HOLDS_NS) + HOLDS_NS
-    next_ns = np.append(time_ns[1:], MAX_TIME_NS)[ends]
-    end_ns = np.minimum(silent_ns, next_ns)
-    lasts = end_ns > start_ns
-    start_ns, end_ns, is_open = start_ns[lasts], end_ns[lasts], is_open[lasts]
-    begins = np.ones(len(start_ns), np.bool_)
-    begins[1:] = (start_ns[1:] > end_ns[:-1]) | (is_open[1:] != is_open[:-1])
-    goes_on = np.append(~begins[1:], np.zeros(len(begins[:1]), np.bool_))
-    return start_ns[begins], end_ns[~goes_on], is_open[begins]
+    last = _last_of_each(base, agrees)
+    silent_ns = np.minimum(time_ns[last], MAX_TIME_NS - HOLDS_NS) + HOLDS_NS
+    end_ns = np.minimum(silent_ns, np.append(time_ns[1:], MAX_TIME_NS)[last])
+    has_length = end_ns > time_ns[base[last]]
+    last, end_ns = last[has_length], end_ns[has_length]
+    first = base[last]
+    start_ns, is_open = time_ns[first], words["state"][first] == DoorState.OPEN
+    goes_on = (
+        (start_ns[1:] == end_ns[:-1])
+        & (is_open[1:] == is_open[:-1])
+        & (points_so_far[first[1:]] == points_so_far[last[:-1]])
+    )
+    begins, ends = np.ones((2, len(first)), np.bool_)
+    begins[1:], ends[:-1] = ~goes_on, ~goes_on
+    return start_ns[begins], end_ns[ends], is_open[begins]
 
 
 def _last_of_each(base: NDArray[np.intp], agrees: NDArray[np.bool_]) -> NDArray[np.intp]:

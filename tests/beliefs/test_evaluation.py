@@ -14,7 +14,7 @@ from semmap_log.beliefs.evaluation import evaluate, evaluate_all
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.protocol import Protocol
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import EvaluationError
+from semmap_log.errors import EstimatorError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorObserved, DoorUpdated
 from semmap_log.importing import ImportOptions, import_file
@@ -250,7 +250,7 @@ def test_nothing_to_evaluate_is_said(tmp_path: Path) -> None:
     """
     log = log_of(tmp_path, {1: [(0.0, "OPEN"), (1, "UNKNOWN")]})
 
-    with pytest.raises(EvaluationError, match=r"at least 200 samples .* 1 doors have fewer"):
+    with pytest.raises(EstimatorError, match=r"at least 200 samples .* 1 doors have fewer"):
         evaluate(log, [CONSTANT])
 
 
@@ -261,7 +261,7 @@ def test_a_patrol_needs_a_truth(tmp_path: Path) -> None:
     told = [(float(h), "OPEN") for h in range(100)]
     log = log_of(tmp_path, {1: told}, accuracy_open=0.9, accuracy_closed=0.9)
 
-    with pytest.raises(EvaluationError, match="mostly sightings; evaluate it without a patrol"):
+    with pytest.raises(EstimatorError, match="mostly sightings; evaluate it without a patrol"):
         evaluate(log, [CONSTANT], Protocol(patrol=Patrol()))
 
 
@@ -280,7 +280,7 @@ def test_a_protocol_that_cannot_be_is_refused(values: dict[str, object], said: s
     """
     With what was expected, and what was got.
     """
-    with pytest.raises(EvaluationError, match=said):
+    with pytest.raises(EstimatorError, match=said):
         Protocol(**values)
 
 
