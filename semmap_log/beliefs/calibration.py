@@ -157,9 +157,8 @@ def _numbers_from(log: DoorLog, source: str) -> NDArray[np.int64]:
 def _calibrated(
     times_ns: Times, reads_open: NDArray[np.bool_], sensor: NDArray[np.uint32], truth: Stretches
 ) -> DoorCalibration:
-    stretch = np.searchsorted(truth.start_ns, times_ns, "right") - 1
-    known = (stretch >= 0) & (times_ns < np.append(truth.end_ns, 0)[stretch])
-    stretch = stretch[known]
+    known = truth.known_at(times_ns)
+    stretch = np.searchsorted(truth.start_ns, times_ns[known], "right") - 1
     visit = visits_of(times_ns[known], sensor[known], stretch, np.zeros(len(stretch))).visit
     is_open = truth.is_open[stretch]
     return DoorCalibration(

@@ -137,7 +137,10 @@ def evaluate_all(
             return truth_trials(door_id, stretches[door_id], whole_ns(protocol.step_s))
         return reading_trials(evidence.door(door_id), *span)
 
-    tests = {name: _Test(protocol, is_truth, clock, ask) for name, protocol in protocols.items()}
+    tests = {
+        name: _Test(protocol, is_truth, clock, stretches, ask)
+        for name, protocol in protocols.items()
+    }
     for test in tests.values():
         test.take(chosen, str(log.path))
     _run(tests, estimators, evidence=evidence, stretches=stretches, clock=clock, progress=progress)
@@ -186,10 +189,12 @@ class _Test:
     protocol: Protocol
     is_truth: bool
     clock: LocalClock
+    stretches: Mapping[DoorId, Stretches]
+    """Of a truth: when each door is known."""
     ask: Callable[[DoorId, Protocol], Trials]
     """Makes what is asked about a door anew each time: kept for all doors it would fill memory."""
-    doors: dict[DoorId, tuple[int, int, int]] = field(default_factory=dict)
-    """Samples that teach, samples that are forecast, and when the first of these is."""
+    doors: dict[DoorId, tuple[int, int]] = field(default_factory=dict)
+    """How many samples teach, and when the first one behind them is."""
     left_out: dict[DoorId, str] = field(default_factory=dict)
     scores: dict[DoorId, dict[str, Scores]] = field(default_factory=dict)
     reliability: dict[str, Reliability] = field(default_factory=dict)
@@ -208,7 +213,7 @@ class _Test:
             if training < least[0] or tests < least[1]:
                 self.left_out[door_id] = f"{training} to learn from, {tests} to forecast"
                 continue
-            self.doors[door_id] = training, tests, int(trials.times_ns[training])
+            self.doors[door_id] = training, int(trials.times_ns[training])
         if not self.doors:
             unit = "samples of a known state" if self.is_truth else "visits"
             raise EstimatorError(
@@ -218,8 +223,8 @@ class _Test:
 
     def forecasts(self, name: str, learnt: Learnt) -> Iterator[DoorId]:
         """Make the forecasts of each door, and yield it once they are scored."""
-        for door_id, (training, _, split_ns) in self.doors.items():
-            trials = self.ask(door_id, self.protocol).after(training)
+        for door_id, (training, split_ns) in self.doors.items():
+            trials = self._tests(door_id, training)
             known_ns = self.protocol.known_ns(trials, split_ns, self.clock)
             forecast = learnt.predict(door_id, trials.times_ns, known_ns)
             p = trials.p_outcome(forecast.p_open)
@@ -229,10 +234,22 @@ class _Test:
             self.reliability[name] = found if before is None else before + found
             yield door_id
 
+    def _tests(self, door_id: DoorId, training: int) -> Trials:
+        """Return what is asked about a door after the part that teaches."""
+        trials = self.ask(door_id, self.protocol).only(slice(training, None))
+        if self.is_truth and self.protocol.needs_known:
+            before_ns = trials.times_ns - (self.protocol.horizon_ns or 0)
+            return trials.only(self.stretches[door_id].known_at(before_ns))
+        return trials
+
     def evaluation(self) -> Evaluation:
         """Return what came of it."""
         doors = [
-            DoorEvaluation(door_id, training, tests, self.scores[door_id])
-            for door_id, (training, tests, _) in self.doors.items()
+            DoorEvaluation(door_id, training, _count(self.scores[door_id]), self.scores[door_id])
+            for door_id, (training, _) in self.doors.items()
         ]
         return Evaluation(self.protocol, self.is_truth, doors, self.left_out, self.reliability)
+
+
+def _count(each: Mapping[str, Scores]) -> int:
+    return max((scores.count for scores in each.values()), default=0)

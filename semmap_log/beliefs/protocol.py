@@ -21,8 +21,9 @@ class Protocol:
     """What is known at each forecast. Without any of the choices: what was known at the split.
 
     `prequential`: the days that were over, up to the last local midnight. `horizon_ns`: all up to
-    so long before the forecast, and with `prequential` the days that were over then. `patrol`: up
-    to the forecast itself, but only what that patrol read.
+    so long before the forecast, which is asked for where the state was known then; and with
+    `prequential` the days that were over then. `patrol`: up to the forecast itself, but only what
+    that patrol read.
     """
 
     split: float = 0.7
@@ -47,6 +48,11 @@ class Protocol:
             seconds, accuracy = self.patrol.interval_ns / SECOND_NS, self.patrol.accuracy
             _check("patrol", "a second or more between two visits", seconds, seconds >= 1)
             _check("accuracy", "0.5..1", accuracy, 0.5 <= accuracy <= 1)
+
+    @property
+    def needs_known(self) -> bool:
+        """Forecasts are made only where the state was known `horizon_ns` before."""
+        return bool(self.horizon_ns) and self.patrol is None and not self.prequential
 
     def known_ns(self, trials: Trials, split_ns: int, clock: LocalClock) -> Times:
         """Return up to when each forecast may know.

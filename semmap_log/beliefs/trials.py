@@ -44,6 +44,11 @@ class Stretches:
         inside = start < end
         return Stretches(start[inside], end[inside], self.is_open[inside])
 
+    def known_at(self, times_ns: Times) -> NDArray[np.bool_]:
+        """Return at which times the state was known."""
+        place = np.searchsorted(self.start_ns, times_ns, "right") - 1
+        return (place >= 0) & (times_ns < np.append(self.end_ns, 0)[place])
+
     def sampled(self, step_ns: int) -> tuple[Times, NDArray[np.bool_]]:
         """Return (times, whether it was open) at each whole multiple of a step.
 
@@ -75,15 +80,15 @@ class Trials:
     def __len__(self) -> int:
         return len(self.times_ns)
 
-    def after(self, count: int) -> Trials:
-        """Return all but the first `count`."""
+    def only(self, chosen: slice | NDArray[np.bool_]) -> Trials:
+        """Return some of them."""
         return Trials(
             self.door_id,
-            self.times_ns[count:],
-            self.known_ns[count:],
-            self.outcome[count:],
-            self.accuracy_open[count:],
-            self.accuracy_closed[count:],
+            self.times_ns[chosen],
+            self.known_ns[chosen],
+            self.outcome[chosen],
+            self.accuracy_open[chosen],
+            self.accuracy_closed[chosen],
         )
 
     def p_outcome(self, p_open: Floats) -> Floats:

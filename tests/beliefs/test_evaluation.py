@@ -121,6 +121,22 @@ def test_a_horizon_knows_all_up_to_then(tmp_path: Path) -> None:
     assert daily_ns.tolist() == asked.known[1].tolist()
 
 
+def test_a_horizon_asks_where_the_state_was_known_then(tmp_path: Path) -> None:
+    """
+    Six hours after the end of a gap no state was known six hours ago: there is no forecast.
+    """
+    told = [*office_hours(8)[:-1], (24.0 * 8, "UNKNOWN"), (24.0 * 8 + 20, "OPEN")]
+    log = log_of(tmp_path, {1: [*told, (24.0 * 10, "UNKNOWN")]})
+    asked = Asked()
+
+    found = evaluate(log, [asked], Protocol(horizon_ns=6 * HOUR_NS))
+
+    hours = (asked.times[1] - START_NS) / HOUR_NS - 24 * 8
+    assert found.doors[0].tests == len(hours)
+    assert not ((hours >= 6) & (hours < 26)).any()
+    assert pytest.approx([26, 48 - 1 / 60]) == hours[hours >= 6][[0, -1]]
+
+
 def test_a_patrol_knows_what_it_read_up_to_the_forecast(tmp_path: Path) -> None:
     """
     A visit each half an hour reads right nine times in ten; the truth stays unknown.
