@@ -17,8 +17,8 @@ Zones: times in the files are wall clocks. Without --tz they are taken as they s
 and weekdays are the building's; only the hours that daylight saving time skips or repeats are not
 seen.
 
-Steps: a forecast each 60 s; of a set whose times all stand on whole multiples of more than a minute
-(it was polled) each second one of these: every 5 minutes polled, every 10 forecast.
+Steps: a forecast each 60 s. Where all times stand on whole multiples of more than a minute, the set
+was polled, and every second multiple is enough: polled each 5 minutes, forecast each 10; at most 10.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ MORE_FREMEN = ("fremen1", "fremen2", "fremen3", "fremen4")
 HOUR_NS = 3600 * SECOND_NS
 LAGS_H = (1, 6, 24)
 PATROLS = {"patrol_30m": HOUR_NS // 2, "patrol_4h": 4 * HOUR_NS}
-STEP_S = 60.0
+STEP_S, MOST_STEP_S = 60.0, 600.0
 FIGURES = ("brier", "log_loss", "ece", "bias")
 
 Found = Mapping[str, Mapping[str, Mapping[str, float | None]]]
@@ -143,7 +143,7 @@ def step_of(files: _Set) -> float:
     for windows in read_windows(files.windows, tz="UTC").values():
         times += [[window.start_ns, window.end_ns] for window in windows]
     polled_s = math.gcd(*(ns for some in times for ns in some)) / SECOND_NS
-    return 2 * polled_s if polled_s > STEP_S else STEP_S
+    return min(2 * polled_s, MOST_STEP_S) if polled_s > STEP_S else STEP_S
 
 
 def _figures(evaluation: Evaluation) -> dict[str, dict[str, float | None]]:
