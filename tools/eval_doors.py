@@ -17,8 +17,9 @@ Zones: times in the files are wall clocks. Without --tz they are taken as they s
 and weekdays are the building's; only the hours that daylight saving time skips or repeats are not
 seen.
 
-Steps: a forecast each 60 s. Where all times stand on whole multiples of more than a minute, the set
-was polled, and every second multiple is enough: polled each 5 minutes, forecast each 10; at most 10.
+Steps: a forecast each 60 s. Where all times stand on whole multiples of more than a minute, the
+set was polled, and every second multiple is enough: polled each 5 minutes, forecast each 10, but no
+less often.
 """
 
 from __future__ import annotations

@@ -7,12 +7,14 @@ import re
 from semmap_log.errors import EstimatorError
 from semmap_log.probabilities.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
 from semmap_log.probabilities.estimator import Estimator
+from semmap_log.probabilities.filter import Filter
 from semmap_log.probabilities.fremen import PERIODS_S, Fremen
 from semmap_log.probabilities.last import Last
 from semmap_log.probabilities.schedule import Schedule
 
 ESTIMATORS: dict[str, Estimator] = {
-    one.name: one for one in (Schedule(), Last(), Fremen(), CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK)
+    one.name: one
+    for one in (Filter(), Schedule(), Last(), Fremen(), CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK)
 }
 """Name -> estimator, with the settings that it has by default."""
 
