@@ -22,6 +22,7 @@ ORDER = [
     {"event_batch"},
     {"costmap"},
     {"moments", "projections"},
+    {"probabilities"},
     {"log"},
     {"replay", "commands", "command_content"},
     {"folding"},

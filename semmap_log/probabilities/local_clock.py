@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from collections.abc import Iterator
 from datetime import datetime, timedelta, timezone
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,18 @@ _MONDAY_S = 4 * DAY_S
 """1970-01-05, a Monday: weeks are counted from there."""
 
 
+class Hours(NamedTuple):
+    """Time in pieces, through each of which the clocks show one hour of one day."""
+
+    start_ns: Times
+    """(n,), ascending."""
+    end_ns: Times
+    """(n,)."""
+    hour: NDArray[np.int64]
+    """(n,): what the clocks show, counted as by `LocalClock.hour_of`; not always ascending, and an
+    hour that comes twice is there twice."""
+
+
 class LocalClock:
     """The wall clocks of an IANA time zone."""
 
@@ -25,68 +40,113 @@ class LocalClock:
         Raises:
             MomentError: There is no such zone.
         """
+        zone(tz)
         self.tz = tz
-        self._zone = zone(tz)
-        self._first_day, self._end_day = 0, 0
-        self._starts_s = np.zeros(1, np.int64)
-        self._offsets_s = np.zeros(1, np.int64)
+        self._years = range(0)
+        """Whose changes of the offset are known."""
+        self._starts_s = np.zeros(0, np.int64)
+        self._offsets_s = np.zeros(0, np.int64)
 
     def wall_s(self, times_ns: Times) -> NDArray[np.float64]:
         """Return what the clocks show, as seconds since a Monday's midnight (1970-01-05)."""
         seconds, fraction_ns = np.divmod(np.asarray(times_ns, np.int64), SECOND_NS)
         return seconds + self.offset_s(seconds) - _MONDAY_S + fraction_ns / SECOND_NS
 
+    def hour_of(self, times_ns: Times) -> NDArray[np.int64]:
+        """Return the hour that the clocks show: 24 x day + hour, days as in `midnights_ns`."""
+        seconds = np.asarray(times_ns, np.int64) // SECOND_NS
+        hours: NDArray[np.int64] = (seconds + self.offset_s(seconds) - _MONDAY_S) // HOUR_S
+        return hours
+
     def instants_ns(self, wall_s: NDArray[np.float64]) -> Times:
-        """Return when the clocks show that: the first time of two, the time after a skip."""
+        """Return when the clocks show that: the first time of two; of none, when they skip it."""
         whole = np.floor(wall_s)
         shown_s = whole.astype(np.int64) + _MONDAY_S
-        before, after = (self.offset_s(shown_s + step) for step in (-DAY_S, DAY_S))
-        first_s, second_s = shown_s - before, shown_s - after
-        is_second = (self.offset_s(first_s) != before) & (self.offset_s(second_s) == after)
+        self._look_up(shown_s - DAY_S, shown_s + DAY_S)
+        ends_s = np.append(self._starts_s[1:] + self._offsets_s[:-1], np.iinfo(np.int64).max)
+        piece = np.searchsorted(np.maximum.accumulate(ends_s), shown_s, "right")
+        seconds = shown_s - self._offsets_s[piece]
+        starts_s = self._starts_s[piece]
         fraction_ns = np.round((wall_s - whole) * SECOND_NS).astype(np.int64)
-        return np.where(is_second, second_s, first_s) * SECOND_NS + fraction_ns
+        instants = np.maximum(seconds * SECOND_NS + fraction_ns, starts_s * SECOND_NS)
+        return np.asarray(instants, np.int64)
 
     def midnights_ns(self, days: NDArray[np.int64]) -> Times:
         """Return when local days begin; days are counted from 1970-01-05, a Monday."""
         return self.instants_ns(np.asarray(days, np.float64) * DAY_S)
 
+    def hours(self, first: int, end: int) -> Hours:
+        """Return all the time in which the clocks show the hours `first` to before `end`."""
+        edges_ns = self.instants_ns(np.array([first, end], np.float64) * HOUR_S)
+        first_s, end_s = (edges_ns // SECOND_NS + (0, DAY_S)).tolist()  # they may be put back
+        self._look_up(np.array([first_s]), np.array([end_s]))
+        inside = (self._starts_s > first_s) & (self._starts_s < end_s)
+        changes_s = [first_s, *self._starts_s[inside].tolist(), end_s]
+        starts_s = np.concatenate([self._hour_starts_s(a, b) for a, b in pairwise(changes_s)])
+        start_ns, end_ns = starts_s * SECOND_NS, np.append(starts_s[1:], end_s) * SECOND_NS
+        hour = self.hour_of(start_ns)
+        asked = (hour >= first) & (hour < end)
+        return Hours(start_ns[asked], end_ns[asked], hour[asked])
+
+    def _hour_starts_s(self, first_s: int, end_s: int) -> NDArray[np.int64]:
+        """Return when hours begin in a time of one offset, its own beginning included."""
+        shown_s = first_s + int(self.offset_s(np.array([first_s]))[0])
+        next_s = first_s + HOUR_S - shown_s % HOUR_S
+        return np.append(np.int64(first_s), np.arange(next_s, end_s, HOUR_S, dtype=np.int64))
+
     def offset_s(self, seconds: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return how far the clocks are ahead of UTC at seconds since the epoch."""
         seconds = np.asarray(seconds, np.int64)
-        if not seconds.size:
-            return np.zeros(seconds.shape, np.int64)
-        first, end = int(seconds.min()) // DAY_S, int(seconds.max()) // DAY_S + 1
-        if first < self._first_day or end > self._end_day:
-            self._look_up(first - _SPARE_DAYS, end + _SPARE_DAYS)
+        self._look_up(seconds, seconds)
         return self._offsets_s[np.searchsorted(self._starts_s, seconds, "right") - 1]
 
-    def _look_up(self, first_day: int, end_day: int) -> None:
-        """Find where the offset changes between two days; what was found before is kept."""
-        if self._end_day:
-            first_day, end_day = min(first_day, self._first_day), max(end_day, self._end_day)
-        starts, offsets = [first_day * DAY_S], [self._offset_at(first_day * DAY_S)]
-        for day in range(first_day, end_day):
-            end_s = (day + 1) * DAY_S
-            while offsets[-1] != self._offset_at(end_s):
-                change = bisect_left(
-                    range(starts[-1] if day == first_day else day * DAY_S, end_s),
-                    True,  # noqa: FBT003 - what is searched
-                    key=lambda second: self._offset_at(second) != offsets[-1],
-                )
-                start_s = (starts[-1] if day == first_day else day * DAY_S) + change
-                starts.append(start_s)
-                offsets.append(self._offset_at(start_s))
-        self._starts_s, self._offsets_s = np.array(starts), np.array(offsets)
-        self._first_day, self._end_day = first_day, end_day
-
-    def _offset_at(self, second: int) -> int:
-        at = _EPOCH + timedelta(seconds=max(second, _LEAST_S))
-        offset = at.astimezone(self._zone).utcoffset()
-        assert offset is not None
-        return round(offset.total_seconds())
+    def _look_up(self, first_s: NDArray[np.int64], last_s: NDArray[np.int64]) -> None:
+        """Know the changes of the offset between some times; what is known stays so."""
+        if not (first_s.size and last_s.size):
+            first_s = last_s = np.zeros(1, np.int64)
+        first, last = _year_of(int(first_s.min())), _year_of(int(last_s.max()))
+        if first in self._years and last in self._years:
+            return
+        known = self._years or range(first, first + 1)
+        self._years = range(min(first, known.start), max(last + 1, known.stop))
+        found = [change for year in self._years for change in _changes(self.tz, year)]
+        starts_s, offsets_s = np.array(found, np.int64).T
+        is_change = np.append(True, np.diff(offsets_s) != 0)
+        self._starts_s, self._offsets_s = starts_s[is_change], offsets_s[is_change]
 
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
-_LEAST_S = -10 * 365 * DAY_S
-_SPARE_DAYS = 400
-"""Looked up beside what is asked for, since more will be."""
+_LOOKS_S = 6 * DAY_S
+"""A change and its way back in that time would stay unseen; since 1960 no zone's lie so near."""
+
+
+def _year_of(second: int) -> int:
+    return (_EPOCH + timedelta(seconds=second)).year
+
+
+@lru_cache(maxsize=4096)
+def _changes(tz: str, year: int) -> tuple[tuple[int, int], ...]:
+    """Return (second, offset from then on) of the start of a UTC year, and of each change in it."""
+    starts = [datetime(y, 1, 1, tzinfo=timezone.utc) for y in (year, year + 1)]
+    first_s, end_s = (round((start - _EPOCH).total_seconds()) for start in starts)
+    looks_s = [*range(first_s, end_s, _LOOKS_S), end_s]
+    changes_s = [second for a, b in pairwise(looks_s) for second in _changes_in(tz, a, b)]
+    return tuple((second, _offset_s(tz, second)) for second in (first_s, *changes_s))
+
+
+def _changes_in(tz: str, first_s: int, end_s: int) -> Iterator[int]:
+    """Yield when the offset changes, after `first_s` and up to `end_s`."""
+    if _offset_s(tz, first_s) == _offset_s(tz, end_s):
+        return
+    if end_s - first_s == 1:
+        yield end_s
+        return
+    middle_s = (first_s + end_s) // 2
+    yield from _changes_in(tz, first_s, middle_s)
+    yield from _changes_in(tz, middle_s, end_s)
+
+
+def _offset_s(tz: str, second: int) -> int:
+    offset = (_EPOCH + timedelta(seconds=second)).astimezone(zone(tz)).utcoffset()
+    assert offset is not None, "a zone has one at any time"
+    return round(offset.total_seconds())

@@ -11,23 +11,13 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-)
+from semmap_log.events import DoorAdded, DoorRemoved, Event
+from semmap_log.projections.state_words import STATE_WORDS, sets_state, states_of
 
 if TYPE_CHECKING:
     from semmap_log.arrow.sdk import DataFrame
 
 Times = NDArray[np.int64]
-
-UNKNOWN = np.uint8(DoorState.UNKNOWN)
-"""What a state is that only a later version knows."""
 
 
 class Interval(NamedTuple):
@@ -153,11 +143,11 @@ class _Told:
         """Read a batch."""
         times = batch.folds_ns
         self.latest_ns = max(self.latest_ns, int(times.max(initial=0)))
-        for kind in (DoorAdded, DoorUpdated, DoorObserved, DoorPassed, DoorRemoved):
+        for kind in STATE_WORDS:
             if kind not in batch:
                 continue
             rows = batch[kind]
-            chosen = _sets_state(kind, rows) & (rows["door_id"] == self.door_id)
+            chosen = sets_state(kind, rows) & (rows["door_id"] == self.door_id)
             if chosen.any():
                 where = batch.where(kind)[chosen]
                 self._note(kind, rows[chosen], times[where], batch.number[where])
@@ -170,9 +160,7 @@ class _Told:
             return
         if kind is DoorAdded:
             self.added = int(times[0]), int(numbers[0])
-        opened = np.full(len(rows), int(DoorState.OPEN), np.uint8)
-        states = opened if kind is DoorPassed else rows["state"]
-        self._parts.append((times, numbers, np.where(states < len(DoorState), states, UNKNOWN)))
+        self._parts.append((times, numbers, states_of(kind, rows)))
 
     @property
     def removed_ns(self) -> int | None:
@@ -193,13 +181,6 @@ class _Told:
         times, numbers, states = times[counts], numbers[counts], states[counts]
         order = np.lexsort((numbers, times))
         return times[order], numbers[order], states[order]
-
-
-def _sets_state(kind: type[Event], rows: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Return which events of that kind set their door's state, or end it."""
-    if kind is DoorUpdated:
-        return np.asarray(rows["changed"] & int(Changed.STATE), np.bool_)
-    return rows["passed"] if kind is DoorPassed else np.ones(len(rows), np.bool_)
 
 
 def _intervals(told: _Told, end_ns: int) -> Timeline:
