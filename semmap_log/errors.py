@@ -19,6 +19,7 @@
     │   └── CorruptLogError         damage, with file and offset
     ├── FormatError                 a foreign file that cannot be read, with file and line
     ├── CostmapError                a grid that cannot be, or does not fit           (ValueError)
+    ├── EstimatorError              an estimator that there is not, or that cannot say  (ValueError)
     ├── CheckpointError             a checkpoint of something else, or of an odd state
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     └── MissingExtraError           an optional package is not installed             (ImportError)
@@ -151,6 +152,10 @@ class FormatError(SemmapError, ValueError):
 
 class CostmapError(SemmapError, ValueError):
     """A grid that cannot be, or that does not fit the others of its costmap."""
+
+
+class EstimatorError(SemmapError, ValueError):
+    """There is no such estimator, it cannot say what was asked, or it cannot be judged."""
 
 
 class CheckpointError(SemmapError):

@@ -14,6 +14,9 @@ LEAST, MOST = 0.001, 0.999
 INTERVAL = 0.9
 """How often the true frequency shall lie between `low` and `high`."""
 
+_Z = 1.6449
+"""Standard deviations to each end of `INTERVAL` of a normal."""
+
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
@@ -28,6 +31,8 @@ class Forecast:
     is_known: NDArray[np.bool_]
     """(n,), False: the evidence is below the stated amount, and `p_open` is what doors are like
     of which nothing is known."""
+    effective_days: Probabilities
+    """(n,), days of evidence about that time of day behind it, old ones discounted."""
 
     @classmethod
     def of(
@@ -36,11 +41,36 @@ class Forecast:
         low: Probabilities,
         high: Probabilities,
         is_known: NDArray[np.bool_],
+        effective_days: Probabilities | None = None,
     ) -> Forecast:
         """Return a forecast with its bounds kept: LEAST <= low <= p_open <= high <= MOST."""
         p_open = np.clip(p_open, LEAST, MOST)
         low, high = np.clip(low, LEAST, p_open), np.clip(high, p_open, MOST)
-        return cls(p_open, low, high, is_known)
+        days = np.zeros(len(p_open)) if effective_days is None else effective_days
+        return cls(p_open, low, high, is_known, days)
+
+    @classmethod
+    def around(
+        cls,
+        p_open: Probabilities,
+        variance: Probabilities,
+        is_known: NDArray[np.bool_],
+        effective_days: Probabilities | None = None,
+    ) -> Forecast:
+        """Return a forecast with the interval of a logit-normal of that variance around p_open.
+
+        Args:
+            p_open: (n,).
+            variance: (n,), of P(open) itself; what is impossible for a probability is cut.
+            is_known: (n,).
+            effective_days: (n,).
+        """
+        p_open = np.clip(p_open, LEAST, MOST)
+        slope = p_open * (1.0 - p_open)
+        reach = _Z * np.sqrt(np.minimum(variance, slope)) / slope
+        odds = p_open / (1.0 - p_open)
+        low, high = (1.0 / (1.0 + np.exp(sign * reach) / odds) for sign in (1.0, -1.0))
+        return cls.of(p_open, low, high, is_known, effective_days)
 
     def __len__(self) -> int:
         return len(self.p_open)

@@ -1,0 +1,34 @@
+"""A log's beliefs: its events, folded into evidence, and an estimator that learns from them."""
+
+from __future__ import annotations
+
+from semmap_log.door_log import DoorLog, Time
+from semmap_log.log.reading.passage import Progress
+from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.probabilities.estimator import Estimator
+
+
+def learn(
+    log: DoorLog,
+    *,
+    at: Time = None,
+    estimator: Estimator | str = "filter",
+    tz: str | None = None,
+    progress: Progress | None = None,
+) -> Beliefs:
+    """Return what a log's doors are believed to be.
+
+    Args:
+        log: The log.
+        at: Only what had happened, and been recorded, by then.
+        estimator: A method, or its name: see `semmap_log.probabilities.estimators`.
+        tz: IANA zone of hours and weekdays; None: the log's.
+        progress: Told how far the reading is.
+
+    Raises:
+        EstimatorError: There is no such estimator.
+        MomentError: No such time, or no such zone.
+    """
+    moment = log.moment(at)
+    projection = BeliefProjection(estimator, tz or log.info.timezone)
+    return log.fold(projection, moment, moment, progress=progress)
