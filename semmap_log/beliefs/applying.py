@@ -128,10 +128,10 @@ def _told(note: Note, written: list[DoorBelief], tz: str) -> Note:
     """Return the note with what the numbers are from, where the caller gave nothing else."""
     first = written[0]
     days = sum(belief.evidence.coverage.days for belief in written) / len(written)
-    words = sum(belief.evidence.counts.words for belief in written)
+    sightings = sum(belief.evidence.counts.sightings for belief in written)
     reason = (
         f"P(open) at {format_local(first.time_ns, tz)} by {first.estimator}, as known at "
-        f"{format_local(first.known_ns, tz)}: {len(written)} doors, {words:,} words about them, "
+        f"{format_local(first.known_ns, tz)}: {len(written)} doors, {sightings:,} sightings, "
         f"{days:.1f} days seen of each"
     )
     return replace(

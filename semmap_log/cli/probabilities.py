@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from semmap_log.door_log_writer import About
 
 
+PLOTS = (".png", ".svg")
+
+
 class By(str, Enum):
     """`semmap_log.formats.beliefs_json.By`, as typer wants its choices."""
 
@@ -55,7 +58,7 @@ def run(
     log: LogPath,
     doors: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[DOOR]...", help="Ids, names, or level/name; default: all."),
+        typer.Argument(metavar="DOOR", help="Ids, names, or level/name; default: all."),
     ] = None,
     *,
     at: AsKnownAt = None,
@@ -103,6 +106,9 @@ def run(
 
     typical = by is not None or plot is not None
     _refuse_useless(about, horizon=horizon, typical=typical, apply=apply)
+    if plot is not None and plot.suffix not in PLOTS:
+        raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
+                                 param_hint="--plot")  # fmt: skip
     asked: dict[str, Any] = {"at": at, "estimator": estimator, "tz": tz, "doors": doors or None}
     if typical:
         _show_typical(log, asked, by, plot, as_json=as_json)
@@ -173,6 +179,9 @@ def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
 def _print_weeks(weeks: Sequence[TypicalWeek], by: By) -> None:
     from semmap_log.views.week_map import hour_rows, week_maps, weekday_rows
 
+    if not weeks:
+        say("no door is in the map then.")
+        return
     show = {By.hour: hour_rows, By.weekday: weekday_rows, By.week: week_maps}
     console().print(show[by](weeks))
 

@@ -64,7 +64,7 @@ def _numbers(belief: DoorBelief) -> tuple[Text, str]:
 
 
 def _evidence(belief: DoorBelief) -> tuple[str, ...]:
-    """Return days seen, words about its state, visits, how long ago the last one was, hours of the week never seen."""
+    """Return days seen, words, visits, how long ago the last was, hours of the week unseen."""
     seen = belief.evidence
     return (
         f"{seen.coverage.days:.1f}",

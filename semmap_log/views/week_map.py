@@ -25,7 +25,9 @@ from semmap_log.views.week_shades import ink_on, shade
 
 NEVER_SEEN = "·"
 LITTLE_SEEN = "?"
-LEGEND = f"0: P of open below .1, 9: .9 and more; {NEVER_SEEN}: never seen then"
+LEGEND = (
+    f"0: P of open below .1, 9: .9 up; {NEVER_SEEN}: never seen then, {LITTLE_SEEN}: too little"
+)
 
 WIDE, NARROW = 3, 2
 """Columns of text a cell: of a map of its own, and of one of many rows."""
@@ -120,8 +122,6 @@ def _digit(probability: float) -> int:
 
 
 def _notes(weeks: Sequence[TypicalWeek], legend: str = LEGEND) -> list[Text]:
-    if not weeks:
-        return [Text("No door is in the map then.")]
     first = weeks[0]
     said = f"hours of {first.tz}, by {first.estimator}, as known at "
     notes = [f"{legend}; {said}{format_local(first.known_ns, first.tz)}"]

@@ -147,7 +147,6 @@ def _heading(week: TypicalWeek, by: By) -> str:
 
 
 def _key(by: By) -> str:
-    if by == "week":
-        return (f"hatched: never seen then; dot: the {INTERVAL:.0%} interval is wider than "
-                f"{UNSURE:g}")  # fmt: skip
-    return f"band: {INTERVAL:.0%} interval; hatched: never seen then"
+    share = f"{INTERVAL:.0%} interval"
+    said = f"dot: the {share} is wider than {UNSURE:g}" if by == "week" else f"band: {share}"
+    return f"{said}; hatched: never seen then, or too little"

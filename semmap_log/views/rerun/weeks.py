@@ -40,7 +40,7 @@ class Tile:
     width: int
     height: int
     label: tuple[float, float]
-    """From the week's upper left corner."""
+    """From the week's upper left corner; the viewer writes below that point."""
 
     @property
     def corner(self) -> tuple[int, int]:
@@ -49,7 +49,7 @@ class Tile:
 
 
 NAMED = Tile(width=HOURS + 3, height=DAYS + 4, label=(HOURS / 2, -1.2))
-NUMBERED = Tile(width=HOURS + 14, height=DAYS + 2, label=(-6.0, DAYS / 2))
+NUMBERED = Tile(width=HOURS + 14, height=DAYS + 2, label=(-6.0, 0.0))
 
 
 def weeks_path(level: SceneLevel) -> EntityPath:
