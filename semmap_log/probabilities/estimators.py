@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from semmap_log.errors import EstimatorError
 from semmap_log.probabilities.estimator import Estimator
+from semmap_log.probabilities.filter import Filter
 from semmap_log.probabilities.last import Last
 from semmap_log.probabilities.schedule import Schedule
 
-ESTIMATORS: dict[str, Estimator] = {one.name: one for one in (Schedule(), Last())}
+ESTIMATORS: dict[str, Estimator] = {one.name: one for one in (Filter(), Schedule(), Last())}
 """Name -> estimator, with the settings that it has by default."""
 
 

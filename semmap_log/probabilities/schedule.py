@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,15 @@ LEAST_H = 3.0
 
 One whole day makes them; of a robot's rounds, a few at that time (a visit counts for what its
 sensor can tell, 0.64 h at an accuracy of 0.9)."""
+
+
+class Expected(NamedTuple):
+    """What a schedule says: the arguments of `Forecast.around`."""
+
+    p_open: Probabilities
+    variance: Probabilities
+    is_known: NDArray[np.bool_]
+    effective_days: Probabilities
 
 
 class DoorSchedule:
@@ -56,17 +66,22 @@ class DoorSchedule:
             return np.full(len(times_ns), PRIOR_P)
         return self._between_hours(self._p_open, times_ns, known_ns)
 
-    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return forecasts: see `Learnt.predict`."""
+    def expect(self, times_ns: Times, known_ns: Times) -> Expected:
+        """Return P(open) with what it is based on: see `Learnt.predict`."""
         if not len(self._seen_h):
-            return nothing_known(len(times_ns))
+            nothing = np.zeros(len(times_ns))
+            return Expected(nothing + PRIOR_P, nothing + PRIOR_P**2, nothing > 0, nothing)
         row, _, _, hour = self._places(self._clock.wall_s(times_ns), known_ns)
-        return Forecast.around(
+        return Expected(
             self._between_hours(self._p_open, times_ns, known_ns),
             self._between_hours(self._variance, times_ns, known_ns),
             is_known=self._seen_h[row, hour] >= LEAST_H,
             effective_days=self._between_hours(self._days, times_ns, known_ns),
         )
+
+    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return forecasts: see `Learnt.predict`."""
+        return Forecast.around(*self.expect(times_ns, known_ns))
 
     def _between_hours(self, table: Table, times_ns: Times, known_ns: Times) -> Table:
         """Return a table's values, from the middle of one hour to that of the next in a line."""
@@ -119,7 +134,7 @@ class Schedule:
 def nothing_known(count: int) -> Forecast:
     """Return forecasts of a door of which nothing is known."""
     p_open = np.full(count, PRIOR_P)
-    return Forecast.around(p_open, np.full(count, 0.25), np.zeros(count, np.bool_))
+    return Forecast.around(p_open, np.full(count, PRIOR_P**2), np.zeros(count, np.bool_))
 
 
 def _seen_h(tables: DayTables) -> Table:

@@ -1,0 +1,191 @@
+"""`filter`: what was seen lately, and the schedule, weighed by how fast the door forgets.
+
+A hidden Markov chain (see `chain`) whose long run is the schedule: what is believed now decays
+toward how the door is at such hours, at rates learnt from the door's own past, by time of day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId
+from semmap_log.probabilities.chain import Steps, filtered
+from semmap_log.probabilities.evidence import DoorEvidence
+from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
+from semmap_log.probabilities.forgetting import START, Forgetting, forgetting_of
+from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.nodes import Looks, held_at, looks
+from semmap_log.probabilities.schedule import DoorSchedule, nothing_known
+
+Times = NDArray[np.int64]
+Reals = NDArray[np.float64]
+
+LEARNT_ON = (1, 2, 3, 5, 7, 10, 14, 21, 28)
+"""Days after a door's first at whose midnights its rates are learnt anew; then each 28 days."""
+LEARNT_EVERY_D = 28
+LEARNT_FROM_D = 182
+"""Rates are those of the last half year."""
+RUN_UP_D = 14
+"""So long before an epoch its filter starts; what was seen earlier is forgotten by then."""
+FRESH = 0.5
+"""The belief counts as known while so much is left of what was seen last."""
+
+
+class _Belief(NamedTuple):
+    """What was believed at some times: P(open) when it was last told, and when that was."""
+
+    p_open: Reals
+    told_ns: Times
+    seen_ns: Times
+    """When the door was really seen, at that look or before."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Epoch:
+    """A time with the same rates, and what was believed in it."""
+
+    forgetting: Forgetting
+    looks: Looks
+    believed: Reals
+    """(n,): P(open) after each look."""
+
+    def belief(self, known_ns: Times) -> _Belief:
+        """Return what the looks up to each time say."""
+        place = np.maximum(np.searchsorted(self.looks.times_ns, known_ns, "right") - 1, 0)
+        sees = np.maximum.accumulate(np.where(self.looks.llr != 0, np.arange(len(self.looks)), -1))
+        seen_ns = np.where(sees >= 0, self.looks.times_ns[sees], _NEVER)
+        return _Belief(self.believed[place], self.looks.times_ns[place], seen_ns[place])
+
+
+class DoorFilter:
+    """What was learnt about one door; each epoch when it is first asked for."""
+
+    def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
+        self._evidence = evidence
+        self._clock = clock
+        self.schedule = DoorSchedule(evidence, clock)
+        self._first_day = int(self._days(_first_ns(evidence))[0])
+        self._epochs: dict[int, _Epoch] = {}
+
+    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return forecasts: see `Learnt.predict`."""
+        known_ns = np.minimum(known_ns, times_ns)
+        p_open, variance, is_known, days = self.schedule.expect(times_ns, known_ns)
+        epochs = self._epoch_of(known_ns)
+        for number in np.unique(epochs).tolist():
+            asked = epochs == number
+            epoch = self._epoch(number)
+            times, known = times_ns[asked], known_ns[asked]
+            belief = self._belief(epoch, known)
+            kept = epoch.forgetting.kept(belief.told_ns, times, self._clock)
+            deviation = belief.p_open - self.schedule.p_open(belief.told_ns, known)
+            p_open[asked] += kept * deviation
+            variance[asked] *= (1 - kept) ** 2
+            variance[asked] += (epoch.forgetting.unsure(kept) * deviation) ** 2
+            fresh = epoch.forgetting.kept(belief.seen_ns, times, self._clock) >= FRESH
+            is_known[asked] |= fresh & (belief.seen_ns > _NEVER)
+        return Forecast.around(p_open, variance, is_known, days)
+
+    def _belief(self, epoch: _Epoch, known_ns: Times) -> _Belief:
+        """Return what was believed at each time; where the state is known, that."""
+        found = epoch.belief(known_ns)
+        held, is_open = held_at(self._evidence, known_ns)
+        state = np.where(is_open, MOST, LEAST)
+        return _Belief(
+            np.where(held, state, found.p_open),
+            np.where(held, known_ns, found.told_ns),
+            np.where(held, known_ns, found.seen_ns),
+        )
+
+    def _epoch(self, number: int) -> _Epoch:
+        if number not in self._epochs:
+            self._epochs[number] = self._made(number)
+        return self._epochs[number]
+
+    def _made(self, number: int) -> _Epoch:
+        """Learn an epoch's rates from what came before it, and believe what is seen in it."""
+        first, end = (self._first_day + _learnt_on(n) for n in (number, number + 1))
+        days = np.array([first - LEARNT_FROM_D, first - RUN_UP_D, first, end])
+        back_ns, run_up_ns, first_ns, end_ns = self._clock.midnights_ns(
+            np.maximum(days, self._first_day)
+        ).tolist()
+        until_ns = min(end_ns, self._evidence.until_ns)
+        forgetting = START
+        if number:
+            past = self._evidence.up_to(first_ns - 1)
+            forgetting = forgetting_of(looks(past, self._clock, back_ns, first_ns - 1))
+        seen = looks(self._evidence, self._clock, run_up_ns, until_ns)
+        return _Epoch(forgetting, seen, self._believed(seen, forgetting))
+
+    def _believed(self, seen: Looks, forgetting: Forgetting) -> Reals:
+        """Return P(open) after each look: the chain's steps are such that its long run is the
+        schedule, as it was known at the time."""
+        times_ns = seen.times_ns
+        before_ns = np.append(times_ns[:1], times_ns[:-1])
+        here = self.schedule.p_open(times_ns, times_ns)
+        before = self.schedule.p_open(before_ns, times_ns)
+        kept = forgetting.kept(before_ns, times_ns, self._clock)
+        kept[:1] = 0.0
+        from_closed = np.clip(here - before * kept, LEAST, MOST)
+        from_open = np.clip(here + (1 - before) * kept, from_closed, MOST)
+        return filtered(Steps(from_closed, from_open), seen.llr)[0]
+
+    def _epoch_of(self, known_ns: Times) -> NDArray[np.intp]:
+        """Return which epoch each time lies in."""
+        age_d = np.maximum(self._days(known_ns) - self._first_day, 0)
+        later = len(LEARNT_ON) + (age_d - LEARNT_ON[-1]) // LEARNT_EVERY_D
+        early = np.searchsorted(np.array(LEARNT_ON), age_d, "right")
+        return np.where(age_d >= LEARNT_ON[-1], later, early).astype(np.intp)
+
+    def _days(self, times_ns: Times) -> NDArray[np.int64]:
+        return self._clock.hour_of(times_ns) // 24
+
+
+class LearntFilter:
+    """What was learnt about all doors; each when it is first asked for."""
+
+    def __init__(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> None:
+        self._evidence = evidence
+        self._clock = clock
+        self._doors: dict[DoorId, DoorFilter] = {}
+
+    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return how likely the door is open: see `Learnt`."""
+        if door_id not in self._evidence:
+            return nothing_known(len(times_ns))
+        if door_id not in self._doors:
+            self._doors[door_id] = DoorFilter(self._evidence[door_id], self._clock)
+        return self._doors[door_id].predict(times_ns, known_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """The estimator."""
+
+    name: str = "filter"
+
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntFilter:
+        """Return what the evidence teaches."""
+        return LearntFilter(evidence, clock)
+
+
+_NEVER = 0
+"""Of times: nanoseconds since 1970."""
+
+
+def _learnt_on(epoch: int) -> int:
+    """Return how many days after a door's first its rates are learnt for that epoch."""
+    if epoch <= len(LEARNT_ON):
+        return (0, *LEARNT_ON)[epoch]
+    return LEARNT_ON[-1] + (epoch - len(LEARNT_ON)) * LEARNT_EVERY_D
+
+
+def _first_ns(evidence: DoorEvidence) -> Times:
+    """Return when the door was first told of, as an array of one."""
+    firsts = [times[:1] for times in (evidence.start_ns, evidence.seen_ns)]
+    return np.array([np.concatenate(firsts).min(initial=evidence.until_ns)], np.int64)

@@ -1,0 +1,67 @@
+"""How fast a door forgets: what share of a deviation from its schedule is left after some time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.moments import SECOND_NS
+from semmap_log.probabilities.chain import Rates
+from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, LocalClock
+from semmap_log.probabilities.nodes import Looks
+from semmap_log.probabilities.rates import START_PER_S, learn_rates
+
+Times = NDArray[np.int64]
+Reals = NDArray[np.float64]
+
+HOURS = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Forgetting:
+    """A door's rates by hour of the day, as what they do to a belief."""
+
+    rates: Rates
+    """(24,)."""
+    changes: float
+    """How many changes of the door they were learnt from, about."""
+
+    def kept(self, from_ns: Times, to_ns: Times, clock: LocalClock) -> Reals:
+        """Return what is left of a deviation: 1 of a fresh one, 0 in the long run."""
+        through = self._through(clock.wall_s(to_ns)) - self._through(clock.wall_s(from_ns))
+        kept: Reals = np.exp(-np.maximum(through, 0.0))
+        return kept
+
+    def unsure(self, kept: Reals) -> Reals:
+        """Return the standard deviation of `kept`: rates learnt from n changes err by 1/sqrt(n)."""
+        slope = kept * np.log(np.maximum(kept, 1e-12))
+        found: Reals = np.abs(slope) / np.sqrt(self.changes + 1)
+        return found
+
+    def _through(self, wall_s: Reals) -> Reals:
+        """Return the integral of the relaxation rate over local time, since some Monday."""
+        per_s = self.rates.relaxation
+        before = np.append(0.0, np.cumsum(per_s * HOUR_S))
+        day, in_day_s = np.divmod(wall_s, DAY_S)
+        hour = (in_day_s // HOUR_S).astype(np.intp)
+        found: Reals = day * before[-1] + before[hour] + per_s[hour] * (in_day_s - hour * HOUR_S)
+        return found
+
+
+START = Forgetting(Rates(np.full(HOURS, START_PER_S), np.full(HOURS, START_PER_S)), 0.0)
+"""Of a door of which nothing is known."""
+
+
+def forgetting_of(looks: Looks) -> Forgetting:
+    """Return what the looks at a door teach: first its rates, then those of each hour."""
+    if not np.any(looks.llr):
+        return START
+    nodes = looks.nodes()
+    whole_day = nodes.with_bins(np.zeros(len(nodes), np.intp))
+    overall = learn_rates(whole_day)
+    rates = learn_rates(nodes, bins=HOURS, prior=overall)
+    looked_s = (looks.times_ns[-1] - looks.times_ns[0]) / SECOND_NS
+    per_s = 2 * overall.opening * overall.closing / overall.relaxation
+    return Forgetting(rates, float(per_s[0] * looked_s))
