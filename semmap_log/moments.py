@@ -67,6 +67,18 @@ def parse_moment(text: str, *, tz: str, end_ns: int) -> Moment:
     return Moment(ns=parse_instant(text, tz=tz))
 
 
+def parse_duration(text: str) -> int:
+    """Return a length of time in nanoseconds: `30m`, `2h`, `1.5 d`, `90 s`.
+
+    Raises:
+        MomentError: It is none.
+    """
+    found = _DURATION.fullmatch(text.strip().lower())
+    if found is None:
+        raise MomentError(f"Expected a length of time such as 30m, 2h or 1.5d; got {text[:60]!r}.")
+    return _decimal_ns(found["count"], _UNIT_NS[found["unit"]])
+
+
 def parse_range(text: str, *, tz: str, end_ns: int) -> tuple[Moment, Moment]:
     """Return the two moments of `T1..T2`.
 
@@ -191,9 +203,9 @@ _UNIT_NS = {
     )
     for name in names.split()
 }
-_AGO = re.compile(
-    rf"(?P<count>\d{{1,12}}(?:\.\d{{1,9}})?) ?(?P<unit>{'|'.join(_UNIT_NS)}) +ago", re.ASCII
-)
+_LENGTH = rf"(?P<count>\d{{1,12}}(?:\.\d{{1,9}})?) ?(?P<unit>{'|'.join(_UNIT_NS)})"
+_DURATION = re.compile(_LENGTH, re.ASCII)
+_AGO = re.compile(rf"{_LENGTH} +ago", re.ASCII)
 
 _zone = lru_cache(maxsize=64)(ZoneInfo)
 

@@ -13,6 +13,7 @@ from semmap_log.moments import (
     format_local,
     format_utc,
     format_wall,
+    parse_duration,
     parse_instant,
     parse_moment,
     parse_range,
@@ -200,3 +201,23 @@ def test_any_text_is_a_moment_or_an_error(text):
         return
 
     assert (moment.ns is None) != (moment.event is None)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected_s"),
+    [("30m", 1800), ("2h", 7200), ("1.5 d", 129_600), (" 90 S", 90), ("0 min", 0), ("1w", 604_800)],
+)
+def test_a_length_of_time_is_a_number_and_a_unit(text, expected_s):
+    """
+    In the units of `2h ago`.
+    """
+    assert expected_s * 10**9 == parse_duration(text)
+
+
+@pytest.mark.parametrize("text", ["", "2", "h", "-2h", "2h ago", "2 fortnights"])
+def test_no_other_text_is_a_length_of_time(text):
+    """
+    The error shows how to write one.
+    """
+    with pytest.raises(MomentError, match=r"such as 30m, 2h or 1\.5d; got"):
+        parse_duration(text)

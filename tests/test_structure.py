@@ -49,6 +49,7 @@ EDGES: dict[str, set[str]] = {
     "rerun_cli": {"views"},
     "yaml": {"formats"},
     "PIL": {"formats", "views"},
+    "matplotlib": {"views"},
     "pyarrow": {"arrow"},
     "pandas": {"arrow"},
     "mcap": {"log", "formats"},

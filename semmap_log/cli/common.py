@@ -183,12 +183,15 @@ _ABOUT = {
 
 
 def takes_about(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb the options of every command (when, who, why); it gets them as `about`."""
+    """Give a verb the options of every command (when, who, why); it gets them as `about`.
+
+    A verb that asks about a moment keeps its own --at.
+    """
+    own = inspect.signature(command).parameters
 
     @wraps(command)
     def verb(**values: Any) -> None:
         about: About = {
-            "at": values.pop("at"),
             "actor": values.pop("actor"),
             "source": values.pop("source"),
             "reason": values.pop("reason"),
@@ -196,13 +199,15 @@ def takes_about(command: Callable[..., None]) -> Callable[..., None]:
             "command_id": _command_id(values.pop("command_id")),
             "expected_event": values.pop("expected_event"),
         }
+        if "at" not in own:
+            about["at"] = values.pop("at")
         command(**values, about=about)
 
-    own = inspect.signature(command).parameters
     asked = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint,
                           default=None if name in ("at", "expected_event") else "")
         for name, hint in _ABOUT.items()
+        if name not in own
     ]  # fmt: skip
     parameters = [
         p.replace(kind=inspect.Parameter.KEYWORD_ONLY,

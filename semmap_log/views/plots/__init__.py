@@ -1,0 +1,1 @@
+"""Plots by matplotlib; `sdk` is the only place that imports it."""

@@ -1,0 +1,47 @@
+"""The one place that imports matplotlib; without it, says how to get it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from semmap_log.errors import FormatError, MissingExtraError, OutputError
+from semmap_log.log.disk import whole_file
+
+try:
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+except ImportError:
+    raise MissingExtraError("matplotlib", "plots") from None
+
+__all__ = ["Figure", "mpl", "new_figure", "save_figure"]
+
+FORMATS = (".png", ".svg")
+DPI = 120
+SVG_STYLE = {"svg.hashsalt": "semmap-log", "svg.fonttype": "none"}
+"""So that the same plot is the same file, and its words can be searched."""
+
+
+def new_figure(width: float, height: float, **how: Any) -> Any:
+    """Return a figure, inches, that needs no screen."""
+    figure = Figure(figsize=(width, height), dpi=DPI, **how)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Any, path: Path) -> None:
+    """Write a figure, whole or not at all; the name tells the format.
+
+    Raises:
+        FormatError: The name ends in neither .png nor .svg.
+        OutputError: The file cannot be written; what was there stays.
+    """
+    if path.suffix not in FORMATS:
+        raise FormatError(path, f"expected a name that ends in {' or '.join(FORMATS)}")
+    metadata = {"Date": None} if path.suffix == ".svg" else {}
+    try:
+        with whole_file(path) as temporary, mpl.rc_context(SVG_STYLE):
+            figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}.") from None
