@@ -9,6 +9,7 @@ import typer
 from semmap_log.cli import (
     add,
     annotate,
+    best_time,
     calibrate,
     compact,
     costmap,
@@ -22,6 +23,7 @@ from semmap_log.cli import (
     init,
     observe,
     patrol,
+    probabilities,
     record,
     recover,
     remove,
@@ -93,6 +95,8 @@ app.command("tail", short_help="Show the last events, and those to come.")(tail.
 app.command("show", short_help="Show one event.")(show.run)
 app.command("diff", short_help="Show what differs between two moments.")(diff.run)
 app.command("timeline", short_help="Show when a door was open, when closed.")(timeline.run)
+app.command("probabilities", short_help="Show how likely doors are open.")(probabilities.run)
+app.command("best-time", short_help="Show when a door is likeliest open.")(best_time.run)
 app.command("evaluate", short_help="Tell how good forecasts of the doors are.")(evaluate.run)
 app.command("calibrate", short_help="Find a sensor's accuracies from known truth.")(calibrate.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)

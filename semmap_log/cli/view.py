@@ -29,6 +29,13 @@ def run(
             "--costmap/--no-costmap", help="With the costmap's door layer, in a tab of its own."
         ),
     ] = True,
+    beliefs: Annotated[
+        bool,
+        typer.Option(
+            "--beliefs/--no-beliefs",
+            help="With what could be believed: P(open) over time, and typical weeks.",
+        ),
+    ] = True,
     save: Annotated[
         Path | None, typer.Option("--save", metavar="X.rrd", help="Write a file, open nothing.")
     ] = None,
@@ -76,6 +83,7 @@ def run(
             doors=doors,
             at=at,
             costmap=costmap,
+            beliefs=beliefs,
             progress=told,
         )
     if save is not None:

@@ -6,6 +6,7 @@ import re
 
 from semmap_log.errors import EstimatorError
 from semmap_log.probabilities.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
+from semmap_log.probabilities.count import Count
 from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.filter import Filter
 from semmap_log.probabilities.fremen import PERIODS_S, Fremen
@@ -14,7 +15,16 @@ from semmap_log.probabilities.schedule import Schedule
 
 ESTIMATORS: dict[str, Estimator] = {
     one.name: one
-    for one in (Filter(), Schedule(), Last(), Fremen(), CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK)
+    for one in (
+        Filter(),
+        Schedule(),
+        Count(),
+        Last(),
+        Fremen(),
+        CONSTANT,
+        HOUR_OF_DAY,
+        HOUR_OF_WEEK,
+    )
 }
 """Name -> estimator, with the settings that it has by default."""
 

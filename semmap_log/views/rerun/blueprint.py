@@ -1,4 +1,6 @@
-"""How the viewer lays a recording out: plans over curves on the left, lanes over text on the right.
+"""How the viewer lays a recording out: plans and weeks on the left, what goes with time right.
+
+On the right are state lanes over the curves of probabilities, on the same axis, over text.
 
 Rerun calls its blueprint types unstable; so all of them are used here and nowhere else.
 """
@@ -10,11 +12,13 @@ from typing import Any
 
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.beliefs import BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
 from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.sdk import rr, rrb
+from semmap_log.views.rerun.weeks import weeks_on, weeks_path
 
 MOST_CURVES = 8
 MOST_LANES = 16
@@ -42,6 +46,7 @@ def layout(
     chosen: Sequence[DoorId] | None,
     level: int | None,
     costmap: bool,
+    beliefs: BeliefsShown | None,
 ) -> Any:
     """Return the blueprint of a recording.
 
@@ -51,14 +56,14 @@ def layout(
         chosen: Doors that were asked for; None: those that change most get the curves.
         level: The level whose plan is in front; None: the one with most doors.
         costmap: Each level's costmap has a tab behind the plans.
+        beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
     """
-    plans, curves = _plans(scene, palette, level, costmap=costmap), _curves(scene, chosen)
-    left = [part for part in (plans, curves) if part is not None]
-    right = [_lanes(scene), _event_log()]
+    plans = _plans(scene, palette, level, costmap=costmap)
+    left = _column([(plans, 7), (_weeks(scene, palette, beliefs), 3)])
+    curves = _curves(scene, chosen, beliefs)
+    right = _column([(_lanes(scene), 3), (curves, 2), (_event_log(), 2)])
     return rrb.Blueprint(
-        rrb.Horizontal(_column(left, [7, 3]), _column(right, [3, 2]), column_shares=[5, 3])
-        if left
-        else _column(right, [3, 2]),
+        right if left is None else rrb.Horizontal(left, right, column_shares=[5, 3]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
@@ -76,8 +81,13 @@ def liveliest(scene: Scene, most: int) -> list[SceneDoor]:
     return doors[:most]
 
 
-def _column(parts: list[View], shares: list[int]) -> View:
-    return rrb.Vertical(*parts, row_shares=shares) if len(parts) > 1 else parts[0]
+def _column(parts: list[tuple[View | None, int]]) -> View | None:
+    """Return the views that there are, one above the other, each with its share of the height."""
+    there = [(view, share) for view, share in parts if view is not None]
+    if len(there) < 2:
+        return there[0][0] if there else None
+    views, shares = zip(*there, strict=True)
+    return rrb.Vertical(*views, row_shares=list(shares))
 
 
 def _plans(scene: Scene, palette: Palette, level: int | None, *, costmap: bool) -> View | None:
@@ -137,22 +147,43 @@ def _recent_track() -> Any:
     )
 
 
-def _curves(scene: Scene, chosen: Sequence[DoorId] | None) -> View | None:
-    """Return a tab of curves a door; None where no door has probabilities."""
+def _weeks(scene: Scene, palette: Palette, beliefs: BeliefsShown | None) -> View | None:
+    """Return a tab of typical weeks a level; None where nothing is known."""
+    weeks = [] if beliefs is None else beliefs.weeks
+    views = [
+        rrb.Spatial2DView(
+            origin=entity(weeks_path(level)),
+            name="Typical week" if level.path == (ROOT,) else f"{level.name} typical week",
+            background=[*palette.background, 255],
+        )
+        for level in scene.levels.values()
+        if weeks_on(weeks, scene, level)
+    ]
+    if len(views) < 2:
+        return views[0] if views else None
+    return rrb.Tabs(*views, active_tab=0)
+
+
+def _curves(
+    scene: Scene, chosen: Sequence[DoorId] | None, beliefs: BeliefsShown | None
+) -> View | None:
+    """Return a tab of curves a door; None where no door has probabilities, given or believed."""
     if chosen is None:
         doors = liveliest(scene, len(scene.doors))
     else:
         doors = [scene.doors[door_id] for door_id in chosen if door_id in scene.doors]
-    given = [door for door in doors if door.has_probabilities][:MOST_CURVES]
-    if not given:
+    believed = frozenset() if beliefs is None else beliefs.doors
+    drawn = [door for door in doors if door.has_probabilities or door.door_id in believed]
+    if not drawn:
         return None
-    return rrb.Tabs(*(_curve(door, scene) for door in given), name="Probabilities", active_tab=0)
+    curves = [_curve(door, scene) for door in drawn[:MOST_CURVES]]
+    return rrb.Tabs(*curves, name="Probabilities", active_tab=0)
 
 
 def _curve(door: SceneDoor, scene: Scene) -> View:
     return rrb.TimeSeriesView(
         origin=entity(door.path),
-        contents=["$origin"],
+        contents=["$origin/**"],
         name=door.label,
         axis_x=_time_axis(scene),
         axis_y=rrb.ScalarAxis(range=(-0.03, 1.03), zoom_lock=True),

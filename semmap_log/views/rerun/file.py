@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.beliefs import BeliefsShown, write_beliefs
 from semmap_log.views.rerun.costmap import CostmapWriter
 from semmap_log.views.rerun.door_rows import changes_of
 from semmap_log.views.rerun.doors import DoorsWriter
@@ -34,6 +35,7 @@ def write_recording(
     blueprint: Any,
     palette: Palette,
     costmap: bool,
+    beliefs: BeliefsShown | None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Convert the excerpt, batch by batch; each part writes as soon as it has a chunk.
@@ -56,6 +58,8 @@ def write_recording(
         doors.finish()
         if layers is not None:
             layers.finish()
+        if beliefs is not None:
+            write_beliefs(writer, beliefs, scene, palette)
         robot.finish()
         events.finish()
 

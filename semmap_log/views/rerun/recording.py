@@ -48,6 +48,7 @@ def save_rrd(
     at: Time = None,
     palette: Palette = DEFAULT,
     costmap: bool = True,
+    beliefs: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> RrdSummary:
     """Write the log as a recording that the rerun viewer opens, laid out.
@@ -63,6 +64,8 @@ def save_rrd(
             or `screenshot`.
         palette: Colours.
         costmap: With the costmap's door layer, cell for cell.
+        beliefs: With what the robot could believe of the doors of which enough is known: a curve
+            and a typical week for each.
         progress: Told how far the reading is: (bytes done, bytes in all).
 
     Raises:
@@ -71,12 +74,14 @@ def save_rrd(
         SemmapError: The file cannot be written; what was there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.
+    from semmap_log.views.rerun.beliefs import beliefs_to_show
     from semmap_log.views.rerun.blueprint import layout
     from semmap_log.views.rerun.file import write_recording
 
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)
     scene = survey(excerpt)
+    shown = beliefs_to_show(excerpt, scene) if beliefs else None
     front = scene.robot_level if at is None else _robot_level(log, at)
     blueprint = layout(
         scene,
@@ -84,13 +89,14 @@ def save_rrd(
         chosen=None if doors is None else list(doors),
         level=front,
         costmap=costmap,
+        beliefs=shown,
     )
     try:
         with whole_file(path) as temporary:
             write_recording(
                 temporary, excerpt,
                 scene=scene, blueprint=blueprint, palette=palette, costmap=costmap,
-                progress=progress,
+                beliefs=shown, progress=progress,
             )  # fmt: skip
     except OSError as error:
         raise SemmapError(f"{path}: cannot be written: {error.strerror or error}.") from None

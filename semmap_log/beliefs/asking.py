@@ -1,0 +1,101 @@
+"""What every question about beliefs begins with: a moment, what was learnt by then, doors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.beliefs.learning import learn
+from semmap_log.commands import resolve_door
+from semmap_log.door_log import DoorLog, Time
+from semmap_log.doors import Door, DoorId, DoorMap
+from semmap_log.log.reading.passage import Progress
+from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.probabilities.estimators import by_name
+from semmap_log.probabilities.forecast import Forecast
+from semmap_log.probabilities.local_clock import LocalClock
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is known at a moment, and the doors that are asked about."""
+
+    beliefs: Beliefs
+    estimator: str
+    clock: LocalClock
+    known_ns: int
+    """The moment: nothing later counts."""
+    door_map: DoorMap
+    """The doors as they were known then."""
+    doors: list[Door]
+    """Those asked about, ids ascending."""
+
+    def by(self, estimator: str) -> Asked:
+        """Return the same by another estimator, from the same evidence.
+
+        Raises:
+            EstimatorError: There is no such estimator.
+        """
+        learnt = Beliefs(by_name(estimator), self.clock, self.beliefs.evidence)
+        return replace(self, beliefs=learnt, estimator=estimator)
+
+    def as_of(self, known_ns: int) -> Asked:
+        """Return the same as known at another moment, later knowledge of the doors' names kept."""
+        return replace(self, known_ns=known_ns)
+
+    def evidence(self, door: Door) -> EvidenceSummary:
+        """Return what is known of a door up to the moment."""
+        everything, until_ns = self.beliefs.evidence, self.known_ns
+        return EvidenceSummary.of(
+            everything.door(door.door_id, until_ns),
+            everything.counts(door.door_id, until_ns),
+            self.clock,
+        )
+
+    def predict(self, door: Door, times_ns: NDArray[np.int64]) -> Forecast:
+        """Return what is expected of a door at some times, as known at the moment."""
+        known_ns = np.full(len(times_ns), self.known_ns)
+        return self.beliefs.predict(door.door_id, times_ns, known_ns)
+
+
+def ask(
+    log: DoorLog,
+    *,
+    at: Time,
+    estimator: str,
+    tz: str | None,
+    doors: Iterable[DoorId | str] | None,
+    progress: Progress | None = None,
+) -> Asked:
+    """Learn from what had happened and was recorded by a moment.
+
+    Args:
+        log: Whose doors.
+        at: The moment; None: the log's end.
+        estimator: Its name.
+        tz: IANA zone of the building's clocks; None: the log's.
+        doors: Only these; None: all that are in the map then.
+        progress: Told how far the reading is.
+
+    Raises:
+        EstimatorError: There is no such estimator.
+        UnknownDoorError: One of the doors was not in the map then.
+        MomentError: The time or the zone cannot be read.
+    """
+    # At the log's end all is known that is in it: what was recorded long after it happened, too.
+    at_ns = log.instant(at)
+    door_map = log.replay(at=at_ns, known_at=at_ns)
+    chosen = door_map.doors if doors is None else {resolve_door(d, door_map) for d in doors}
+    clock = LocalClock(tz or log.info.timezone)
+    return Asked(
+        beliefs=learn(log, at=at_ns, estimator=estimator, tz=clock.tz, progress=progress),
+        estimator=estimator,
+        clock=clock,
+        known_ns=log.end_ns() if at_ns is None else at_ns,
+        door_map=door_map,
+        doors=[door_map[door_id] for door_id in sorted(chosen)],
+    )

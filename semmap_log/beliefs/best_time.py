@@ -1,0 +1,187 @@
+"""When to go: the hours in which a door is likeliest open, or closed; and how long to wait."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.beliefs.asking import Asked, ask
+from semmap_log.beliefs.beliefs import LATER, DoorBelief, belief, default_estimator
+from semmap_log.beliefs.typical_week import WEEK_HOURS, Pattern, first_hour, typical_week
+from semmap_log.door_log import DoorLog, Time
+from semmap_log.doors import Door, DoorId
+from semmap_log.log.reading.passage import Progress
+from semmap_log.probabilities.coverage import HOURS, WeekMask
+from semmap_log.probabilities.local_clock import HOUR_S
+
+State = Literal["open", "closed"]
+
+MOST_WINDOWS = 5
+ABOUT_THE_SAME = 0.05
+"""Hours whose probability is not more than that below the best are as good as it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Some hours in a row in which a door is likely in the state, and how likely, on average."""
+
+    start_ns: int
+    """The next time that it begins; of one that is under way, now."""
+    end_ns: int
+    first_hour: int
+    """Of the week, 0..167, from Monday's midnight on, local time."""
+    hours: int
+    probability: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class BestTime:
+    """When a door is likeliest in a state."""
+
+    state: State
+    now: DoorBelief
+    """How likely it is open at the moment that is asked from."""
+    tz: str
+    is_known: bool
+    """False: too little was seen of the door; there are no windows."""
+    of_the_week: list[Window]
+    """In a typical week, the best first."""
+    next_ones: list[Window]
+    """From now on, with what was seen last; in order of time."""
+    never_seen: WeekMask
+    """Hours of the week of which nothing is known: no window lies in them."""
+    wait_s: float | None
+    """How long it takes on average until the door is in that state; None: that is not known, or
+    the estimator does not tell."""
+
+
+def best_time(
+    log: DoorLog,
+    door: DoorId | str,
+    state: State = "open",
+    *,
+    at: Time = None,
+    estimator: str | None = None,
+    tz: str | None = None,
+    most: int = MOST_WINDOWS,
+    progress: Progress | None = None,
+) -> BestTime:
+    """Return when a door is likeliest in a state.
+
+    Args:
+        log: Whose door.
+        door: Id, name, or level/name.
+        state: `open` or `closed`.
+        at: The moment from which is asked: only what had happened and been recorded by then counts.
+            None: the log's end.
+        estimator: None: `filter` for the next hours, `schedule` for the typical week.
+        tz: IANA zone of the building's clocks; None: the log's.
+        most: How many windows of each kind.
+        progress: Told how far the reading is.
+
+    Raises:
+        UnknownDoorError: The door was not in the map then.
+        EstimatorError: There is no such estimator.
+        MomentError: The time or the zone cannot be read.
+    """
+    near = ask(
+        log,
+        at=at,
+        estimator=estimator or default_estimator(),
+        tz=tz,
+        doors=[door],
+        progress=progress,
+    )
+    far = near if estimator else near.by(LATER)
+    (asked_for,) = near.doors
+    week = typical_week(far, asked_for)
+    coming = _Coming.of(near, asked_for, week.is_seen)
+    now = belief(near, asked_for)
+    return BestTime(
+        state=state,
+        now=now,
+        tz=near.clock.tz,
+        is_known=week.is_known,
+        of_the_week=coming.windows(week.hours.taken(np.divmod(coming.hours, HOURS)), state, most),
+        next_ones=sorted(
+            coming.windows(coming.said, state, most), key=lambda window: window.start_ns
+        ),
+        never_seen=~week.is_seen,
+        wait_s=_wait_s(near, now, state),
+    )
+
+
+def _wait_s(asked: Asked, now: DoorBelief, state: State) -> float | None:
+    """Return the expected wait, if the estimator follows the door's state over time."""
+    wait = getattr(asked.beliefs.learnt(asked.known_ns), "wait", None)
+    if wait is None or not now.is_known:
+        return None
+    return float(wait(now.door.door_id, asked.known_ns, state))
+
+
+@dataclass(frozen=True, slots=True)
+class _Coming:
+    """The week from a moment on, hour by hour; the first one is what is left of the hour."""
+
+    hours: NDArray[np.int64]
+    """(168,), of the week."""
+    edges_ns: NDArray[np.int64]
+    """(169,): when they begin, and the end of the last."""
+    said: Pattern
+    """(168,): what is expected of them; known are those that were ever seen."""
+
+    @classmethod
+    def of(cls, asked: Asked, door: Door, is_seen: WeekMask) -> _Coming:
+        counted = first_hour(asked) + np.arange(WEEK_HOURS + 1)
+        edges_ns = asked.clock.instants_ns(counted.astype(np.float64) * HOUR_S)
+        edges_ns[0] = asked.known_ns
+        lengths_ns = np.diff(edges_ns)
+        hours = counted[:-1] % WEEK_HOURS
+        forecast = asked.predict(door, edges_ns[:-1] + lengths_ns // 2)
+        # In spring an hour is skipped: it takes no time.
+        said = Pattern.of(forecast, is_seen.ravel()[hours] & (lengths_ns > 0))
+        return cls(hours, edges_ns, said)
+
+    def windows(self, said: Pattern, state: State, most: int) -> list[Window]:
+        """Return the runs of hours with the highest probability of the state, the best first."""
+        p, low, high = said.p_open, said.low, said.high
+        if state == "closed":
+            p, low, high = 1 - p, 1 - high, 1 - low
+        return [
+            Window(
+                start_ns=int(self.edges_ns[run.start]),
+                end_ns=int(self.edges_ns[run.stop]),
+                first_hour=int(self.hours[run.start]),
+                hours=run.stop - run.start,
+                probability=float(p[run].mean()),
+                low=float(low[run].mean()),
+                high=float(high[run].mean()),
+            )
+            for run in best_runs(p, said.is_known, most)
+        ]
+
+
+def best_runs(
+    probability: NDArray[np.float64], usable: NDArray[np.bool_], most: int
+) -> list[slice]:
+    """Return disjoint runs of cells, the best first; of cells about as good, the earlier first.
+
+    A run goes as far as its cells are about as good.
+
+    Args:
+        probability: (n,), in order of time.
+        usable: (n,), the cells that may belong to a run.
+        most: How many.
+    """
+    free, runs = usable.copy(), list[slice]()
+    while len(runs) < most and free.any():
+        good = free & (probability >= probability[free].max() - ABOUT_THE_SAME)
+        edges = np.flatnonzero(np.diff(good, prepend=False, append=False))
+        runs += [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        free &= ~good
+    return runs[:most]

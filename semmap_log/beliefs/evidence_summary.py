@@ -1,0 +1,34 @@
+"""On what a belief about a door rests, in numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semmap_log.probabilities.coverage import Coverage
+from semmap_log.probabilities.evidence import Counts, DoorEvidence
+from semmap_log.probabilities.local_clock import LocalClock
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceSummary:
+    """What a belief rests on."""
+
+    coverage: Coverage
+    """On which hours of the week the evidence lies."""
+    known_ns: int
+    """For how long its state was known without a look, since it had been set."""
+    counts: Counts
+    """Words about its state, sightings among them, visits, and when it was last seen."""
+
+    @classmethod
+    def of(cls, evidence: DoorEvidence, counts: Counts, clock: LocalClock) -> EvidenceSummary:
+        """Return the evidence about a door in numbers."""
+        known_ns = int(np.sum(evidence.end_ns - evidence.start_ns))
+        return cls(Coverage.of(evidence, clock), known_ns, counts)
+
+    @property
+    def is_empty(self) -> bool:
+        """True for a door of which nobody ever said whether it is open."""
+        return self.counts.last_seen_ns is None

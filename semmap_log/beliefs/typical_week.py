@@ -1,0 +1,148 @@
+"""A door's typical week: how likely it is open in each of 168 hours, and which nobody has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.beliefs.asking import Asked, ask
+from semmap_log.beliefs.beliefs import LATER
+from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.door_log import DoorLog, Time
+from semmap_log.doors import Door, DoorId
+from semmap_log.log.reading.passage import Progress
+from semmap_log.probabilities.coverage import WEEK, WeekMask
+from semmap_log.probabilities.forecast import Forecast
+from semmap_log.probabilities.local_clock import HOUR_S
+
+WEEK_HOURS = WEEK[0] * WEEK[1]
+
+By = Literal["hour", "weekday", "week"]
+
+Cells = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """P(open) in cells of time, in any shape; low and high are its 90 % interval."""
+
+    p_open: Cells
+    low: Cells
+    high: Cells
+    is_known: NDArray[np.bool_]
+    """False: the door was never seen then, or too little at all; the numbers are carried over."""
+
+    @classmethod
+    def of(cls, said: Forecast, is_seen: NDArray[np.bool_]) -> Pattern:
+        """Return a forecast as cells; those never seen are not known."""
+        return cls(said.p_open, said.low, said.high, said.is_known & is_seen)
+
+    def taken(self, cells: Any) -> Pattern:
+        """Return some of the cells, in the shape of that index."""
+        return Pattern(self.p_open[cells], self.low[cells], self.high[cells], self.is_known[cells])
+
+    def averaged(self, axis: int) -> Pattern:
+        """Return the means over an axis: of what is known, or of all where nothing is.
+
+        The ends are averaged, too: cells err together, so that a mean is no surer than they are.
+        """
+        known = np.asarray(self.is_known.any(axis=axis))
+        weights = np.where(np.expand_dims(known, axis), self.is_known, True)
+        p_open, low, high = (
+            np.asarray(np.average(cells, axis=axis, weights=weights))
+            for cells in (self.p_open, self.low, self.high)
+        )
+        return Pattern(p_open, low, high, known)
+
+
+@dataclass(frozen=True, slots=True)
+class TypicalWeek:
+    """What a week is like at a door, as known at a moment."""
+
+    door: Door
+    level_name: str
+    known_ns: int
+    tz: str
+    """Zone of the hours."""
+    estimator: str
+    is_known: bool
+    """False: too little was seen of the door at all."""
+    hours: Pattern
+    """(7, 24): Monday first, local hours."""
+    evidence: EvidenceSummary
+
+    @property
+    def is_seen(self) -> WeekMask:
+        """The hours of the week in which it was ever seen."""
+        return self.evidence.coverage.is_seen
+
+    def pattern(self, by: By) -> Pattern:
+        """Return typical hours of the day, days of the week, or hours of the week."""
+        if by == "week":
+            return self.hours
+        return self.by_hour() if by == "hour" else self.by_weekday()
+
+    def by_hour(self) -> Pattern:
+        """Return the typical hour of the day, (24,): the mean of the days that were seen then."""
+        return self.hours.averaged(0)
+
+    def by_weekday(self) -> Pattern:
+        """Return the typical day of the week, (7,): the mean of the hours that were seen then."""
+        return self.hours.averaged(1)
+
+
+def typical_weeks(
+    log: DoorLog,
+    *,
+    at: Time = None,
+    estimator: str | None = None,
+    tz: str | None = None,
+    doors: Iterable[DoorId | str] | None = None,
+    progress: Progress | None = None,
+) -> list[TypicalWeek]:
+    """Return the typical week of each door, ids ascending.
+
+    Args:
+        log: Whose doors.
+        at: Only what had happened and been recorded by then counts; None: the log's end.
+        estimator: None: `schedule`. Another is asked for the week that comes.
+        tz: IANA zone of the building's clocks; None: the log's.
+        doors: Only these (id, name, or level/name); None: all that are in the map then.
+        progress: Told how far the reading is.
+
+    Raises:
+        UnknownDoorError: One of the doors was not in the map then.
+        EstimatorError: There is no such estimator.
+        MomentError: The time or the zone cannot be read.
+    """
+    chosen = estimator or LATER
+    asked = ask(log, at=at, estimator=chosen, tz=tz, doors=doors, progress=progress)
+    return [typical_week(asked, door) for door in asked.doors]
+
+
+def typical_week(asked: Asked, door: Door) -> TypicalWeek:
+    """Return a door's week: what is expected of the 168 hours that come, each at its middle."""
+    hours = first_hour(asked) + 1 + np.arange(WEEK_HOURS)
+    said = asked.predict(door, asked.clock.instants_ns((hours + 0.5).astype(np.float64) * HOUR_S))
+    evidence = asked.evidence(door)
+    of_the_week = hours % WEEK_HOURS
+    pattern = Pattern.of(said, evidence.coverage.is_seen.ravel()[of_the_week])
+    return TypicalWeek(
+        door=door,
+        level_name=asked.door_map.level_name(door.level),
+        known_ns=asked.known_ns,
+        tz=asked.clock.tz,
+        estimator=asked.estimator,
+        is_known=bool(said.is_known.any()),
+        hours=pattern.taken(np.argsort(of_the_week).reshape(WEEK)),
+        evidence=evidence,
+    )
+
+
+def first_hour(asked: Asked) -> int:
+    """Return the local hour of the moment that is asked from, counted from a Monday's midnight."""
+    return int(asked.clock.wall_s(np.array([asked.known_ns]))[0] // HOUR_S)

@@ -1,0 +1,61 @@
+"""`best-time`: when a door is likeliest to be open."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import AsJson, DoorName, LogPath, console, print_json, progress
+from semmap_log.cli.probabilities import AsKnownAt, Estimator, Zone
+
+
+class State(str, Enum):
+    """`semmap_log.beliefs.best_time.State`, as typer wants its choices."""
+
+    open = "open"
+    closed = "closed"
+
+
+def run(
+    log: LogPath,
+    door: DoorName,
+    *,
+    state: Annotated[
+        State, typer.Option("--state", help="Likeliest in which state.", case_sensitive=False)
+    ] = State.open,
+    at: AsKnownAt = None,
+    estimator: Estimator = None,
+    tz: Zone = None,
+    most: Annotated[
+        int, typer.Option("-n", min=1, max=168, metavar="N", help="So many of each.")
+    ] = 5,
+    as_json: AsJson = False,
+) -> None:
+    """Show when to go: the next hours, and hours of the week, in which a door is likeliest open.
+
+    Neighbouring hours that are about as good are one row. Hours of the week in which the door was
+    never seen are left out. The expected wait is how long it takes on average, from now on, until
+    the door is in that state.
+
+    \b
+    Examples:
+      semmap-log best-time office front
+      semmap-log best-time office L1/front --state closed -n 3
+      semmap-log best-time office front --at "yesterday 14:00" --json
+    """
+    import semmap_log as sl
+    from semmap_log.beliefs.best_time import best_time
+    from semmap_log.formats.beliefs_json import best_time_to_json
+    from semmap_log.views.best_time_table import best_time_table
+
+    with progress("Reading") as told:
+        found = best_time(
+            sl.read(log), door, state.value, at=at, estimator=estimator, tz=tz, most=most,
+            progress=told,
+        )  # fmt: skip
+    if as_json:
+        print_json(best_time_to_json(found))
+        return
+    console().print(best_time_table(found))

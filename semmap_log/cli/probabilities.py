@@ -1,0 +1,228 @@
+"""`probabilities`: how likely doors are open, and on what evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from semmap_log.cli.common import (
+    AsJson,
+    LogPath,
+    console,
+    print_json,
+    progress,
+    say,
+    takes_about,
+)
+
+if TYPE_CHECKING:
+    from semmap_log.beliefs.applying import Applied
+    from semmap_log.beliefs.typical_week import TypicalWeek
+    from semmap_log.door_log_writer import About
+
+
+PLOTS = (".png", ".svg")
+
+
+class By(str, Enum):
+    """`semmap_log.formats.beliefs_json.By`, as typer wants its choices."""
+
+    hour = "hour"
+    weekday = "weekday"
+    week = "week"
+
+
+Estimator = Annotated[
+    str | None,
+    typer.Option(
+        "--estimator",
+        metavar="NAME",
+        help="filter, schedule, count, fremen5 or last; default: filter up to a day ahead, "
+        "schedule beyond.",
+    ),
+]
+Zone = Annotated[
+    str | None, typer.Option("--tz", metavar="ZONE", help="The building's clocks; the log's.")
+]
+AsKnownAt = Annotated[
+    str | None, typer.Option("--at", metavar="TIME", help="As known then; default: the log's end.")
+]
+
+
+@takes_about
+def run(
+    log: LogPath,
+    doors: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="DOOR", help="Ids, names, or level/name; default: all."),
+    ] = None,
+    *,
+    at: AsKnownAt = None,
+    horizon: Annotated[
+        str, typer.Option("--horizon", metavar="2h", help="How long after that moment.")
+    ] = "",
+    estimator: Estimator = None,
+    tz: Zone = None,
+    by: Annotated[By | None, typer.Option("--by", help="Typical hours, days, or the week.")] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="X.png", help="Draw that, the week unless --by; or .svg."),
+    ] = None,
+    apply: Annotated[
+        bool,
+        typer.Option("--apply", help="Append both numbers of all known doors as DoorUpdated."),
+    ] = False,
+    as_json: AsJson = False,
+    about: About,
+) -> None:
+    """Show how likely each door is open, how sure that is, and on what evidence.
+
+    Nothing counts but what had happened and been recorded by the moment asked from. A door of
+    which too little is known is UNKNOWN. In brackets: where the true share lies, nine times in
+    ten. --by shows typical times instead, in cells of which never-seen ones are left empty.
+
+    --apply writes P(open) and P(closed) into the log, one commit, for doors that are known and
+    whose numbers differ: replay, costmap --by belief and the thesis's YAML have them then. They
+    set no state and are no evidence. Who and why (--actor, --reason, …) is for it only.
+
+    \b
+    Examples:
+      semmap-log probabilities office
+      semmap-log probabilities office front --horizon 2h
+      semmap-log probabilities office --at "yesterday 14:00" --json
+      semmap-log probabilities office front side --by week
+      semmap-log probabilities office --plot weeks.png
+      semmap-log probabilities office --apply --actor night-job
+    """
+    import semmap_log as sl
+    from semmap_log.beliefs.beliefs import probabilities
+    from semmap_log.formats.beliefs_json import beliefs_to_json
+    from semmap_log.moments import parse_duration
+    from semmap_log.views.belief_table import belief_table
+
+    typical = by is not None or plot is not None
+    _refuse_useless(about, horizon=horizon, typical=typical, apply=apply)
+    if plot is not None and plot.suffix not in PLOTS:
+        raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
+                                 param_hint="--plot")  # fmt: skip
+    asked: dict[str, Any] = {"at": at, "estimator": estimator, "tz": tz, "doors": doors or None}
+    if typical:
+        _show_typical(log, asked, by, plot, as_json=as_json)
+        return
+    asked["horizon_ns"] = parse_duration(horizon) if horizon else 0
+    applied = None
+    with progress("Reading") as told:
+        if apply:
+            applied = _apply(log, asked, about, told)
+            beliefs = applied.beliefs
+        else:
+            beliefs = probabilities(sl.read(log), **asked, progress=told)
+    zone = tz or sl.read(log).info.timezone
+    if as_json:
+        print_json(
+            beliefs_to_json(beliefs, tz=zone) | (_applied_to_json(applied) if applied else {})
+        )
+        return
+    console().print(belief_table(beliefs, tz=zone))
+    if applied is not None:
+        _tell(applied)
+
+
+def _refuse_useless(about: About, *, horizon: str, typical: bool, apply: bool) -> None:
+    """Refuse options that would change nothing: somebody meant something by them."""
+    if typical and apply:
+        raise typer.BadParameter("writes the numbers of one moment", param_hint="--by, --plot")
+    if typical and horizon:
+        raise typer.BadParameter("a typical week has none; leave it out", param_hint="--horizon")
+    given = [
+        f"--{name.replace('_', '-')}" for name, value in about.items() if value not in ("", None)
+    ]
+    if given and not apply:
+        raise typer.BadParameter("says something about --apply", param_hint=", ".join(given))
+
+
+def _show_typical(
+    log: Path, asked: dict[str, Any], by: By | None, plot: Path | None, *, as_json: bool
+) -> None:
+    import semmap_log as sl
+    from semmap_log.beliefs.typical_week import typical_weeks
+    from semmap_log.formats.beliefs_json import weeks_to_json
+
+    opened = sl.read(log)
+    with progress("Reading") as told:
+        weeks = typical_weeks(opened, **asked, progress=told)
+    which = by or By.week
+    if plot is not None:
+        _plot(weeks, plot, which)
+        if by is None and not as_json:
+            return
+    if as_json:
+        print_json(weeks_to_json(weeks, which.value, tz=asked["tz"] or opened.info.timezone))
+        return
+    _print_weeks(weeks, which)
+
+
+def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
+    from semmap_log.views.plots.weeks import plot_weeks
+
+    if not weeks:
+        say(f"{plot}: not written; no door is in the map then.")
+        return
+    plot_weeks(weeks, plot, by.value)
+    say(f"{plot}: {len(weeks)} door{'' if len(weeks) == 1 else 's'}.")
+
+
+def _print_weeks(weeks: Sequence[TypicalWeek], by: By) -> None:
+    from semmap_log.views.week_map import hour_rows, week_maps, weekday_rows
+
+    if not weeks:
+        say("no door is in the map then.")
+        return
+    show = {By.hour: hour_rows, By.weekday: weekday_rows, By.week: week_maps}
+    console().print(show[by](weeks))
+
+
+def _apply(log: Path, asked: dict[str, Any], about: About, told: Any) -> Applied:
+    import semmap_log as sl
+    from semmap_log.beliefs.applying import apply_probabilities
+
+    note = sl.Note(actor=about["actor"], source=about["source"], reason=about["reason"],
+                   correlation=about["correlation"])  # fmt: skip
+    with sl.append(log) as opened:
+        return apply_probabilities(
+            opened, **asked, note=note, command_id=about["command_id"],
+            expected_event=about["expected_event"], progress=told,
+        )  # fmt: skip
+
+
+def _applied_to_json(applied: Applied) -> dict[str, Any]:
+    appended = applied.appended
+    return {
+        "applied": {
+            "event": None if appended is None else appended.first_event,
+            "count": 0 if appended is None else appended.count,
+            "repeated": appended is not None and appended.repeated,
+            "doors": [belief.door.door_id for belief in applied.written],
+            "unknown": [belief.door.door_id for belief in applied.unknown],
+        }
+    }
+
+
+def _tell(applied: Applied) -> None:
+    from semmap_log.views.belief_words import named
+
+    appended = applied.appended
+    if appended is None:
+        say("nothing was written: no door's numbers changed.")
+    elif appended.repeated:
+        say(f"stored before, from event {appended.first_event} on; nothing was written now.")
+    else:
+        last = appended.first_event + appended.count - 1
+        say(f"events {appended.first_event}..{last}: {appended.count} doors have their "
+            "probabilities in the map.")  # fmt: skip
+    if applied.unknown:
+        say(f"left alone, UNKNOWN: {named([belief.door for belief in applied.unknown])}")

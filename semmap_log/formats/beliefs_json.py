@@ -1,0 +1,136 @@
+"""What is believed of doors as the JSON that `probabilities` and `best-time` print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from semmap_log.beliefs.beliefs import DoorBelief
+from semmap_log.beliefs.best_time import BestTime, Window
+from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.beliefs.typical_week import By, TypicalWeek
+from semmap_log.doors import Door
+from semmap_log.moments import SECOND_NS, format_utc
+from semmap_log.probabilities.coverage import DAY_NAMES, HOURS, spans_in_words
+from semmap_log.probabilities.forecast import INTERVAL
+
+ROUNDED = 6
+"""Digits of probabilities."""
+
+
+def beliefs_to_json(beliefs: Sequence[DoorBelief], *, tz: str) -> dict[str, Any]:
+    """Return P(open) of doors at one moment; where `is_known` is false, it is a guess."""
+    first = beliefs[0] if beliefs else None
+    return {
+        "known_at": format_utc(first.known_ns) if first else None,
+        "time": format_utc(first.time_ns) if first else None,
+        "tz": tz,
+        "estimator": first.estimator if first else None,
+        "interval": INTERVAL,
+        "doors": [belief_to_json(belief) for belief in beliefs],
+    }
+
+
+def belief_to_json(belief: DoorBelief) -> dict[str, Any]:
+    """Return one door's."""
+    return {
+        **_door(belief.door, belief.level_name),
+        "p_open": round(belief.p_open, ROUNDED),
+        "p_closed": round(1.0 - round(belief.p_open, ROUNDED), ROUNDED),
+        "low": round(belief.low, ROUNDED),
+        "high": round(belief.high, ROUNDED),
+        "is_known": belief.is_known,
+        "evidence": _evidence(belief.evidence, belief.known_ns),
+    }
+
+
+def weeks_to_json(weeks: Sequence[TypicalWeek], by: By, *, tz: str) -> dict[str, Any]:
+    """Return P(open) of typical hours, days or weeks: lists of 24, of 7, or of 7 lists of 24.
+
+    Days begin with Monday. `cell_is_known`: those that were ever seen; others are carried over.
+    """
+    first = weeks[0] if weeks else None
+    return {
+        "by": by,
+        "known_at": format_utc(first.known_ns) if first else None,
+        "tz": tz,
+        "estimator": first.estimator if first else None,
+        "interval": INTERVAL,
+        "doors": [_week(week, by) for week in weeks],
+    }
+
+
+def best_time_to_json(found: BestTime) -> dict[str, Any]:
+    """Return when a door is likeliest in a state."""
+    now = found.now
+    return {
+        **_door(now.door, now.level_name),
+        "state": found.state.upper(),
+        "known_at": format_utc(now.known_ns),
+        "tz": found.tz,
+        "interval": INTERVAL,
+        "is_known": found.is_known,
+        "now": {
+            "p_open": round(now.p_open, ROUNDED),
+            "low": round(now.low, ROUNDED),
+            "high": round(now.high, ROUNDED),
+            "is_known": now.is_known,
+        },
+        "wait_s": None if found.wait_s is None else round(found.wait_s, 1),
+        "of_the_week": [_window(window) for window in found.of_the_week],
+        "next": [_window(window) for window in found.next_ones],
+        "evidence": _evidence(now.evidence, now.known_ns),
+    }
+
+
+def _door(door: Door, level_name: str) -> dict[str, Any]:
+    return {
+        "door_id": door.door_id,
+        "name": door.name,
+        "level": door.level,
+        "level_name": level_name,
+    }
+
+
+def _evidence(evidence: EvidenceSummary, known_ns: int) -> dict[str, Any]:
+    coverage, last_ns = evidence.coverage, evidence.counts.last_seen_ns
+    return {
+        "days": round(coverage.days, 2),
+        "known_s": evidence.known_ns / SECOND_NS,
+        "words": evidence.counts.words,
+        "sightings": evidence.counts.sightings,
+        "visits": evidence.counts.visits,
+        "last_seen": None if last_ns is None else format_utc(last_ns),
+        "age_s": None if last_ns is None else (known_ns - last_ns) / SECOND_NS,
+        "hours_never_seen": coverage.hours_never_seen,
+        "never_seen": spans_in_words(~coverage.is_seen),
+    }
+
+
+def _week(week: TypicalWeek, by: By) -> dict[str, Any]:
+    pattern = week.pattern(by)
+    return {
+        **_door(week.door, week.level_name),
+        "is_known": week.is_known,
+        "p_open": np.round(pattern.p_open, ROUNDED).tolist(),
+        "low": np.round(pattern.low, ROUNDED).tolist(),
+        "high": np.round(pattern.high, ROUNDED).tolist(),
+        "cell_is_known": pattern.is_known.tolist(),
+        "evidence": _evidence(week.evidence, week.known_ns),
+    }
+
+
+def _window(window: Window) -> dict[str, Any]:
+    day, hour = divmod(window.first_hour, HOURS)
+    return {
+        "start": format_utc(window.start_ns),
+        "end": format_utc(window.end_ns),
+        "weekday": DAY_NAMES[day],
+        "hour": hour,
+        "hours": window.hours,
+        "probability": round(window.probability, ROUNDED),
+        "low": round(window.low, ROUNDED),
+        "high": round(window.high, ROUNDED),
+    }

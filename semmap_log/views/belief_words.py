@@ -1,0 +1,72 @@
+"""Beliefs in words: numbers short enough for a table, and what must be said beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.doors import Door
+from semmap_log.probabilities.coverage import WEEK, spans_in_short
+from semmap_log.views.event_words import printable
+
+MOST_GROUPS = 3
+CARRIED_OVER = "what is said of hours never seen is carried over from others"
+MOST_NAMED = 6
+"""So many doors are called by name; `--json` has all."""
+
+
+def short_number(probability: float) -> str:
+    """Return a probability in two digits: `.83`; `<.01` and `>.99` where they would be none."""
+    if probability < 0.005:
+        return "<.01"
+    if probability >= 0.995:
+        return ">.99"
+    return f"{probability:.2f}"[1:]
+
+
+def interval(low: float, high: float) -> str:
+    """Return an interval as `.71-.92`."""
+    return f"{short_number(low)}-{short_number(high)}"
+
+
+def with_interval(probability: float, low: float, high: float) -> str:
+    """Return a probability with its interval: `.83 (.71-.92)`."""
+    return f"{short_number(probability)} ({interval(low, high)})"
+
+
+def why_unknown(evidence: EvidenceSummary) -> str:
+    """Return why nothing is said of a door."""
+    if evidence.is_empty:
+        return "never seen"
+    words = evidence.counts.words
+    said = f"{words} word{'' if words == 1 else 's'} about its state"
+    return f"too little seen: {said}, {evidence.coverage.days:.1f} days"
+
+
+def never_seen_lines(doors: Iterable[tuple[Door, EvidenceSummary]]) -> list[str]:
+    """Return what must be said of the hours in which nobody looked.
+
+    Of a few doors, or where they are alike, for each; else the hours in which none of them was
+    ever seen.
+    """
+    alike: dict[bytes, list[Door]] = {}
+    for door, seen in doors:
+        if not seen.is_empty:
+            alike.setdefault(seen.coverage.is_seen.tobytes(), []).append(door)
+    gaps = {seen: ~np.frombuffer(seen, np.bool_).reshape(WEEK) for seen in alike}
+    if len(alike) <= MOST_GROUPS:
+        said = [f"never seen {spans_in_short(gap)}: {named(alike[seen])}"
+                for seen, gap in gaps.items() if gap.any()]  # fmt: skip
+    else:
+        nobody = np.logical_and.reduce(list(gaps.values()))
+        said = [f"none of these doors was ever seen {spans_in_short(nobody)}"] * bool(nobody.any())
+    return [*said, CARRIED_OVER] if said else []
+
+
+def named(doors: Sequence[Door]) -> str:
+    """Return what some doors are called; of many, the first ones and how many more."""
+    names = ", ".join(printable(door.label) for door in doors[:MOST_NAMED])
+    more = len(doors) - MOST_NAMED
+    return f"{names} and {more} more" if more > 0 else names

@@ -1,0 +1,74 @@
+"""When to go to a door, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from semmap_log.beliefs.best_time import BestTime, Window
+from semmap_log.moments import SECOND_NS, format_local
+from semmap_log.probabilities.coverage import DAY_NAMES, HOURS, spans_in_short
+from semmap_log.views.belief_words import why_unknown, with_interval
+from semmap_log.views.event_words import printable
+from semmap_log.views.timeline_table import duration
+
+MINUTES = len("2026-03-02 08:00")
+
+
+def best_time_table(found: BestTime) -> RenderableType:
+    """Return the best hours of the week, the next ones, the wait, and what nobody knows."""
+    now, label = found.now, printable(found.now.door.label)
+    if not found.is_known:
+        return Text(f"{label}: UNKNOWN, {why_unknown(now.evidence)}.")
+    next_ones = [_from_to(window, found.tz) for window in found.next_ones]
+    of_the_week = [_of_week(window) for window in found.of_the_week]
+    return Group(
+        _table(f"{label} {found.state}, from now on", found.next_ones, next_ones),
+        Text(),
+        _table("in a typical week", found.of_the_week, of_the_week),
+        *(Text(line, style="dim") for line in _notes(found)),
+    )
+
+
+def _table(title: str, windows: Sequence[Window], when: Sequence[str]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(title, overflow="fold", min_width=len("Mon 2026-03-02 08:00 to Tue 09:00"))
+    table.add_column("P, 90 % interval", no_wrap=True)
+    for window, said in zip(windows, when, strict=True):
+        table.add_row(said, with_interval(window.probability, window.low, window.high))
+    return table
+
+
+def _from_to(window: Window, tz: str) -> str:
+    """Return `Mon 2026-03-02 08:00 to 12:00`, with the day again where it is another."""
+    start, end = (format_local(ns, tz)[:MINUTES] for ns in (window.start_ns, window.end_ns))
+    last_hour = window.first_hour + window.hours
+    day = DAY_NAMES[window.first_hour // HOURS]
+    until = end[-5:]
+    if start[:10] != end[:10] and until != "00:00":
+        until = f"{DAY_NAMES[last_hour // HOURS % 7]} {until}"
+    return f"{day} {start} to {'24:00' if until == '00:00' else until}"
+
+
+def _of_week(window: Window) -> str:
+    """Return `Mon 08:00 to 12:00`."""
+    first, last = window.first_hour, window.first_hour + window.hours
+    until = f"{(last - 1) % HOURS + 1:02}:00"
+    if (last - 1) // HOURS != first // HOURS:
+        until = f"{DAY_NAMES[(last - 1) // HOURS % 7]} {until}"
+    return f"{DAY_NAMES[first // HOURS]} {first % HOURS:02}:00 to {until}"
+
+
+def _notes(found: BestTime) -> list[str]:
+    now = found.now
+    said = with_interval(now.p_open, now.low, now.high) if now.is_known else "UNKNOWN"
+    notes = [f"now, {format_local(now.known_ns, found.tz)}: P of open {said}"]
+    if found.wait_s is not None:
+        wait = duration(round(found.wait_s) * SECOND_NS)
+        notes.append(f"expected wait until {found.state}: {wait}")
+    if found.never_seen.any():
+        notes.append(f"never seen {spans_in_short(found.never_seen)}: left out, nobody knows")
+    return notes

@@ -1,0 +1,103 @@
+"""What the robot could believe, into a rerun recording: a curve a door, and its typical week.
+
+At each time of the curve counts what had happened by then; so it stands on the timeline `happened`
+alone. The week is as known at the recording's end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semmap_log.beliefs.asking import ask
+from semmap_log.beliefs.beliefs import LATER, default_estimator
+from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
+from semmap_log.doors import DoorId
+from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.belief_rows import Points, curve, times_of_curve
+from semmap_log.views.rerun.door_rows import NEVER
+from semmap_log.views.rerun.excerpt import Excerpt
+from semmap_log.views.rerun.rows import HAPPENED, MOST_ROWS, RowWriter, rgba
+from semmap_log.views.rerun.scene import EntityPath, Scene, SceneDoor
+from semmap_log.views.rerun.sdk import rr
+from semmap_log.views.rerun.weeks import write_weeks
+
+BELIEF = "belief"
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefsShown:
+    """What a recording shows of beliefs: of the doors of which enough is known at the end."""
+
+    beliefs: Beliefs
+    """Those of the curves."""
+    doors: frozenset[DoorId]
+    """Doors that have a curve."""
+    weeks: Sequence[TypicalWeek]
+    """Of the doors that are in the map at the end, ids ascending."""
+
+
+def beliefs_to_show(excerpt: Excerpt, scene: Scene) -> BeliefsShown | None:
+    """Return what can be shown of beliefs; None: of no door is enough known."""
+    log, end_ns = excerpt.log, scene.end.folds_ns
+    now = ask(log, at=None, estimator=default_estimator(), tz=None, doors=None)
+    doors = frozenset(
+        door.door_id for door in scene.doors.values() if _is_known(now.beliefs, door, scene)
+    )
+    if not doors:
+        return None
+    habits = now.by(LATER).as_of(end_ns)  # what happens later is not known there
+    weeks = [typical_week(habits, door) for door in habits.doors if door.door_id in doors]
+    return BeliefsShown(now.beliefs, doors, [week for week in weeks if week.is_known])
+
+
+def _is_known(beliefs: Beliefs, door: SceneDoor, scene: Scene) -> bool:
+    """Tell whether enough is known of a door at its end."""
+    times_ns = np.array(_life(door, scene)[1:])
+    return bool(beliefs.predict(door.door_id, times_ns, times_ns).is_known[0])
+
+
+def belief_path(door: SceneDoor) -> EntityPath:
+    """Return the entity of a door's curve."""
+    return (*door.path, BELIEF)
+
+
+def write_beliefs(writer: RowWriter, shown: BeliefsShown, scene: Scene, palette: Palette) -> None:
+    """Write all curves and weeks."""
+    for door_id in sorted(shown.doors):
+        door = scene.doors[door_id]
+        _write_curve(writer, belief_path(door), points_of(shown.beliefs, door, scene), palette)
+    write_weeks(writer, shown.weeks, scene)
+
+
+def points_of(beliefs: Beliefs, door: SceneDoor, scene: Scene) -> Points:
+    """Return a door's curve, from when it came into the map until it left."""
+    times_ns = times_of_curve(beliefs.evidence.door(door.door_id), *_life(door, scene))
+    said = beliefs.predict(door.door_id, times_ns, times_ns)
+    return curve(times_ns, said.p_open, said.is_known)
+
+
+def _life(door: SceneDoor, scene: Scene) -> tuple[int, int]:
+    """Return the first and the last moment at which the recording has the door in its map."""
+    begin_ns, end_ns = scene.begin.folds_ns, scene.end.folds_ns
+    removed_ns = end_ns if door.life.removed == NEVER else door.life.removed[0] - 1
+    first_ns = max(begin_ns, door.life.added[0])
+    return first_ns, max(first_ns, min(end_ns, removed_ns))
+
+
+def _write_curve(writer: RowWriter, path: EntityPath, points: Points, palette: Palette) -> None:
+    writer.static(
+        path,
+        rr.SeriesLines(names=["believed P(open)"], colors=rgba([palette.robot]), widths=[1.5]),
+    )
+    # Each chunk begins with the last point of the one before: see `DoorsWriter`.
+    for first in range(0, max(len(points) - 1, 1), MOST_ROWS - 1):
+        writer.rows(path, points[first : first + MOST_ROWS], _scalars, timelines=[HAPPENED])
+
+
+def _scalars(part: Points) -> Sequence[Any]:
+    return list(rr.Scalars.columns(scalars=np.asarray(part["p_open"])))

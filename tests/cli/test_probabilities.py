@@ -1,0 +1,249 @@
+"""`probabilities` as a user types it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+from tests.beliefs.patrolled import patrolled
+from tests.conftest import SteadyClock
+
+RECORDINGS = Path(__file__).parents[2] / "recordings"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made")
+    patrolled(folder / "log")
+    sl.create(folder / "empty", tz="UTC", clock=SteadyClock()).close()
+    return folder
+
+
+@pytest.fixture
+def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the log of a patrol by day, and an empty one."""
+    shutil.copytree(made, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "here"
+
+
+def run(*arguments: str) -> int:
+    try:
+        main(arguments)
+    except SystemExit as left:
+        return int(left.code or 0)
+    return 0
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert 0 == run("probabilities", *arguments)
+    return capsys.readouterr().out
+
+
+def flat(text: str) -> str:
+    """The text without its line breaks."""
+    return " ".join(text.split())
+
+
+def test_the_table_tells_numbers_evidence_and_the_night(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A row a door, UNKNOWN with why, and what nobody has seen in words.
+    """
+    out = said(capsys, "log")
+
+    front, store, attic = (next(line for line in out.splitlines() if f" {name} " in line)
+                           for name in ("front", "store", "attic"))  # fmt: skip
+    assert ["15.2", "365", "364", "30", "min", "77"] != front.split()[-6:]
+    assert "15.2   365    364    0 s     77" in front
+    assert "UNKNOWN" not in front + store
+    assert "UNKNOWN" in attic
+    assert "UNKNOWN, never seen: attic" in out
+    assert "never seen 20:00-07:00: front, store" in out
+    assert "what is said of hours never seen is carried over from others" in out
+
+
+@pytest.mark.parametrize("by", [[], ["--by", "hour"], ["--by", "weekday"], ["--by", "week"]])
+def test_132_doors_with_long_names_fit_80_columns(
+    by: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    No line is longer, none has colours in a pipe, and every door is there, its name whole.
+    """
+    out = said(capsys, str(RECORDINGS / "clinic_week"), *by)
+
+    assert max(map(len, out.splitlines())) <= 80
+    assert "\x1b" not in out
+    assert "L1_fire_door_west" in out
+    assert 132 <= sum(line.strip()[:3].strip().isdecimal() for line in out.splitlines())
+
+
+def test_names_that_would_steer_the_terminal_are_spelt_out(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    In every table.
+    """
+    with sl.append("log") as log:
+        log.annotate(1, "name", "evil\x1b[31m\nname")
+
+    outs = [said(capsys, "log", *by) for by in ([], ["--by", "hour"], ["--by", "week"])]
+
+    assert all("\x1b" not in out and "evil" in out for out in outs)
+
+
+def test_one_json_document_has_it_all(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Field names as in the events; times in UTC; what is unknown says so.
+    """
+    found = json.loads(said(capsys, "log", "front", "attic", "--at", "2026-03-27T12:00", "--json"))
+
+    front, attic = found["doors"]
+    assert ("2026-03-27T11:00:00.000000000Z", "Europe/Vienna", 0.9) == (
+        found["known_at"], found["tz"], found["interval"]
+    )  # fmt: skip
+    assert found["known_at"] == found["time"]
+    assert (1, "front", True) == (front["door_id"], front["name"], front["is_known"])
+    assert 1.0 == front["p_open"] + front["p_closed"]
+    assert front["low"] <= front["p_open"] <= front["high"]
+    assert (325, "2026-03-26T18:30:00.000000000Z", 77) == (
+        front["evidence"]["sightings"],
+        front["evidence"]["last_seen"],
+        front["evidence"]["hours_never_seen"],
+    )
+    assert ["20:00-07:00"] == front["evidence"]["never_seen"]
+    assert not attic["is_known"]
+    assert {"days": 0.0, "known_s": 0.0, "words": 1, "sightings": 0, "visits": 0,
+            "last_seen": None, "age_s": None, "hours_never_seen": 168,
+            "never_seen": ["at any hour"]} == attic["evidence"]  # fmt: skip
+
+
+@pytest.mark.parametrize(("by", "shape"), [("hour", (24,)), ("weekday", (7,)), ("week", (7, 24))])
+def test_typical_times_as_json(
+    by: str, shape: tuple[int, ...], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Lists of 24 hours, of 7 days, or of 7 lists of 24; and which of them are known.
+    """
+    import numpy as np
+
+    found = json.loads(said(capsys, "log", "front", "--by", by, "--json"))
+
+    (front,) = found["doors"]
+    assert (by, "schedule") == (found["by"], found["estimator"])
+    assert [shape] * 4 == [
+        np.shape(front[name]) for name in ("p_open", "low", "high", "cell_is_known")
+    ]
+
+
+def test_the_map_of_the_week_reads_without_colours(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Seven rows of 24 digits; a dot where nobody looked; a legend.
+    """
+    out = said(capsys, "log", "front", "--by", "week")
+
+    rows = {line[:3]: line[4:].split() for line in out.splitlines() if line[:3] in ("Mon", "Sun")}
+    assert ["·"] * 7 == rows["Mon"][:7]
+    assert ["·"] * 4 == rows["Mon"][20:]
+    assert all(int(cell) >= 7 for cell in rows["Mon"][8:18])
+    assert all(int(cell) <= 3 for cell in rows["Sun"][7:20])
+    assert "0: P of open below .1, 9: .9 up; ·: never seen then" in flat(out)
+    assert "hours of Europe/Vienna" in flat(out)
+
+
+def test_apply_fills_the_thesis_s_numbers(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Two events, with who and why; the YAML carries them; a second time nothing is written.
+    """
+    codes = [run("probabilities", "log", "--apply", "--actor", "job", "--json")]
+    found = json.loads(capsys.readouterr().out)
+    codes.append(run("export", "log", "x.yaml", "--default-prob", "0.5"))
+    codes.append(run("probabilities", "log", "--apply"))
+    again = capsys.readouterr().err
+
+    assert [0, 0, 0] == codes
+    assert ([1, 2], [3], 2) == (
+        found["applied"]["doors"], found["applied"]["unknown"], found["applied"]["count"]
+    )  # fmt: skip
+    front = found["doors"][0]
+    assert f"closed_prob: {front['p_closed']}\n  open_prob: {front['p_open']}\n" in Path(
+        "x.yaml"
+    ).read_text(encoding="utf-8")
+    assert "nothing was written: no door's numbers changed." in again
+    entry = sl.read("log").entry(found["applied"]["event"])
+    assert ("job", True) == (entry.actor, "as known at 2026-03-29 19:30" in entry.reason)
+
+
+def test_an_empty_log_is_no_error(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    There is no door to tell of; to machines neither; and nothing to apply or draw.
+    """
+    table = said(capsys, "empty")
+    document = json.loads(said(capsys, "empty", "--json"))
+    codes = [run("probabilities", "empty", *more) for more in (["--apply"], ["--by", "week"],
+                                                               ["--plot", "x.png"])]  # fmt: skip
+
+    assert "No door is in the map then." in table
+    assert [] == document["doors"]
+    assert [0, 0, 0] == codes
+    assert not Path("x.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["log", "nope"], 1, "nope"),
+        (["log", "--estimator", "oracle"], 1, "oracle"),
+        (["log", "--tz", "Nix/Da"], 1, "Nix/Da"),
+        (["log", "--horizon", "soon"], 1, "such as 30m, 2h"),
+        (["log", "--by", "month"], 2, "--by"),
+        (["log", "--plot", "x.gif"], 2, ".png or .svg"),
+        (["log", "--by", "week", "--apply"], 2, "--by, --plot"),
+        (["log", "--by", "week", "--horizon", "2h"], 2, "--horizon"),
+        (["log", "--actor", "me"], 2, "--apply"),
+    ],
+)
+def test_mistakes_are_named(
+    arguments: list[str], code: int, words: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    One line; exit code 1 for what the log does not have, 2 for what was mistyped.
+    """
+    assert code == run("probabilities", *arguments)
+    assert words in flat(capsys.readouterr().err)
+
+
+def test_a_plot_is_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    A PNG of the week; of the hours, with the table, as SVG.
+    """
+    pytest.importorskip("matplotlib", reason="pip install 'semmap-log[plots]'")
+
+    codes = [
+        run("probabilities", "log", "--plot", "week.png"),
+        run("probabilities", "log", "front", "--by", "hour", "--plot", "hours.svg"),
+    ]
+
+    assert [0, 0] == codes
+    assert b"\x89PNG" == Path("week.png").read_bytes()[:4]
+    assert "by hours of the day" in Path("hours.svg").read_text(encoding="utf-8")
+    assert "front" in capsys.readouterr().out
+
+
+def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    One day tells no habits: all three doors are there, whatever is said of them, and the days on
+    which nobody looked are named.
+    """
+    out = said(capsys, str(RECORDINGS / "office"))
+
+    assert all(name in out for name in ("main_door", "coe_door", "hardware_door"))
+    assert "never seen Tue-Sun" in out

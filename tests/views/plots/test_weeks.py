@@ -1,0 +1,118 @@
+"""Plots of typical weeks: what is drawn, asked of matplotlib itself."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
+
+from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
+from semmap_log.errors import FormatError, MissingExtraError, OutputError
+from semmap_log.views.plots.weeks import UNSURE, draw_weeks, plot_weeks
+from tests.beliefs.patrolled import patrolled
+
+
+@pytest.fixture(scope="module")
+def weeks(tmp_path_factory: pytest.TempPathFactory) -> list[TypicalWeek]:
+    return typical_weeks(patrolled(tmp_path_factory.mktemp("plots") / "log"))
+
+
+def test_cells_are_coloured_where_known_and_hatched_elsewhere(weeks: list[TypicalWeek]) -> None:
+    """
+    The colours are the probabilities; under what is masked lies a hatched ground.
+    """
+    front = weeks[0]
+
+    panel = draw_weeks([front], "week").axes[0]
+
+    (mesh,) = panel.collections
+    drawn = mesh.get_array()
+    np.testing.assert_array_equal(~front.hours.is_known, np.ma.getmaskarray(drawn))
+    np.testing.assert_array_equal(front.hours.p_open[front.hours.is_known], np.ma.compressed(drawn))
+    assert ["////"] == [ground.get_hatch() for ground in panel.patches]
+    assert mesh.get_zorder() > panel.patches[0].get_zorder()
+
+
+def test_unsure_cells_bear_a_dot(weeks: list[TypicalWeek]) -> None:
+    """
+    Those that are known, and whose interval is wide.
+    """
+    hours = weeks[0].hours
+
+    panel = draw_weeks([weeks[0]], "week").axes[0]
+
+    days, at = np.nonzero(hours.is_known & (hours.high - hours.low > UNSURE))
+    (dots,) = panel.lines
+    np.testing.assert_array_equal(np.column_stack([at, days]) + 0.5, dots.get_xydata())
+
+
+def test_hours_have_their_band(weeks: list[TypicalWeek]) -> None:
+    """
+    A step and a band for each hour that was seen; the eleven others are hatched.
+    """
+    hours = weeks[0].by_hour()
+
+    panel = draw_weeks([weeks[0]], "hour").axes[0]
+
+    band, line = panel.patches[-2:]
+    known = np.where(hours.is_known, 1, np.nan)
+    np.testing.assert_array_equal(hours.p_open * known, line.get_data().values)
+    np.testing.assert_array_equal(hours.high * known, band.get_data().values)
+    np.testing.assert_array_equal(hours.low * known, band.get_data().baseline)
+    assert 11 == sum(patch.get_hatch() == "////" for patch in panel.patches)
+
+
+@pytest.mark.parametrize("doors", [1, 3, 19])
+def test_each_door_has_a_panel_with_its_name(doors: int, weeks: list[TypicalWeek]) -> None:
+    """
+    Zone, estimator and moment stand above; a door never seen says so in its title.
+    """
+    shown = [weeks[i % 3] for i in range(doors)]
+
+    figure = draw_weeks(shown, "week")
+
+    titles = [panel.get_title(loc="left") for panel in figure.axes]
+    names = ["front", "store", "attic: UNKNOWN, never seen"]
+    assert [names[i % 3] for i in range(doors)] == [title for title in titles if title]
+    heading = figure.get_suptitle()
+    assert "Europe/Vienna" in heading
+    assert "by schedule, as known at 2026-03-29 19:30:00+02:00" in heading
+
+
+def test_the_same_plot_is_the_same_file(weeks: list[TypicalWeek], tmp_path: Path) -> None:
+    """
+    No time, no random names in it.
+    """
+    for name in ("a.svg", "b.svg", "a.png", "b.png"):
+        plot_weeks(weeks, tmp_path / name)
+
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_what_cannot_be_written_is_an_error(weeks: list[TypicalWeek], tmp_path: Path) -> None:
+    """
+    Another format, a folder that is not there; nothing is left behind.
+    """
+    with pytest.raises(FormatError, match=r"x\.gif: expected a name that ends in \.png or \.svg"):
+        plot_weeks(weeks, tmp_path / "x.gif")
+    with pytest.raises(OutputError, match="cannot be written"):
+        plot_weeks(weeks, tmp_path / "no" / "x.png")
+
+    assert [] == list(tmp_path.iterdir())
+
+
+def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    As if it had never been installed.
+    """
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for name in ("sdk", "weeks"):
+        monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
+
+    with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[plots\]'"):
+        import semmap_log.views.plots.weeks  # noqa: F401
