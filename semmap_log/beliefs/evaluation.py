@@ -6,7 +6,7 @@ samples a minute apart within the known time, the first part teaches, the last i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from semmap_log.beliefs.patrol import Patrol, visited
@@ -163,11 +163,13 @@ def _run(
         same = [test for test in tests.values() if test.protocol.patrol == patrol]
         for estimator in estimators:
             learnt = estimator.learn(known.up_to(), clock)
-            for test in same:
-                for _ in test.forecasts(estimator.name, learnt):
-                    done += 1
-                    if progress is not None:
-                        progress(done, total)
+            for door_id in dict.fromkeys(door_id for test in same for door_id in test.doors):
+                for test in same:  # door by door: what was learnt of one may be kept for so long
+                    if door_id in test.doors:
+                        test.forecast(door_id, estimator.name, learnt)
+                        done += 1
+                if progress is not None:
+                    progress(done, total)
 
 
 def _source(
@@ -221,18 +223,16 @@ class _Test:
                 f"to learn from and {least[1]} to forecast; {len(self.left_out)} doors have fewer."
             )
 
-    def forecasts(self, name: str, learnt: Learnt) -> Iterator[DoorId]:
-        """Make the forecasts of each door, and yield it once they are scored."""
-        for door_id, (training, split_ns) in self.doors.items():
-            trials = self._tests(door_id, training)
-            known_ns = self.protocol.known_ns(trials, split_ns, self.clock)
-            forecast = learnt.predict(door_id, trials.times_ns, known_ns)
-            p = trials.p_outcome(forecast.p_open)
-            self.scores.setdefault(door_id, {})[name] = scores(p, trials.outcome)
-            found = Reliability.of(p, trials.outcome)
-            before = self.reliability.get(name)
-            self.reliability[name] = found if before is None else before + found
-            yield door_id
+    def forecast(self, door_id: DoorId, name: str, learnt: Learnt) -> None:
+        """Make the forecasts of a door, and score them."""
+        training, split_ns = self.doors[door_id]
+        trials = self._tests(door_id, training)
+        known_ns = self.protocol.known_ns(trials, split_ns, self.clock)
+        p = trials.p_outcome(learnt.predict(door_id, trials.times_ns, known_ns).p_open)
+        self.scores.setdefault(door_id, {})[name] = scores(p, trials.outcome)
+        found = Reliability.of(p, trials.outcome)
+        before = self.reliability.get(name)
+        self.reliability[name] = found if before is None else before + found
 
     def _tests(self, door_id: DoorId, training: int) -> Trials:
         """Return what is asked about a door after the part that teaches."""

@@ -13,7 +13,7 @@ three years cost as much as their changes of state, not as their minutes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,9 @@ SATURATION = 0.01
 """Forecasts keep so far away from 0 and 1."""
 LEARNS_EVERY_NS = HOUR_S * SECOND_NS
 """A model is that of the last full hour before what is known ends."""
+MOST_HOURS = 100_000
+"""Eleven years: of doors with more between their first and last evidence only the models that are
+asked for are made."""
 CHUNK = 65_536
 """Forecasts made at a time, to bound memory."""
 
@@ -74,22 +77,35 @@ class LearntFremen:
     evidence: Mapping[DoorId, DoorEvidence]
     clock: LocalClock
     order: int
-    _known: dict[DoorId, KnownTime] = field(default_factory=dict)
+    _latest: tuple[DoorId, _Hourly] | None = None
+    """The models of all hours of the door that was asked for last: the next question is often
+    about it, too, and all doors' would fill memory."""
 
     def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
         """Return the sum of the components at each time, by what was known at `known_ns`."""
         if door_id not in self.evidence:
             return nothing_known(len(times_ns))
-        if door_id not in self._known:
-            self._known[door_id] = KnownTime.of(self.evidence[door_id])
-        at_ns, which = np.unique(known_ns // LEARNS_EVERY_NS, return_inverse=True)
-        models = models_at(self._known[door_id], self.clock, at_ns * LEARNS_EVERY_NS, self.order)
+        hours, which = np.unique(known_ns // LEARNS_EVERY_NS, return_inverse=True)
+        models, place = self._models(door_id, hours)
+        which = place[which]
         p = np.empty(len(times_ns))
         for start in range(0, len(p), CHUNK):
             part = slice(start, start + CHUNK)
             p[part] = models.forecast(self.clock.wall_s(times_ns[part]), which[part])
         known_s = models.known_s[which]
         return with_interval(p, known_s / DAY_S, is_known=known_s > 0)
+
+    def _models(self, door_id: DoorId, hours: Times) -> tuple[Models, NDArray[np.intp]]:
+        """Return models, and which of them belongs to each hour of knowledge."""
+        if self._latest is not None and self._latest[0] == door_id:
+            return self._latest[1].at(hours)
+        known = KnownTime.of(self.evidence[door_id])
+        if len(hours) == 1 or known.last_ns - known.first_ns > MOST_HOURS * LEARNS_EVERY_NS:
+            at_ns = hours * LEARNS_EVERY_NS
+            return models_at(known, self.clock, at_ns, self.order), np.arange(len(hours))
+        hourly = _Hourly.of(known, self.clock, self.order)
+        self._latest = door_id, hourly
+        return hourly.at(hours)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +160,24 @@ def models_at(known: KnownTime, clock: LocalClock, at_ns: Times, order: int) -> 
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Hourly:
+    """The models of a door at all full hours, from before its first evidence to behind its last."""
+
+    first_hour: int
+    models: Models
+
+    @classmethod
+    def of(cls, known: KnownTime, clock: LocalClock, order: int) -> _Hourly:
+        first, last = known.first_ns // LEARNS_EVERY_NS, known.last_ns // LEARNS_EVERY_NS + 1
+        hours = np.arange(first, last + 1)
+        return cls(first, models_at(known, clock, hours * LEARNS_EVERY_NS, order))
+
+    def at(self, hours: Times) -> tuple[Models, NDArray[np.intp]]:
+        """Return the models, and which of them is that of each hour."""
+        return self.models, np.clip(hours - self.first_hour, 0, len(self.models.gain) - 1)
+
+
 class _Sums:
     """Integrals over the known time of a door, up to several times.
 
@@ -155,7 +189,11 @@ class _Sums:
         self._known = known
         self._stretch = np.searchsorted(known.start_ns, at_ns, "right")
         self._visit = np.searchsorted(known.seen_ns, at_ns, "right")
-        self._start_s, self._end_s = clock.wall_s(known.start_ns), clock.wall_s(known.end_ns)
+        edges_ns, edge = np.unique(
+            np.concatenate([known.start_ns, known.end_ns]), return_inverse=True
+        )
+        self._edges_s = clock.wall_s(edges_ns)
+        self._start, self._end = np.split(edge, 2)
         self._visit_s = clock.wall_s(known.seen_ns)
         if len(known.start_ns):
             last = np.maximum(self._stretch - 1, 0)
@@ -165,19 +203,27 @@ class _Sums:
 
     def spectrum(self, omega: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return the integral of exp(i omega t), (u,): where the door was open, and everywhere."""
-        at_starts, at_ends = (np.exp(1j * omega * s) for s in (self._start_s, self._end_s))
-        each = (at_ends - at_starts) / (1j * omega)
-        visits = SAMPLE_S * np.exp(1j * omega * self._visit_s)
+        at_edges = _turned(omega * self._edges_s)
+        at_ends = at_edges[self._end]
+        each = (at_ends - at_edges[self._start]) / (1j * omega)
+        visits = SAMPLE_S * _turned(omega * self._visit_s)
         of_states = _before(visits * self._known.reads_open)[self._visit]
         of_all = _before(visits)[self._visit]
         if not len(each):
             return of_states, of_all
-        to_come = (at_ends[self._last] - np.exp(1j * omega * self._cut_s)) / (1j * omega)
+        to_come = (at_ends[self._last] - _turned(omega * self._cut_s)) / (1j * omega)
         to_come *= self._stretch > 0
         is_open = self._known.is_open
         of_states += _before(each * is_open)[self._stretch] - to_come * is_open[self._last]
         of_all += _before(each)[self._stretch] - to_come
         return of_states, of_all
+
+
+def _turned(angle: Floats) -> NDArray[np.complex128]:
+    """Return exp(i angle); cosine and sine by themselves are faster."""
+    turned = np.empty(len(angle), np.complex128)
+    turned.real, turned.imag = np.cos(angle), np.sin(angle)
+    return turned
 
 
 def _before(values: NDArray[np.complex128]) -> NDArray[np.complex128]:

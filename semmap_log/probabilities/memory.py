@@ -83,7 +83,7 @@ class Memory:
         targets = np.zeros((rows, len(AHEAD_H), spans))
         for ahead, hours in enumerate(AHEAD_H.tolist()):
             steps = round(hours / STEP_H)
-            then_ns, now_ns = grid_ns[steps:], grid_ns[: len(grid_ns) - steps]
+            then_ns, now_ns = grid_ns[steps:], grid_ns[: max(len(grid_ns) - steps, 0)]
             if not len(now_ns):
                 continue
             x = np.where(held[steps:, None], remembered[: len(now_ns)], 0.0)

@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 
+from semmap_log.probabilities import fremen
 from semmap_log.probabilities.fremen import OMEGA, PERIODS_S, Fremen
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.known import DOOR, evidence, hours_ns, random_stretches
@@ -100,10 +101,13 @@ def test_a_daily_rhythm_is_its_first_component() -> None:
     assert len(OMEGA) == 84
 
 
-def test_what_comes_later_changes_nothing() -> None:
+@pytest.mark.parametrize("most_hours", [100, 100_000])
+def test_what_comes_later_changes_nothing(most_hours: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """
-    Forecasts with knowledge up to different hours are those of a log that ended then.
+    Forecasts with knowledge up to different hours are those of a log that ended then, whether all
+    hours' models are kept or only those that are asked for.
     """
+    monkeypatch.setattr(fremen, "MOST_HOURS", most_hours)
     stretches = random_stretches(np.random.default_rng(9), 10 * 24)
     visits = [(float(h) + 0.25, bool(h % 3)) for h in range(0, 240, 7)]
     whole = Fremen(3).learn({DOOR: evidence(stretches, visits)}, UTC)
