@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,10 @@ from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
 
 if TYPE_CHECKING:
     from semmap_log.arrow.sdk import DataFrame, pa
+
+
+SourcesOf = Callable[[NDArray[np.int64]], tuple[NDArray[np.intp], Sequence[str]]]
+"""Event numbers, ascending -> of each, the place of its source among some names, and the names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +71,8 @@ class EventBatch:
     """Kind number -> events, for the kinds with text or arrays."""
     known_door_ids: NDArray[np.uint32] | None = field(default=None, repr=False, compare=False)
     """`door_ids`, where who made the batch had them at hand."""
+    sources_of: SourcesOf | None = field(default=None, repr=False, compare=False)
+    """Looks up by event number where events are from, in a log; None: nobody knows."""
     _places: dict[int, NDArray[np.intp]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -213,6 +219,17 @@ class EventBatch:
                 ids[self.places_of(kind)] = [e.door_id for e in events if isinstance(e, DoorEvent)]
         return ids
 
+    def sources(self, kind: type[Event]) -> tuple[NDArray[np.intp], Sequence[str]]:
+        """Return which sensor, robot or file told of each event of that kind: `Note.source`.
+
+        Of each the place among the names that come with it; the empty name says nothing. Batches
+        of `follow` do not know it: their commit does.
+        """
+        where = self.where(kind)
+        if self.sources_of is None or not len(where):
+            return np.zeros(len(where), np.intp), [""]
+        return self.sources_of(self.number[where])
+
     @property
     def folds_ns(self) -> NDArray[np.int64]:
         """The time by which each event is ordered: when it happened, but never after recording."""
@@ -279,6 +296,7 @@ class EventBatch:
             {kind: rows[spans[kind]] for kind, rows in self.columns.items() if kind in spans},
             {kind: found[spans[kind]] for kind, found in self.objects.items() if kind in spans},
             None if self.known_door_ids is None else self.known_door_ids[inside],
+            self.sources_of,
         )
 
     def select(self, keep: NDArray[np.bool_]) -> EventBatch:
@@ -302,6 +320,7 @@ class EventBatch:
             columns,
             objects,
             None if self.known_door_ids is None else self.known_door_ids[keep],
+            self.sources_of,
         )
 
     def to_events(self) -> Iterator[Event]:

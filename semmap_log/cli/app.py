@@ -10,10 +10,12 @@ from semmap_log.cli import (
     add,
     annotate,
     best_time,
+    calibrate,
     compact,
     costmap,
     demo,
     diff,
+    evaluate,
     export,
     history,
     import_,
@@ -95,6 +97,8 @@ app.command("diff", short_help="Show what differs between two moments.")(diff.ru
 app.command("timeline", short_help="Show when a door was open, when closed.")(timeline.run)
 app.command("probabilities", short_help="Show how likely doors are open.")(probabilities.run)
 app.command("best-time", short_help="Show when a door is likeliest open.")(best_time.run)
+app.command("evaluate", short_help="Tell how good forecasts of the doors are.")(evaluate.run)
+app.command("calibrate", short_help="Find a sensor's accuracies from known truth.")(calibrate.run)
 app.command("export", short_help="Write a file for other programs.")(export.run)
 app.command("costmap", short_help="Draw the doors into a costmap.")(costmap.run)
 app.command("info", short_help="Show what a log holds.")(info.run)

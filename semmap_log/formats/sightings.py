@@ -135,6 +135,16 @@ class Sightings:
         """The accuracy of each row, all in memory; NaN: an update, not a sighting."""
         return np.concatenate([np.empty(0), *map(accuracies_of, self.columns.parts())])
 
+    def by_door(self) -> dict[str, tuple[NDArray[np.int64], NDArray[np.uint8]]]:
+        """Return (times, states) of each door's rows, in order of time, all in memory."""
+        parts = list(self.columns.parts())
+        doors = np.concatenate([np.empty(0, np.uint32), *(part.door for part in parts)])
+        times, states = self.happened_ns, self.state
+        return {
+            name: (times[doors == index], states[doors == index])
+            for index, name in enumerate(self.doors)
+        }
+
 
 def accuracies_of(rows: Rows) -> NDArray[np.float64]:
     """Return the accuracy of each row, NaN where there is none."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from semmap_log.commits import Commit, Durability, Note
 from semmap_log.errors import CorruptLogError
-from semmap_log.event_batch import EventBatch
+from semmap_log.event_batch import EventBatch, SourcesOf
 from semmap_log.event_columns import LazyColumns
 from semmap_log.events import KINDS, DoorEvent, Event, FloorMap
 from semmap_log.log import records as mcap
@@ -121,18 +121,21 @@ class Page:
         channels = np.unique(self.heads["channel_id"])
         return set((channels[channels >= FLOOR_MAP_CHANNEL] - FLOOR_MAP_CHANNEL).tolist())
 
-    def events(self) -> EventBatch:
+    def events(self, sources_of: SourcesOf | None = None) -> EventBatch:
         """Return its events as columns.
+
+        Args:
+            sources_of: Looks up their sources, should somebody ask.
 
         Raises:
             CorruptLogError: A record's payload is not what its channel carries.
         """
         try:
-            return self._events()
+            return self._events(sources_of)
         except ValueError as error:
             raise CorruptLogError(self.path, self.offset, str(error)) from None
 
-    def _events(self) -> EventBatch:
+    def _events(self, sources_of: SourcesOf | None) -> EventBatch:
         kinds = kinds_of(self.heads["channel_id"])
         there = kinds_of_bits(int(np.bitwise_or.reduce(self.bits)))
         self._check_lengths(kinds, there)
@@ -153,6 +156,7 @@ class Page:
             ),
             objects=objects,
             known_door_ids=door_ids,
+            sources_of=sources_of,
         )
         for kind in there:
             mine = batch.places_of(kind)

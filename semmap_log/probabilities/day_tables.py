@@ -49,7 +49,8 @@ def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
     """Return the tables of a door, from the day of its first evidence to that of `until_ns`.
 
     The last row is of a day that has not ended (at a local midnight: has just begun): it holds
-    what was known by then. Rows of days that had ended are the same whatever came later.
+    what was known by then. Rows of days that had ended are the same whatever came later (but for
+    St John's, where until 2011 a date began, and the clocks were put back to the one before).
 
     A visit outside of the stretches says something about its hour: a reading r of a sensor with
     accuracies a and b stands for P(open) = (r - (1 - b)) / J, with J = a + b - 1 (the correction
@@ -118,15 +119,18 @@ def _readings(evidence: DoorEvidence, clock: LocalClock, first: int, end: int) -
     _, one, of_visit = np.unique(
         evidence.visit * (end - first) + hour, return_index=True, return_inverse=True
     )
-    reading = np.bincount(of_visit, evidence.reads_open) / np.maximum(np.bincount(of_visit), 1)
-    accuracy_closed = evidence.accuracy_closed[one]
-    tells = evidence.accuracy_open[one] + accuracy_closed - 1.0
+    tells = evidence.accuracy_open + evidence.accuracy_closed - 1.0
+    excess = evidence.reads_open - (1.0 - evidence.accuracy_closed)
+    count = np.maximum(np.bincount(of_visit), 1)
 
-    def total(of_visits: Table) -> Table:
-        return np.bincount(hour[one], of_visits, end - first).astype(np.float64)
+    def mean(of_sightings: Table) -> Table:
+        return np.asarray(np.bincount(of_visit, of_sightings) / count)
 
-    # Visits weigh by what they tell: of sensors of one kind this is the plain mean.
-    tell = total(tells**2)
-    safe = np.where(tell > 0, tell, 1.0)
-    p_open = total(tells * (reading - (1.0 - accuracy_closed))) / safe
-    return _Readings(total(tells**4) / safe, p_open)
+    # Of each visit, and then of each hour: readings weigh by what they tell, so that of sensors of
+    # one kind the plain mean is corrected.
+    tell, said = mean(tells**2), mean(tells * excess)
+    tell_of_hour, square, said_of_hour = (
+        np.bincount(hour[one], of_visits, end - first) for of_visits in (tell, tell**2, said)
+    )
+    safe = np.where(tell_of_hour > 0, tell_of_hour, 1.0)
+    return _Readings(square / safe, said_of_hour / safe)

@@ -2,22 +2,45 @@
 
 from __future__ import annotations
 
+import re
+
 from semmap_log.errors import EstimatorError
+from semmap_log.probabilities.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
+from semmap_log.probabilities.count import Count
 from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.filter import Filter
+from semmap_log.probabilities.fremen import PERIODS_S, Fremen
 from semmap_log.probabilities.last import Last
 from semmap_log.probabilities.schedule import Schedule
 
-ESTIMATORS: dict[str, Estimator] = {one.name: one for one in (Filter(), Schedule(), Last())}
+ESTIMATORS: dict[str, Estimator] = {
+    one.name: one
+    for one in (
+        Filter(),
+        Schedule(),
+        Count(),
+        Last(),
+        Fremen(),
+        CONSTANT,
+        HOUR_OF_DAY,
+        HOUR_OF_WEEK,
+    )
+}
 """Name -> estimator, with the settings that it has by default."""
 
 
 def by_name(name: str) -> Estimator:
-    """Return the estimator of that name.
+    """Return the estimator of that name; FreMEn of any order: fremen1..fremen84.
 
     Raises:
         EstimatorError: There is none.
     """
-    if name not in ESTIMATORS:
-        raise EstimatorError(f"estimator {name!r}: expected one of {', '.join(ESTIMATORS)}.")
-    return ESTIMATORS[name]
+    if name in ESTIMATORS:
+        return ESTIMATORS[name]
+    fremen = re.fullmatch(r"fremen(\d{1,2})", name, re.ASCII)
+    if fremen and 1 <= int(fremen[1]) <= len(PERIODS_S):
+        return Fremen(int(fremen[1]))
+    known = ", ".join(ESTIMATORS)
+    raise EstimatorError(
+        f"estimator {name!r}: expected one of {known}, fremen1..fremen{len(PERIODS_S)}."
+    )

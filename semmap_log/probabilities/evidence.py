@@ -13,7 +13,7 @@ from semmap_log.event_batch import EventBatch
 from semmap_log.events import MAX_TIME_NS
 from semmap_log.probabilities.holds import holds_of
 from semmap_log.probabilities.visits import MOST_ACCURACY, llr_of, visits_of
-from semmap_log.probabilities.words import Means, Rows, Words
+from semmap_log.probabilities.words import Means, Rows, Sensors, Words
 
 Times = NDArray[np.int64]
 
@@ -52,7 +52,7 @@ class DoorEvidence:
     @classmethod
     def nothing(cls, door_id: DoorId, until_ns: int) -> DoorEvidence:
         """Return what is known of a door that nobody ever told of."""
-        return _evidence_of(door_id, Words().about(door_id), np.empty((1, 2))).up_to(until_ns)
+        return _evidence_of(door_id, Words().about(door_id), Words().sensors()).up_to(until_ns)
 
     def up_to(self, until_ns: int) -> DoorEvidence:
         """Return what was known at an earlier time: the same as without the events after it."""
@@ -167,7 +167,7 @@ class Evidence:
         known = self._known.get(door_id)
         if known is None:
             words = _while_there(self._words.about(door_id))
-            evidence = _evidence_of(door_id, words, self._words.accuracies())
+            evidence = _evidence_of(door_id, words, self._words.sensors())
             known = self._known[door_id] = _Known(words, evidence)
         return known
 
@@ -236,17 +236,17 @@ def _while_there(words: Rows) -> Rows:
     return words[: removed[0] + 1] if len(removed) else words
 
 
-def _evidence_of(door_id: DoorId, words: Rows, accuracies: NDArray[np.float64]) -> DoorEvidence:
+def _evidence_of(door_id: DoorId, words: Rows, sensors: Sensors) -> DoorEvidence:
     """Return what words about a door mean, whatever the time."""
     holds = holds_of(words)
     points = words[holds.points]
-    accuracy_open, accuracy_closed = accuracies[points["sensor"]].T
+    accuracy_open, accuracy_closed, eye = (column[points["sensor"]] for column in sensors)
     reads_open = points["state"] == DoorState.OPEN
     # A certain sighting is a word for itself: no pass goes on over it, nor with it.
     certain = np.cumsum((accuracy_open >= MOST_ACCURACY) & (accuracy_closed >= MOST_ACCURACY))
     visits = visits_of(
         points["time_ns"],
-        points["sensor"],
+        eye,
         holds.segment + certain,
         llr_of(reads_open, accuracy_open, accuracy_closed),
     )

@@ -6,6 +6,7 @@ toward how the door is at such hours, at rates learnt from the door's own past, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
+from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.chain import Steps, filtered
 from semmap_log.probabilities.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
 from semmap_log.probabilities.forgetting import START, Forgetting, forgetting_of
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.nodes import Looks, held_at, looks
+from semmap_log.probabilities.memory import Memory
+from semmap_log.probabilities.nodes import LOOK_NS, Looks, held_at, looks
 from semmap_log.probabilities.schedule import DoorSchedule, nothing_known
 
 Times = NDArray[np.int64]
@@ -32,6 +35,8 @@ LEARNT_FROM_D = 182
 """Rates are those of the last half year."""
 RUN_UP_D = 14
 """So long before an epoch its filter starts; what was seen earlier is forgotten by then."""
+WAIT_D = 28
+"""So far ahead a wait is worked out by the hour."""
 FRESH = 0.5
 """The belief counts as known while so much is left of what was seen last."""
 
@@ -70,6 +75,7 @@ class DoorFilter:
         self._clock = clock
         self.schedule = DoorSchedule(evidence, clock)
         self._first_day = int(self._days(_first_ns(evidence))[0])
+        self._memory = Memory(evidence, self.schedule, clock)
         self._epochs: dict[int, _Epoch] = {}
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
@@ -85,11 +91,35 @@ class DoorFilter:
             kept = epoch.forgetting.kept(belief.told_ns, times, self._clock)
             deviation = belief.p_open - self.schedule.p_open(belief.told_ns, known)
             p_open[asked] += kept * deviation
+            held = belief.told_ns == known
+            if held.any():
+                where = np.flatnonzero(asked)[held]
+                p_open[where] += self._memory.correction(
+                    epoch.forgetting, times[held], known[held], deviation[held]
+                )
             variance[asked] *= (1 - kept) ** 2
             variance[asked] += (epoch.forgetting.unsure(kept) * deviation) ** 2
             fresh = epoch.forgetting.kept(belief.seen_ns, times, self._clock) >= FRESH
             is_known[asked] |= fresh & (belief.seen_ns > _NEVER)
         return Forecast.around(p_open, variance, is_known, days)
+
+    def wait_s(self, at_ns: int, *, until_open: bool) -> float:
+        """Return how long it will take, on average, until the door is open, or closed; seconds.
+
+        It is the mean first passage of the chain: through time t survive e^(-H(t)) of the doors
+        that are not so yet, H being the sum of their rates.
+        """
+        steps_ns = at_ns + np.arange(WAIT_D * 48, dtype=np.int64) * LOOK_NS
+        known_ns = np.full(len(steps_ns), at_ns)
+        forgetting = self._epoch(int(self._epoch_of(known_ns[:1])[0])).forgetting
+        here = self.predict(known_ns[:1], known_ns[:1]).p_open[0]
+        expected = self.schedule.p_open(steps_ns, known_ns)
+        rate = forgetting.rates.relaxation[self._clock.hour_of(steps_ns) % 24]
+        rate = rate * (expected if until_open else 1 - expected)
+        step_s = LOOK_NS / SECOND_NS
+        left = np.exp(-np.append(0.0, np.cumsum(rate * step_s)))
+        waited_s = float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
+        return float(1 - here if until_open else here) * waited_s
 
     def _belief(self, epoch: _Epoch, known_ns: Times) -> _Belief:
         """Return what was believed at each time; where the state is known, that."""
@@ -123,8 +153,10 @@ class DoorFilter:
         return _Epoch(forgetting, seen, self._believed(seen, forgetting))
 
     def _believed(self, seen: Looks, forgetting: Forgetting) -> Reals:
-        """Return P(open) after each look: the chain's steps are such that its long run is the
-        schedule, as it was known at the time."""
+        """Return P(open) after each look.
+
+        The chain's steps are such that its long run is the schedule, as it was known at the time.
+        """
         times_ns = seen.times_ns
         before_ns = np.append(times_ns[:1], times_ns[:-1])
         here = self.schedule.p_open(times_ns, times_ns)
@@ -158,9 +190,24 @@ class LearntFilter:
         """Return how likely the door is open: see `Learnt`."""
         if door_id not in self._evidence:
             return nothing_known(len(times_ns))
+        return self._door(door_id).predict(times_ns, known_ns)
+
+    def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
+        """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
+
+        Args:
+            door_id: The door.
+            at_ns: From then on, by what was known then.
+            until_open: Or until it is closed.
+        """
+        if door_id not in self._evidence:
+            return math.nan
+        return self._door(door_id).wait_s(at_ns, until_open=until_open)
+
+    def _door(self, door_id: DoorId) -> DoorFilter:
         if door_id not in self._doors:
             self._doors[door_id] = DoorFilter(self._evidence[door_id], self._clock)
-        return self._doors[door_id].predict(times_ns, known_ns)
+        return self._doors[door_id]
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,8 +30,16 @@ class Forgetting:
 
     def kept(self, from_ns: Times, to_ns: Times, clock: LocalClock) -> Reals:
         """Return what is left of a deviation: 1 of a fresh one, 0 in the long run."""
-        through = self._through(clock.wall_s(to_ns)) - self._through(clock.wall_s(from_ns))
+        from_s, to_s = clock.wall_s(from_ns), clock.wall_s(to_ns)
+        through = self._through(to_s) - self._through(from_s)
         kept: Reals = np.exp(-np.maximum(through, 0.0))
+        return kept
+
+    def mean_kept(self, ahead_h: Reals) -> Reals:
+        """Return what is left after some hours, on average over the day."""
+        starts_s: Reals = np.arange(HOURS, dtype=np.float64) * HOUR_S
+        then_s: Reals = starts_s + ahead_h[:, None] * HOUR_S
+        kept: Reals = np.exp(self._through(starts_s) - self._through(then_s)).mean(-1)
         return kept
 
     def unsure(self, kept: Reals) -> Reals:

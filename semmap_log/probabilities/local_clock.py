@@ -48,7 +48,11 @@ class LocalClock:
         self._offsets_s = np.zeros(0, np.int64)
 
     def wall_s(self, times_ns: Times) -> NDArray[np.float64]:
-        """Return what the clocks show, as seconds since a Monday's midnight (1970-01-05)."""
+        """Return what the clocks show, as seconds since a Monday's midnight (1970-01-05).
+
+        As floats do, to less than a microsecond: a time just before an hour may be shown as the
+        hour. `hour_of` is exact.
+        """
         seconds, fraction_ns = np.divmod(np.asarray(times_ns, np.int64), SECOND_NS)
         return seconds + self.offset_s(seconds) - _MONDAY_S + fraction_ns / SECOND_NS
 

@@ -60,14 +60,15 @@ def learn_rates(
     last = np.full(doors, -np.inf)
     for number in range(most_rounds):
         along = passage(nodes, rates)
-        likelihood = np.bincount(door, along.log_likelihood, doors)
+        likelihood = np.bincount(door, along.log_likelihood, doors).astype(np.float64)
         if on_round is not None:
             on_round(number, likelihood)
         learns &= ~(likelihood - last <= ENOUGH * np.abs(likelihood))
         if not learns.any():
             break
         last = likelihood
-        better = _likeliest(_happened(nodes, rates, along, count), expected, prior is not None)
+        weight_s = 0.0 if prior is None else PRIOR_S
+        better = _likeliest(_happened(nodes, rates, along, count), expected, weight_s)
         kept = ~np.repeat(learns, bins)
         rates = Rates(
             np.where(kept, rates.opening, better.opening),
@@ -76,10 +77,9 @@ def learn_rates(
     return rates
 
 
-def _likeliest(happened: Reals, expected: Rates, has_prior: bool) -> Rates:
+def _likeliest(happened: Reals, expected: Rates, weight_s: float) -> Rates:
     """Return the rates by which what happened is likeliest; where nothing could, those expected."""
     openings, closings, closed_s, open_s = happened
-    weight_s = PRIOR_S if has_prior else 0.0
 
     def rate(times: Reals, during_s: Reals, otherwise: Reals) -> Reals:
         enough = during_s + weight_s > 1.0

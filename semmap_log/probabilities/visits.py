@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from semmap_log.moments import SECOND_NS
 
 REPEATS_NS = 60 * SECOND_NS
-"""A sighting less than that after the one before of the same sensor is of the same pass."""
+"""A sighting less than that after the one before of the same sensor is of its pass."""
 PASS_NS = 300 * SECOND_NS
 """So long a pass lasts at most: who stays longer looks again."""
 
@@ -47,7 +47,7 @@ def llr_of(
 
 def visits_of(
     seen_ns: NDArray[np.int64],
-    sensor: NDArray[np.uint32],
+    eye: NDArray[np.intp],
     segment: NDArray[np.intp],
     llr: NDArray[np.float64],
 ) -> Visits:
@@ -55,16 +55,17 @@ def visits_of(
 
     Args:
         seen_ns: (k,), ascending.
-        sensor: (k,): sightings of different ones belong to different visits, however they mix.
+        eye: (k,): what looked; sightings of different ones belong to different visits, however
+            they mix.
         segment: (k,), never falling: a visit lies in one of them.
         llr: (k,): what each would say by itself.
     """
-    order = np.argsort(sensor, kind="stable")
-    first = _firsts(seen_ns[order], sensor[order], segment[order])
+    order = np.argsort(eye, kind="stable")
+    first = _firsts(seen_ns[order], eye[order], segment[order])
     added = np.empty(len(llr))
     added[order] = _added(llr[order], first)
     is_first = first == np.arange(len(first))
-    # Passes come sensor by sensor here; they are counted by when they began.
+    # Passes come eye by eye here; they are counted by when they began.
     begins = np.zeros(len(first), np.bool_)
     begins[order[is_first]] = True
     visit = np.empty(len(first), np.intp)
@@ -73,13 +74,11 @@ def visits_of(
 
 
 def _firsts(
-    seen_ns: NDArray[np.int64], sensor: NDArray[np.uint32], segment: NDArray[np.intp]
+    seen_ns: NDArray[np.int64], eye: NDArray[np.intp], segment: NDArray[np.intp]
 ) -> NDArray[np.intp]:
-    """Return the place of the first sighting of each one's pass; sensor by sensor."""
+    """Return the place of the first sighting of each one's pass; eye by eye."""
     begins = np.ones(len(seen_ns), np.bool_)
-    begins[1:] = (
-        (np.diff(seen_ns) >= REPEATS_NS) | (sensor[1:] != sensor[:-1]) | (np.diff(segment) != 0)
-    )
+    begins[1:] = (np.diff(seen_ns) >= REPEATS_NS) | (eye[1:] != eye[:-1]) | (np.diff(segment) != 0)
     starts = np.flatnonzero(begins)
     ends = np.append(starts, len(begins))[1:]
     is_long = seen_ns[ends - 1] - seen_ns[starts] > PASS_NS

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
+from collections.abc import Sequence
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +41,26 @@ WORD = np.dtype(
 """Of an event: its number, the time by which it folds, its door, which of the sensors saw it, how
 it tells (`Means`), and what (`DoorState`)."""
 
-CERTAIN = (1.0, 1.0)
-"""The accuracies of what is not a reading, and of who went through a door."""
+
+class Sensor(NamedTuple):
+    """What a sighting is from."""
+
+    accuracy_open: float
+    accuracy_closed: float
+    source: str
+    """Which one it was, as the commit's note says; empty: it does not."""
+
+    @property
+    def eye(self) -> object:
+        """What looks again in a pass: the source, however sure it is each time.
+
+        Where none is named, sensors of the same accuracies are taken to be one.
+        """
+        return self.source or (self.accuracy_open, self.accuracy_closed)
+
+
+CERTAIN = Sensor(1.0, 1.0, "")
+"""Of what is not a reading, and of who went through a door."""
 
 _MEANS: dict[type[Event], Means] = {
     DoorAdded: Means.ADDED,
@@ -51,13 +71,22 @@ _MEANS: dict[type[Event], Means] = {
 }
 
 
+class Sensors(NamedTuple):
+    """What is known of sensors, as columns."""
+
+    accuracy_open: NDArray[np.float64]
+    accuracy_closed: NDArray[np.float64]
+    eye: NDArray[np.intp]
+    """The same for those that are taken to be one: `Sensor.eye`."""
+
+
 class Words:
     """Words about all doors, in any order; 26 bytes each."""
 
     def __init__(self) -> None:
         self._rows = np.empty(0, WORD)
         self._count = 0
-        self._sensors: dict[tuple[float, float], int] = {CERTAIN: 0}
+        self._sensors: dict[Sensor, int] = {CERTAIN: 0}
         self._index = _Index(np.empty(0, np.uint32))
 
     def __len__(self) -> int:
@@ -82,11 +111,14 @@ class Words:
         rows["door_id"] = told["door_id"][chosen]
         rows["means"] = _MEANS[kind]
         rows["state"] = states_of(kind, told)[chosen]
-        rows["sensor"] = self._sensors_of(told[chosen]) if kind is DoorObserved else 0
+        rows["sensor"] = 0
+        if kind is DoorObserved:
+            codes, names = batch.sources(kind)
+            rows["sensor"] = self._sensors_of(told[chosen], codes[chosen], names)
 
     def add(self, other: Words) -> None:
         """Take up what other words say; events that both have would count twice."""
-        codes = np.array([self._sensor(pair) for pair in other._sensors], np.uint32)
+        codes = np.array([self._code(sensor) for sensor in other._sensors], np.uint32)
         rows = self._room_for(len(other))
         rows[:] = other._rows[: len(other)]
         rows["sensor"] = codes[rows["sensor"]]
@@ -110,16 +142,18 @@ class Words:
         """Return which doors the words behind the first `count` are about."""
         return np.unique(self._rows["door_id"][count : self._count])
 
-    def accuracies(self) -> NDArray[np.float64]:
-        """Return (sensors, 2): P(reads open | open) and P(reads closed | closed) of each."""
-        return np.array(list(self._sensors), np.float64)
+    def sensors(self) -> Sensors:
+        """Return the sensors by their places, as `WORD` has them."""
+        eyes: dict[object, int] = {}
+        codes = [eyes.setdefault(sensor.eye, len(eyes)) for sensor in self._sensors]
+        accuracies = np.array([sensor[:2] for sensor in self._sensors], np.float64)
+        return Sensors(accuracies[:, 0], accuracies[:, 1], np.array(codes, np.intp))
 
     def dump(self) -> bytes:
         """Return the words as bytes."""
         out = io.BytesIO()
-        for part in (self._rows[: self._count], self.accuracies()):
-            np.lib.format.write_array(out, part, allow_pickle=False)
-        return out.getvalue()
+        np.lib.format.write_array(out, self._rows[: self._count], allow_pickle=False)
+        return out.getvalue() + json.dumps(list(self._sensors)).encode()
 
     @classmethod
     def load(cls, data: bytes) -> Words:
@@ -129,14 +163,13 @@ class Words:
             ValueError: They are not of its making.
         """
         source = io.BytesIO(data)
-        rows, accuracies = (_array(source, dtype) for dtype in (WORD, np.dtype(np.float64)))
-        if accuracies.shape != (len(accuracies), 2) or rows["sensor"].max(initial=0) >= max(
-            1, len(accuracies)
-        ):
-            raise ValueError("words of sensors that are not told")
+        rows = np.lib.format.read_array(source, allow_pickle=False)
+        sensors = [Sensor(float(a), float(b), str(name)) for a, b, name in json.load(source)]
+        if rows.dtype != WORD or rows["sensor"].max(initial=0) >= len(sensors):
+            raise ValueError("not words, or words of sensors that are not told")
         words = cls()
         words._rows, words._count = rows, len(rows)
-        words._sensors = {(a, b): code for code, (a, b) in enumerate(accuracies.tolist())}
+        words._sensors = {sensor: code for code, sensor in enumerate(sensors)}
         return words
 
     def _room_for(self, count: int) -> Rows:
@@ -148,17 +181,25 @@ class Words:
             self._rows = grown
         return self._rows[first : self._count]
 
-    def _sensors_of(self, told: Rows) -> NDArray[np.uint32]:
-        accuracy_open, accuracy_closed = told["accuracy_open"], told["accuracy_closed"]
-        first = (float(accuracy_open[0]), float(accuracy_closed[0]))
-        if (accuracy_open == first[0]).all() and (accuracy_closed == first[1]).all():
-            return np.full(len(told), self._sensor(first), np.uint32)
-        pairs, places = np.unique(accuracy_open + 1j * accuracy_closed, return_inverse=True)
-        codes = [self._sensor((pair.real, pair.imag)) for pair in pairs.tolist()]
-        return np.array(codes, np.uint32)[places]
+    def _sensors_of(
+        self, told: Rows, sources: NDArray[np.intp], names: Sequence[str]
+    ) -> NDArray[np.uint32]:
+        """Return the places of sightings' sensors; of each different one it is looked up once."""
+        columns = (told["accuracy_open"], told["accuracy_closed"], sources)
+        if all((column == column[0]).all() for column in columns):
+            return np.full(len(told), self._code_of(columns, 0, names), np.uint32)
+        pairs, of_pair = np.unique(columns[0] + 1j * columns[1], return_inverse=True)
+        kinds = of_pair + len(pairs) * sources
+        _, one, of_kind = np.unique(kinds, return_index=True, return_inverse=True)
+        codes = [self._code_of(columns, row, names) for row in one.tolist()]
+        return np.array(codes, np.uint32)[of_kind]
 
-    def _sensor(self, accuracies: tuple[float, float]) -> int:
-        return self._sensors.setdefault(accuracies, len(self._sensors))
+    def _code_of(self, columns: tuple[NDArray[Any], ...], row: int, names: Sequence[str]) -> int:
+        accuracy_open, accuracy_closed, source = (column[row].item() for column in columns)
+        return self._code(Sensor(accuracy_open, accuracy_closed, names[source]))
+
+    def _code(self, sensor: Sensor) -> int:
+        return self._sensors.setdefault(sensor, len(self._sensors))
 
 
 class _Index:
@@ -174,13 +215,6 @@ class _Index:
         wanted = np.uint32(door_id)  # any other type would have the whole column converted
         first, end = (np.searchsorted(self._sorted, wanted, side) for side in ("left", "right"))
         return self._order[first:end]
-
-
-def _array(source: io.BytesIO, dtype: np.dtype[Any]) -> NDArray[Any]:
-    array = np.lib.format.read_array(source, allow_pickle=False)
-    if array.dtype != dtype:
-        raise ValueError(f"expected {dtype}, got {array.dtype}")
-    return array
 
 
 _FEW = 1024

@@ -18,6 +18,7 @@ from semmap_log.log.kind_bits import COMMIT_BIT
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.ahead import ahead
 from semmap_log.log.reading.chunk_table import ChunkTable
+from semmap_log.log.reading.note_sources import NoteSources
 from semmap_log.log.reading.page_reading import Records, read_page, unpack
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import numbers_of
@@ -77,7 +78,7 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
         page = read_page(
             group, segment.header.first_event, records=records, in_place=True, is_sound=is_sound
         )
-        batch = page.events()
+        batch = page.events(NoteSources(page, partial(commit_of, segment)))
         _check_numbers(page, batch, firsts[mine], ends[mine])
         yield page, batch
 

@@ -1,0 +1,255 @@
+"""How good an estimator's forecasts of a log's doors are, by a protocol that others use, too.
+
+The protocol is that of the published door benchmarks (Krajník et al., RA-L 2019, arXiv 1810.04285):
+samples a minute apart within the known time, the first part teaches, the last is forecast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from semmap_log.beliefs.patrol import Patrol, visited
+from semmap_log.beliefs.protocol import Protocol
+from semmap_log.beliefs.trials import (
+    Stretches,
+    Trials,
+    holds_truth,
+    reading_trials,
+    truth_trials,
+    truths,
+    whole_ns,
+)
+from semmap_log.door_log import DoorLog, Time
+from semmap_log.doors import DoorId
+from semmap_log.errors import EstimatorError
+from semmap_log.log.reading.passage import Progress
+from semmap_log.probabilities.estimator import Estimator, Learnt
+from semmap_log.probabilities.evidence import Evidence, EvidenceProjection
+from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.scores import Reliability, Scores, mean_scores, scores
+
+LEAST_SAMPLES = (200, 100)
+"""A door with fewer samples to learn from, or to be forecast, is left out."""
+LEAST_VISITS = (20, 10)
+"""The same where visits are what is forecast."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoorEvaluation:
+    """How good the forecasts of one door were."""
+
+    door_id: DoorId
+    training: int
+    """Samples, or visits, before the split."""
+    tests: int
+    """Those after it: forecasts of each estimator."""
+    scores: Mapping[str, Scores]
+    """Estimator -> its figures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """How good the forecasts of all doors were."""
+
+    protocol: Protocol
+    is_truth: bool
+    """They were held against a state that was known all through; False: against what the sensor
+    read next."""
+    doors: Sequence[DoorEvaluation]
+    left_out: Mapping[DoorId, str]
+    """Doors with too little known time, and how much they have."""
+    reliability: Mapping[str, Reliability]
+    """Estimator -> what came where so much was said, all doors together."""
+
+    @property
+    def mean(self) -> Mapping[str, Scores]:
+        """Estimator -> mean over the doors, each weighing the same."""
+        return {
+            name: mean_scores([door.scores[name] for door in self.doors])
+            for name in self.reliability
+        }
+
+
+def evaluate(
+    log: DoorLog,
+    estimators: Sequence[Estimator],
+    protocol: Protocol = Protocol(),
+    *,
+    doors: Collection[DoorId] | None = None,
+    since: Time = None,
+    until: Time = None,
+    tz: str | None = None,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """Return how good the estimators' forecasts of a log's doors are.
+
+    Where the log mostly knows states all through, they are the truth. Where it mostly holds
+    visits, there is none, and the next visit's reading is forecast from what was before it.
+
+    Args:
+        log: Where the doors are from.
+        estimators: Methods, of different names.
+        protocol: What is known when.
+        doors: Only these; default: all that something is known of.
+        since: Only the known time from then on; what was before still teaches.
+        until: Only the known time before then.
+        tz: IANA zone of the building's clocks; default: the log's.
+        progress: Told (done, in all), in forecasts of a door by an estimator.
+
+    Raises:
+        EstimatorError: No door has enough known time, or visits; a patrol of a log without truth.
+    """
+    return evaluate_all(
+        log, estimators, {"": protocol}, doors=doors, since=since, until=until, tz=tz,
+        progress=progress,
+    )[""]  # fmt: skip
+
+
+def evaluate_all(
+    log: DoorLog,
+    estimators: Sequence[Estimator],
+    protocols: Mapping[str, Protocol],
+    *,
+    doors: Collection[DoorId] | None = None,
+    since: Time = None,
+    until: Time = None,
+    tz: str | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Evaluation]:
+    """Return what `evaluate` does for several protocols, having learnt only once for all."""
+    evidence = log.fold(EvidenceProjection())
+    chosen = [d for d in evidence.door_ids if doors is None or d in doors]
+    span = log.instant(since), log.instant(until)
+    clock = LocalClock(tz or log.info.timezone)
+    is_truth = holds_truth(evidence, chosen)
+    stretches = (
+        {d: found.between(*span) for d, found in truths(log, evidence, chosen)} if is_truth else {}
+    )
+    if not is_truth and any(protocol.patrol for protocol in protocols.values()):
+        raise EstimatorError(
+            f"{log.path}: a patrol visits doors whose states are known, and this log holds mostly "
+            "sightings; evaluate it without a patrol."
+        )
+
+    def ask(door_id: DoorId, protocol: Protocol) -> Trials:
+        if is_truth:
+            return truth_trials(door_id, stretches[door_id], whole_ns(protocol.step_s))
+        return reading_trials(evidence.door(door_id), *span)
+
+    tests = {
+        name: _Test(protocol, is_truth, clock, stretches, ask)
+        for name, protocol in protocols.items()
+    }
+    for test in tests.values():
+        test.take(chosen, str(log.path))
+    _run(tests, estimators, evidence=evidence, stretches=stretches, clock=clock, progress=progress)
+    return {name: test.evaluation() for name, test in tests.items()}
+
+
+def _run(
+    tests: Mapping[str, _Test],
+    estimators: Sequence[Estimator],
+    *,
+    evidence: Evidence,
+    stretches: Mapping[DoorId, Stretches],
+    clock: LocalClock,
+    progress: Progress | None,
+) -> None:
+    """Let each estimator learn from each source, and make all forecasts that go by it."""
+    done, total = 0, len(estimators) * sum(len(test.doors) for test in tests.values())
+    for patrol in {test.protocol.patrol: None for test in tests.values()}:
+        known = _source(patrol, evidence, tests, stretches)
+        same = [test for test in tests.values() if test.protocol.patrol == patrol]
+        for estimator in estimators:
+            learnt = estimator.learn(known.up_to(), clock)
+            for test in same:
+                for _ in test.forecasts(estimator.name, learnt):
+                    done += 1
+                    if progress is not None:
+                        progress(done, total)
+
+
+def _source(
+    patrol: Patrol | None,
+    evidence: Evidence,
+    tests: Mapping[str, _Test],
+    stretches: Mapping[DoorId, Stretches],
+) -> Evidence:
+    if patrol is None:
+        return evidence
+    asked = {d for test in tests.values() if test.protocol.patrol == patrol for d in test.doors}
+    return visited({d: found for d, found in stretches.items() if d in asked}, patrol)
+
+
+@dataclass
+class _Test:
+    """A protocol while its forecasts are made."""
+
+    protocol: Protocol
+    is_truth: bool
+    clock: LocalClock
+    stretches: Mapping[DoorId, Stretches]
+    """Of a truth: when each door is known."""
+    ask: Callable[[DoorId, Protocol], Trials]
+    """Makes what is asked about a door anew each time: kept for all doors it would fill memory."""
+    doors: dict[DoorId, tuple[int, int]] = field(default_factory=dict)
+    """How many samples teach, and when the first one behind them is."""
+    left_out: dict[DoorId, str] = field(default_factory=dict)
+    scores: dict[DoorId, dict[str, Scores]] = field(default_factory=dict)
+    reliability: dict[str, Reliability] = field(default_factory=dict)
+
+    def take(self, door_ids: Sequence[DoorId], where: str) -> None:
+        """Split what is asked of each door; leave out doors with too little.
+
+        Raises:
+            EstimatorError: That leaves none.
+        """
+        least = LEAST_SAMPLES if self.is_truth else LEAST_VISITS
+        for door_id in door_ids:
+            trials = self.ask(door_id, self.protocol)
+            training = int(self.protocol.split * len(trials))
+            tests = len(trials) - training
+            if training < least[0] or tests < least[1]:
+                self.left_out[door_id] = f"{training} to learn from, {tests} to forecast"
+                continue
+            self.doors[door_id] = training, int(trials.times_ns[training])
+        if not self.doors:
+            unit = "samples of a known state" if self.is_truth else "visits"
+            raise EstimatorError(
+                f"{where}: nothing to evaluate: expected a door with at least {least[0]} {unit} "
+                f"to learn from and {least[1]} to forecast; {len(self.left_out)} doors have fewer."
+            )
+
+    def forecasts(self, name: str, learnt: Learnt) -> Iterator[DoorId]:
+        """Make the forecasts of each door, and yield it once they are scored."""
+        for door_id, (training, split_ns) in self.doors.items():
+            trials = self._tests(door_id, training)
+            known_ns = self.protocol.known_ns(trials, split_ns, self.clock)
+            forecast = learnt.predict(door_id, trials.times_ns, known_ns)
+            p = trials.p_outcome(forecast.p_open)
+            self.scores.setdefault(door_id, {})[name] = scores(p, trials.outcome)
+            found = Reliability.of(p, trials.outcome)
+            before = self.reliability.get(name)
+            self.reliability[name] = found if before is None else before + found
+            yield door_id
+
+    def _tests(self, door_id: DoorId, training: int) -> Trials:
+        """Return what is asked about a door after the part that teaches."""
+        trials = self.ask(door_id, self.protocol).only(slice(training, None))
+        if self.is_truth and self.protocol.needs_known:
+            before_ns = trials.times_ns - (self.protocol.horizon_ns or 0)
+            return trials.only(self.stretches[door_id].known_at(before_ns))
+        return trials
+
+    def evaluation(self) -> Evaluation:
+        """Return what came of it."""
+        doors = [
+            DoorEvaluation(door_id, training, _count(self.scores[door_id]), self.scores[door_id])
+            for door_id, (training, _) in self.doors.items()
+        ]
+        return Evaluation(self.protocol, self.is_truth, doors, self.left_out, self.reliability)
+
+
+def _count(each: Mapping[str, Scores]) -> int:
+    return max((scores.count for scores in each.values()), default=0)

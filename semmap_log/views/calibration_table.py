@@ -1,0 +1,78 @@
+"""A sensor's accuracies for people: each door's, all together, and what to type with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from semmap_log.beliefs.calibration import Calibration, DoorCalibration, Hits
+from semmap_log.doors import DoorId
+from semmap_log.views.event_words import printable
+from semmap_log.views.tables import ABSENT
+
+NAME_WIDTH = 14
+TOGETHER = "together"
+
+
+def calibration_table(
+    calibration: Calibration, *, names: Mapping[DoorId, str] = MappingProxyType({})
+) -> RenderableType:
+    """Return the accuracies with their 90 % intervals, in 80 columns.
+
+    Args:
+        calibration: What was found.
+        names: What the doors are called.
+    """
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("door", min_width=NAME_WIDTH, overflow="fold")
+    for state in ("open", "closed"):
+        table.add_column(f"reads {state}\nwhen {state}", justify="right", no_wrap=True)
+        table.add_column("visits", justify="right", vertical="bottom")
+    for door_id, door in calibration.doors.items():
+        table.add_row(printable(names.get(door_id, str(door_id))), *_cells(door))
+    table.add_row(TOGETHER, *_cells(calibration.together), style="bold")
+    lines = ["in brackets: where it lies, nine times in ten; a pass is one visit"]
+    if calibration.unseen:
+        unseen = ", ".join(printable(names.get(d, str(d))) for d in calibration.unseen)
+        lines.append(f"not seen while its state was known: {unseen}")
+    return Group(table, Text("\n".join(lines), style="dim"), Text(), Text(_to_type(calibration)))
+
+
+def _cells(door: DoorCalibration) -> tuple[str, str, str, str]:
+    return (
+        _accuracy(door.when_open), f"{door.when_open.visits:,}",
+        _accuracy(door.when_closed), f"{door.when_closed.visits:,}",
+    )  # fmt: skip
+
+
+def _accuracy(hits: Hits) -> str:
+    if hits.accuracy is None:
+        return ABSENT
+    low, high = hits.interval
+    return f"{hits.accuracy:.3f} [{low:.3f}, {high:.3f}]"
+
+
+def _to_type(calibration: Calibration) -> str:
+    """Return the options with which to record sightings of that sensor from now on."""
+    found = calibration.together
+    options = [
+        f"{option} {hits.declared:.3f}"
+        for option, hits in (
+            ("--accuracy-open", found.when_open),
+            ("--accuracy-closed", found.when_closed),
+        )
+        if hits.visits
+    ]
+    said = f"type: semmap-log observe LOG DOOR STATE {' '.join(options)}"
+    missing = [
+        state
+        for state, hits in (("open", found.when_open), ("closed", found.when_closed))
+        if not hits.visits
+    ]
+    if missing:
+        said += f"\n(never seen while {missing[0]}: that accuracy stays unknown)"
+    return said

@@ -1,0 +1,131 @@
+"""Evaluations for people: a row an estimator, the best figures marked; then a row a door."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from semmap_log.beliefs.evaluation import Evaluation
+from semmap_log.doors import DoorId
+from semmap_log.probabilities.scores import Scores
+from semmap_log.views.event_words import printable
+from semmap_log.views.timeline_table import duration
+
+Names = Mapping[DoorId, str]
+
+MOST_DOORS = 40
+"""So many are shown one by one."""
+MOST_ESTIMATORS = 6
+"""Of doors one by one: so many columns fit; those that are best on the mean."""
+BEST = "*"
+FIGURES = ("brier", "log_loss", "ece", "bias")
+HEADS = ("Brier", "log-loss", "ECE", "bias")
+NAME_WIDTH = 14
+
+
+def evaluation_table(
+    evaluation: Evaluation, *, names: Names = MappingProxyType({})
+) -> RenderableType:
+    """Return the figures of an evaluation, in 80 columns.
+
+    Args:
+        evaluation: What came of it.
+        names: What the doors are called.
+    """
+    parts: list[RenderableType] = [_means(evaluation)]
+    if len(evaluation.doors) > 1:
+        parts += [Text(), _doors(evaluation, names)]
+        more = len(evaluation.doors) - MOST_DOORS
+        if more > 0:
+            parts.append(Text(f"and {more} doors more: --json has all", style="dim"))
+    parts += [Text(), Text(_said(evaluation), style="dim")]
+    return Group(*parts)
+
+
+def _means(evaluation: Evaluation) -> Table:
+    mean = evaluation.mean
+    best = {figure: _best(mean, figure) for figure in FIGURES}
+    table = _table()
+    table.add_column("estimator", min_width=NAME_WIDTH, overflow="fold")
+    for head in HEADS:
+        table.add_column(head, justify="right", min_width=9)
+    for name, scores in mean.items():
+        cells = [_cell(scores, figure, is_best=best[figure] == name) for figure in FIGURES]
+        table.add_row(printable(name), *cells)
+    return table
+
+
+def _doors(evaluation: Evaluation, names: Names) -> Table:
+    """Return the Brier scores of each door."""
+    mean = evaluation.mean
+    ranked = sorted(mean, key=lambda name: mean[name].brier or 0.0)[:MOST_ESTIMATORS]
+    shown = [name for name in mean if name in ranked]
+    table = _table()
+    table.add_column("door (Brier)", min_width=NAME_WIDTH, overflow="fold")
+    for name in shown:
+        table.add_column(printable(name), justify="right", min_width=7, overflow="fold")
+    for door in evaluation.doors[:MOST_DOORS]:
+        best = _best(door.scores, "brier")
+        cells = [_cell(door.scores[name], "brier", is_best=name == best) for name in shown]
+        table.add_row(printable(names.get(door.door_id, str(door.door_id))), *cells)
+    return table
+
+
+def _table() -> Table:
+    return Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+
+
+def _best(scores: Mapping[str, Scores], figure: str) -> str | None:
+    """Return whose figure is nearest to 0; of a single one there is no best."""
+    if len(scores) < 2:
+        return None
+    return min(scores, key=lambda name: abs(getattr(scores[name], figure)))
+
+
+def _cell(scores: Scores, figure: str, *, is_best: bool) -> Text:
+    value = getattr(scores, figure)
+    said = f"{value:+.4f}" if figure == "bias" else f"{value:.4f}"
+    return Text(f"{said}{BEST if is_best else ' '}", style="bold" if is_best else "")
+
+
+def _said(evaluation: Evaluation) -> str:
+    """Return in words what was forecast, and from what."""
+    tests = sum(door.tests for door in evaluation.doors)
+    unit = "samples" if evaluation.is_truth else "readings"
+    after = f"{tests:,} {unit} after the first {evaluation.protocol.split:.0%}"
+    lines = [
+        f"{_count(len(evaluation.doors), 'door')}, {after}; mean over doors, {BEST} best",
+        f"known: {known_in_words(evaluation)}",
+    ]
+    if evaluation.left_out:
+        lines.append(
+            f"left out, with too little known time: {_count(len(evaluation.left_out), 'door')}"
+        )
+    return "\n".join(lines)
+
+
+def known_in_words(evaluation: Evaluation) -> str:
+    """Return what was known at each forecast: `all up to 1 h before each`."""
+    protocol = evaluation.protocol
+    before = f" {duration(protocol.horizon_ns)} before each" if protocol.horizon_ns else ""
+    what = "all"
+    if (patrol := protocol.patrol) is not None:
+        what = (
+            f"what a visit each {duration(patrol.interval_ns)} read, right {patrol.accuracy:.0%} "
+            f"of the time (seed {patrol.seed}),"
+        )
+    if protocol.prequential:
+        return f"{what} up to the midnight before{before or ' each'}"
+    if before:
+        return f"{what} up to{before}"
+    if protocol.patrol is not None or not evaluation.is_truth or protocol.horizon_ns is not None:
+        return f"{what} up to each"
+    return f"{what} up to the split"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -1,0 +1,240 @@
+"""Evaluate our estimators, and the published ones, on sets of real doors.
+
+    python tools/eval_doors.py ../shared/data/doors/*/
+    python tools/eval_doors.py workshop home --tz workshop=Europe/Oslo --tz home=Europe/Amsterdam
+    python tools/eval_doors.py FOLDER --json > scores.json
+
+A FOLDER holds doors.csv.gz (timestamp,door,state: a row a change) and obs_windows.csv
+(door,start,end: when the state is known at all); its name is the set's. Each is imported into a log
+of its own. The first 70 % of each door's known time teaches, the rest is forecast; figures are
+means over doors.
+
+frozen: known is what was known at the split; daily: at the midnight before; lag_1h, lag_6h,
+lag_24h: so long before; patrol_30m, patrol_4h: only what a visit so often read, right 90 % of the
+time.
+
+Zones: times in the files are wall clocks. Without --tz they are taken as they stand (UTC): hours
+and weekdays are the building's; only the hours that daylight saving time skips or repeats are not
+seen.
+
+Steps: a forecast each 60 s. Where all times stand on whole multiples of more than a minute, the
+set was polled, and every second multiple is enough: polled each 5 minutes, forecast each 10, but no
+less often.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import shlex
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+
+import semmap_log as sl
+from semmap_log.beliefs.evaluation import Evaluation, evaluate_all
+from semmap_log.beliefs.patrol import Patrol
+from semmap_log.beliefs.protocol import Protocol
+from semmap_log.errors import FormatError, SemmapError
+from semmap_log.formats.csv_windows import read_windows
+from semmap_log.formats.door_csv import read_door_csv
+from semmap_log.formats.evaluation_json import scores_to_json
+from semmap_log.importing import ImportOptions, import_file
+from semmap_log.moments import SECOND_NS
+from semmap_log.probabilities.estimators import by_name
+
+ESTIMATORS = (
+    "count", "schedule", "filter", "fremen5", "last", "constant", "hour_of_day", "hour_of_week",
+)  # fmt: skip
+MORE_FREMEN = ("fremen1", "fremen2", "fremen3", "fremen4")
+"""Shown to people, too."""
+HOUR_NS = 3600 * SECOND_NS
+LAGS_H = (1, 6, 24)
+PATROLS = {"patrol_30m": HOUR_NS // 2, "patrol_4h": 4 * HOUR_NS}
+STEP_S, MOST_STEP_S = 60.0, 600.0
+FIGURES = ("brier", "log_loss", "ece", "bias")
+
+Found = Mapping[str, Mapping[str, Mapping[str, float | None]]]
+"""Mode -> estimator -> figure -> value."""
+
+
+def main() -> int:
+    options = _options()
+    try:
+        zones = _zones(options.tz, [_name(folder) for folder in options.folders])
+        found = {_name(folder): _evaluated(folder, options, zones) for folder in options.folders}
+    except SemmapError as error:
+        print(f"eval_doors: {error}", file=sys.stderr)
+        return 1
+    if options.json:
+        print(json.dumps(found, indent=2))
+    else:
+        _print(found, options)
+    return 0
+
+
+@dataclass(frozen=True)
+class _Set:
+    """The files of a set."""
+
+    doors: Path
+    windows: Path
+
+    @classmethod
+    def of(cls, folder: Path) -> _Set:
+        """Return the files of a folder.
+
+        Raises:
+            FormatError: They are not there.
+        """
+        doors = [path for path in (folder / "doors.csv.gz", folder / "doors.csv") if path.exists()]
+        windows = folder / "obs_windows.csv"
+        if not doors or not windows.exists():
+            raise FormatError(folder, "expected a folder with doors.csv.gz and obs_windows.csv")
+        return cls(doors[0], windows)
+
+
+def _evaluated(folder: Path, options: argparse.Namespace, zones: Mapping[str, str]) -> Found:
+    """Import a set into a log, and return what all protocols make of it."""
+    begin, name = time.monotonic(), _name(folder)
+    files, tz = _Set.of(folder), zones.get(name, zones[""])
+    step_s = options.step or step_of(files)
+    methods = [by_name(method) for method in _methods(options)]
+    with tempfile.TemporaryDirectory(prefix="eval_doors_") as room:
+        path = Path(room, name)
+        with sl.create(path, tz=tz, durability="none") as log:
+            import_file(log, files.doors, ImportOptions(windows=files.windows))
+        log = sl.read(path)
+        tell = _Telling(name)
+        found = evaluate_all(log, methods, _known(step_s), progress=tell)
+        patrolled = [door.door_id for door in found["frozen"].doors][: options.patrol_doors]
+        visits = _visited(step_s, options)
+        found |= evaluate_all(log, methods, visits, doors=patrolled, progress=tell)
+    said = f"{len(found['frozen'].doors)} doors, {len(patrolled)} patrolled, a step of {step_s:g} s"
+    print(f"\r{name}: {said}, {tz}: {time.monotonic() - begin:.0f} s", file=sys.stderr)
+    return {mode: _figures(evaluation) for mode, evaluation in found.items()}
+
+
+def _known(step_s: float) -> dict[str, Protocol]:
+    """Return the protocols in which states are known up to some time."""
+    lags = {f"lag_{h}h": Protocol(horizon_ns=h * HOUR_NS, step_s=step_s) for h in LAGS_H}
+    return {
+        "frozen": Protocol(step_s=step_s),
+        "daily": Protocol(prequential=True, step_s=step_s),
+        **lags,
+    }
+
+
+def _visited(step_s: float, options: argparse.Namespace) -> dict[str, Protocol]:
+    """Return the protocols in which a robot with a noisy sensor passes by."""
+    return {
+        mode: Protocol(patrol=Patrol(every_ns, options.accuracy, options.seed), step_s=step_s)
+        for mode, every_ns in PATROLS.items()
+    }
+
+
+def step_of(files: _Set) -> float:
+    """Return how far apart forecasts are, seconds: by the times in a set's files."""
+    times = [read_door_csv(files.doors, tz="UTC").happened_ns.tolist()]
+    for windows in read_windows(files.windows, tz="UTC").values():
+        times += [[window.start_ns, window.end_ns] for window in windows]
+    polled_s = math.gcd(*(ns for some in times for ns in some)) / SECOND_NS
+    return min(2 * polled_s, MOST_STEP_S) if polled_s > STEP_S else STEP_S
+
+
+def _figures(evaluation: Evaluation) -> dict[str, dict[str, float | None]]:
+    return {name: scores_to_json(scores) for name, scores in evaluation.mean.items()}
+
+
+def _methods(options: argparse.Namespace) -> Sequence[str]:
+    if options.estimator:
+        return list(dict.fromkeys(options.estimator))
+    return ESTIMATORS if options.json else (*ESTIMATORS, *MORE_FREMEN)
+
+
+class _Telling:
+    """Says on a terminal how far the work on a set is."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._last_s = 0.0
+
+    def __call__(self, done: int, total: int) -> None:
+        if sys.stderr.isatty() and time.monotonic() - self._last_s > 0.2:
+            self._last_s = time.monotonic()
+            print(f"\r{self._name}: {done}/{total} forecasts of a door ", end="", file=sys.stderr)
+
+
+def _print(found: Mapping[str, Found], options: argparse.Namespace) -> None:
+    """Print a table of each mode, as Markdown; the best figure of each set is bold."""
+    print(f"{datetime.now(timezone.utc):%Y-%m-%d}, {options.figure}, by:")
+    print(f"`{shlex.join(['python', 'tools/eval_doors.py', *sys.argv[1:]])}`\n")
+    methods = _methods(options)
+    for mode in next(iter(found.values()), {}):
+        print(f"| {mode} | {' | '.join(methods)} |")
+        print(f"|---|{'---|' * len(methods)}")
+        for name, modes in found.items():
+            values = {method: modes[mode][method][options.figure] for method in methods}
+            print(f"| {name} | {' | '.join(_cells(values))} |")
+        print()
+
+
+def _cells(values: Mapping[str, float | None]) -> list[str]:
+    known = {name: abs(value) for name, value in values.items() if value is not None}
+    best = min(known.values(), default=None)
+    return [
+        "-" if value is None else f"**{value:.4f}**" if abs(value) == best else f"{value:.4f}"
+        for value in values.values()
+    ]
+
+
+def _name(folder: Path) -> str:
+    return folder.resolve().name
+
+
+def _zones(given: Sequence[str], names: Sequence[str]) -> dict[str, str]:
+    """Return the zone of each set, and under "" that of the others.
+
+    Raises:
+        FormatError: Two folders have the same name, or a zone is of none.
+    """
+    if len(set(names)) < len(names):
+        raise FormatError("FOLDER", f"expected different names, got {', '.join(sorted(names))}")
+    zones = {"": "UTC"}
+    for text in given:
+        name, equals, tz = text.rpartition("=")
+        if equals and name not in names:
+            raise FormatError("--tz", f"expected one of {', '.join(names)}, got {name!r}")
+        zones[name] = tz
+    return zones
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folders", metavar="FOLDER", type=Path, nargs="+", help="a set of doors")
+    parser.add_argument("--json", action="store_true", help="one document instead of tables")
+    parser.add_argument(
+        "--tz", metavar="[NAME=]ZONE", action="append", default=[],
+        help="zone of a set's times, or of all; repeatable; default: UTC",
+    )  # fmt: skip
+    parser.add_argument("--step", metavar="S", type=float, help="seconds between two forecasts")
+    parser.add_argument("--estimator", metavar="NAME", action="append", help="repeatable")
+    parser.add_argument("--figure", choices=FIGURES, default="brier", help="which the tables show")
+    parser.add_argument("--seed", type=int, default=0, help="of the patrols' errors; 0")
+    parser.add_argument("--accuracy", type=float, default=0.9, help="of the patrols; 0.9")
+    parser.add_argument(
+        "--patrol-doors", metavar="N", type=int, default=40,
+        help="so many doors of a set are patrolled, those that the file names first; 40",
+    )  # fmt: skip
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
