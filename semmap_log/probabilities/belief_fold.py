@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
 from semmap_log.probabilities.estimator import Estimator, Learnt
+from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.evidence import Evidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
@@ -89,9 +88,10 @@ class BeliefProjection:
         """Take a method, or its name.
 
         Raises:
+            EstimatorError: There is no estimator of that name.
             MomentError: There is no such zone.
         """
-        self._estimator = _named(estimator) if isinstance(estimator, str) else estimator
+        self._estimator = by_name(estimator) if isinstance(estimator, str) else estimator
         self._clock = LocalClock(tz)
 
     def initial(self) -> Beliefs:
@@ -115,9 +115,3 @@ class BeliefProjection:
     def load(self, data: bytes, /) -> Beliefs:
         """Return the beliefs of the evidence that `dump` made these bytes of."""
         return Beliefs(self._estimator, self._clock, Evidence.load(data))
-
-
-def _named(name: str) -> Estimator:
-    # By its name, until the room has it.
-    estimator: Estimator = import_module("semmap_log.probabilities.estimators").by_name(name)
-    return estimator

@@ -87,6 +87,7 @@ class Words:
         self._rows = np.empty(0, WORD)
         self._count = 0
         self._sensors: dict[Sensor, int] = {CERTAIN: 0}
+        self._as_columns: Sensors | None = None
         self._index = _Index(np.empty(0, np.uint32))
 
     def __len__(self) -> int:
@@ -104,6 +105,10 @@ class Words:
     def _note(
         self, batch: EventBatch, kind: type[Event], told: Rows, chosen: NDArray[np.intp]
     ) -> None:
+        sensors: NDArray[np.uint32] | int = 0
+        if kind is DoorObserved:
+            codes, names = batch.sources(kind)
+            sensors = self._sensors_of(told[chosen], codes[chosen], names)
         rows = self._room_for(len(chosen))
         where = batch.where(kind)[chosen]
         rows["number"] = batch.number[where]
@@ -111,10 +116,7 @@ class Words:
         rows["door_id"] = told["door_id"][chosen]
         rows["means"] = _MEANS[kind]
         rows["state"] = states_of(kind, told)[chosen]
-        rows["sensor"] = 0
-        if kind is DoorObserved:
-            codes, names = batch.sources(kind)
-            rows["sensor"] = self._sensors_of(told[chosen], codes[chosen], names)
+        rows["sensor"] = sensors
 
     def add(self, other: Words) -> None:
         """Take up what other words say; events that both have would count twice."""
@@ -144,10 +146,14 @@ class Words:
 
     def sensors(self) -> Sensors:
         """Return the sensors by their places, as `WORD` has them."""
+        if self._as_columns is not None and len(self._as_columns.eye) == len(self._sensors):
+            return self._as_columns
         eyes: dict[object, int] = {}
         codes = [eyes.setdefault(sensor.eye, len(eyes)) for sensor in self._sensors]
         accuracies = np.array([sensor[:2] for sensor in self._sensors], np.float64)
-        return Sensors(accuracies[:, 0], accuracies[:, 1], np.array(codes, np.intp))
+        columns = (accuracies[:, 0], accuracies[:, 1], np.array(codes, np.intp))
+        self._as_columns = Sensors(*columns)
+        return self._as_columns
 
     def dump(self) -> bytes:
         """Return the words as bytes."""

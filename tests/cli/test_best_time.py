@@ -32,7 +32,7 @@ def test_the_table_names_hours_and_what_is_left_out(
     """
     Concrete windows in local time, hours of the week, P(open) now, and the night.
     """
-    code = run("best-time", log, "front", "--at", "2026-03-27T10:20")
+    code = run("best-time", log, "front", "--at", "2026-03-27T10:20", "-n", "168")
 
     out = capsys.readouterr().out
     assert 0 == code

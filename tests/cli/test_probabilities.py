@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -60,8 +61,7 @@ def test_the_table_tells_numbers_evidence_and_the_night(
 
     front, store, attic = (next(line for line in out.splitlines() if f" {name} " in line)
                            for name in ("front", "store", "attic"))  # fmt: skip
-    assert ["15.2", "365", "364", "30", "min", "77"] != front.split()[-6:]
-    assert "15.2   365    364    0 s     77" in front
+    assert ["15.2", "365", "364", "0", "s", "77"] == front.split()[-6:]
     assert "UNKNOWN" not in front + store
     assert "UNKNOWN" in attic
     assert "UNKNOWN, never seen: attic" in out
@@ -74,14 +74,14 @@ def test_132_doors_with_long_names_fit_80_columns(
     by: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """
-    No line is longer, none has colours in a pipe, and every door is there, its name whole.
+    No line is longer, none has colours in a pipe, and every door is there, by its number.
     """
     out = said(capsys, str(RECORDINGS / "clinic_week"), *by)
 
     assert max(map(len, out.splitlines())) <= 80
     assert "\x1b" not in out
-    assert "L1_fire_door_west" in out
-    assert 132 <= sum(line.strip()[:3].strip().isdecimal() for line in out.splitlines())
+    ids = {int(found) for found in re.findall(r"^ *(\d+)(?= |$)", out, flags=re.MULTILINE)}
+    assert {door_id for door_id in range(1, 134) if door_id != 33} <= ids
 
 
 def test_names_that_would_steer_the_terminal_are_spelt_out(

@@ -14,10 +14,12 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.doors import DoorId
+from semmap_log.errors import EstimatorError
 from semmap_log.events import DoorAdded, DoorRemoved, Retracted
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.day_tables import day_tables
 from semmap_log.probabilities.estimator import Times
+from semmap_log.probabilities.estimators import ESTIMATORS
 from semmap_log.probabilities.evidence import DoorEvidence, EvidenceProjection
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
@@ -121,6 +123,45 @@ def test_evidence_is_what_the_timeline_says_where_no_sensor_is_in_doubt(seed: in
             ):
                 over = (said.start_ns < end) & (said.end_ns > start)
                 assert set(said.state[over].tolist()) <= {1 if is_open else 2}
+
+
+@pytest.mark.parametrize("name", sorted(ESTIMATORS))
+def test_every_estimator_says_the_same_live_as_in_a_replay(tmp_path: Path, name: str) -> None:
+    """
+    By its name, over a log with noise, gaps and a door that was set: gone on with after each commit
+    and asked each time, then read from its start.
+    """
+    dice = random.Random(11)
+    told = [added()]
+    for hour in range(24 * 20):
+        if hour % 24 in (8, 9, 12, 15, 20):
+            word = dice.choice([seen, seen, seen, put])
+            told.append(word(dice.choice(["open", "closed", "closed"]), hour * HOUR))
+    projection, ask = BeliefProjection(name, "Europe/Vienna"), np.array([ns_of(24 * 21 * HOUR)])
+    live = projection.initial()
+    with sl.create(tmp_path / "log", tz="Europe/Vienna", durability="none") as log:
+        for start in range(0, len(told), 10):
+            log.append(as_batch(told[start : start + 10]))
+    log = sl.read(tmp_path / "log")
+
+    for batch in log.batches():
+        for part in batch.parts(7):
+            live = projection.apply(live, part)
+            live.predict(DOOR, ask)
+    replayed = log.fold(projection)
+
+    times = np.array([ns_of(hour * HOUR) for hour in range(0, 24 * 22, 5)])
+    mine, theirs = live.predict(DOOR, times), replayed.predict(DOOR, times)
+    assert mine.p_open.tolist() == theirs.p_open.tolist()
+    assert mine.is_known.tolist() == theirs.is_known.tolist()
+
+
+def test_an_estimator_that_nobody_knows_is_refused() -> None:
+    """
+    With the names of those that are known.
+    """
+    with pytest.raises(EstimatorError, match="expected one of filter"):
+        BeliefProjection("oracle", "UTC")
 
 
 def test_a_retraction_takes_back_what_had_been_learnt(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ alone. The week is as known at the recording's end.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,38 +27,40 @@ from semmap_log.views.rerun.sdk import rr
 from semmap_log.views.rerun.weeks import write_weeks
 
 BELIEF = "belief"
+MOST_CURVES = 16
+"""For each day of each curve the estimator learns anew, as it would have then: some seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefsShown:
-    """What a recording shows of beliefs: of the doors of which enough is known at the end."""
+    """What a recording shows of beliefs: of doors of which enough is known at the end."""
 
     beliefs: Beliefs
     """Those of the curves."""
-    doors: frozenset[DoorId]
-    """Doors that have a curve."""
+    curves: frozenset[DoorId]
+    """Doors that have one."""
     weeks: Sequence[TypicalWeek]
     """Of the doors that are in the map at the end, ids ascending."""
 
 
-def beliefs_to_show(excerpt: Excerpt, scene: Scene) -> BeliefsShown | None:
-    """Return what can be shown of beliefs; None: of no door is enough known."""
-    log, end_ns = excerpt.log, scene.end.folds_ns
-    now = ask(log, at=None, estimator=default_estimator(), tz=None, doors=None)
-    doors = frozenset(
-        door.door_id for door in scene.doors.values() if _is_known(now.beliefs, door, scene)
-    )
-    if not doors:
-        return None
-    habits = now.by(LATER).as_of(end_ns)  # what happens later is not known there
-    weeks = [typical_week(habits, door) for door in habits.doors if door.door_id in doors]
-    return BeliefsShown(now.beliefs, doors, [week for week in weeks if week.is_known])
+def beliefs_to_show(
+    excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
+) -> BeliefsShown | None:
+    """Return what can be shown of beliefs; None: of no door is enough known.
 
-
-def _is_known(beliefs: Beliefs, door: SceneDoor, scene: Scene) -> bool:
-    """Tell whether enough is known of a door at its end."""
-    times_ns = np.array(_life(door, scene)[1:])
-    return bool(beliefs.predict(door.door_id, times_ns, times_ns).is_known[0])
+    Args:
+        excerpt: The part of the log.
+        scene: What it shows.
+        chosen: Doors that were asked for: all of them have curves; None: the liveliest have.
+    """
+    now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
+    habits = now.by(LATER).as_of(scene.end.folds_ns)  # what happens later is not known there
+    here = [door for door in habits.doors if door.door_id in scene.doors]
+    weeks = [week for week in (typical_week(habits, door) for door in here) if week.is_known]
+    known = {week.door.door_id for week in weeks}
+    liveliest = [door.door_id for door in scene.liveliest() if door.door_id in known]
+    curves = frozenset(liveliest[:MOST_CURVES] if chosen is None else known & set(chosen))
+    return BeliefsShown(now.beliefs, curves, weeks) if weeks else None
 
 
 def belief_path(door: SceneDoor) -> EntityPath:
@@ -68,7 +70,7 @@ def belief_path(door: SceneDoor) -> EntityPath:
 
 def write_beliefs(writer: RowWriter, shown: BeliefsShown, scene: Scene, palette: Palette) -> None:
     """Write all curves and weeks."""
-    for door_id in sorted(shown.doors):
+    for door_id in sorted(shown.curves):
         door = scene.doors[door_id]
         _write_curve(writer, belief_path(door), points_of(shown.beliefs, door, scene), palette)
     write_weeks(writer, shown.weeks, scene)

@@ -75,12 +75,6 @@ def layout(
     )
 
 
-def liveliest(scene: Scene, most: int) -> list[SceneDoor]:
-    """Return the doors whose state changed most often, the liveliest first."""
-    doors = sorted(scene.doors.values(), key=lambda door: (-door.state_changes, door.door_id))
-    return doors[:most]
-
-
 def _column(parts: list[tuple[View | None, int]]) -> View | None:
     """Return the views that there are, one above the other, each with its share of the height."""
     there = [(view, share) for view, share in parts if view is not None]
@@ -169,10 +163,10 @@ def _curves(
 ) -> View | None:
     """Return a tab of curves a door; None where no door has probabilities, given or believed."""
     if chosen is None:
-        doors = liveliest(scene, len(scene.doors))
+        doors = scene.liveliest()
     else:
         doors = [scene.doors[door_id] for door_id in chosen if door_id in scene.doors]
-    believed = frozenset() if beliefs is None else beliefs.doors
+    believed = frozenset() if beliefs is None else beliefs.curves
     drawn = [door for door in doors if door.has_probabilities or door.door_id in believed]
     if not drawn:
         return None
@@ -195,7 +189,7 @@ def _lanes(scene: Scene) -> View:
     everything = _lane_view(scene, "Door states", [f"+ /{ROOT}/**"])
     if len(scene.doors) <= MOST_LANES:
         return everything
-    paths = [f"+ {entity(door.path)}" for door in liveliest(scene, MOST_LANES)]
+    paths = [f"+ {entity(door.path)}" for door in scene.liveliest()[:MOST_LANES]]
     few = _lane_view(scene, f"{MOST_LANES} liveliest doors", paths)
     every = _lane_view(scene, f"All {len(scene.doors)} doors", [f"+ /{ROOT}/**"])
     return rrb.Tabs(few, every, active_tab=0)

@@ -64,8 +64,8 @@ def save_rrd(
             or `screenshot`.
         palette: Colours.
         costmap: With the costmap's door layer, cell for cell.
-        beliefs: With what the robot could believe of the doors of which enough is known: a curve
-            and a typical week for each.
+        beliefs: With what the robot could believe of doors of which enough is known: a typical
+            week of each, and a curve of those chosen, or of the liveliest.
         progress: Told how far the reading is: (bytes done, bytes in all).
 
     Raises:
@@ -81,7 +81,7 @@ def save_rrd(
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)
     scene = survey(excerpt)
-    shown = beliefs_to_show(excerpt, scene) if beliefs else None
+    shown = beliefs_to_show(excerpt, scene, doors) if beliefs else None
     front = scene.robot_level if at is None else _robot_level(log, at)
     blueprint = layout(
         scene,

@@ -83,6 +83,10 @@ class Scene:
         """From the first row to the last."""
         return self.end.folds_ns - self.begin.folds_ns
 
+    def liveliest(self) -> list[SceneDoor]:
+        """Return the doors, those whose state changed most often first."""
+        return sorted(self.doors.values(), key=lambda door: (-door.state_changes, door.door_id))
+
 
 @dataclass(frozen=True, slots=True)
 class Bounds:

@@ -1,0 +1,177 @@
+"""What a recording shows of beliefs, read back without a viewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
+
+import semmap_log as sl
+from semmap_log.beliefs.beliefs import default_estimator
+from semmap_log.beliefs.learning import learn
+from semmap_log.beliefs.typical_week import typical_weeks
+from semmap_log.moments import parse_instant
+from semmap_log.views.rerun.belief_rows import TOLERANCE, times_of_curve
+from semmap_log.views.rerun.recording import save_rrd
+from semmap_log.views.rerun.rows import MOST_ROWS
+from semmap_log.views.rerun.weeks import NAMED, NEVER_SEEN, NO_CELL, NUMBERED, tiles
+from tests.beliefs.patrolled import FRONT, VIENNA, patrolled
+from tests.views.rerun.some_logs import Drawn, small_log
+from tests.views.rerun.test_blueprint import views_of
+
+pytestmark = pytest.mark.viewer
+
+FRONT_CURVE = "/map/doors/front/belief"
+SCALARS = "Scalars:scalars"
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> sl.DoorLog:
+    return patrolled(tmp_path_factory.mktemp("beliefs") / "log", days=10)
+
+
+@pytest.fixture(scope="module")
+def drawn(log: sl.DoorLog, tmp_path_factory: pytest.TempPathFactory) -> Drawn:
+    path = tmp_path_factory.mktemp("beliefs-rrd") / "x.rrd"
+    save_rrd(log, path)
+    return Drawn(path)
+
+
+def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn) -> None:
+    """
+    At each of its times, the estimator's answer from what had happened by then; on the timeline
+    `happened` alone.
+    """
+    beliefs = learn(log, estimator=default_estimator())
+
+    rows = drawn.rows(FRONT_CURVE, SCALARS)
+
+    times_ns = np.array([time for time, _ in rows])
+    shown = np.array([value[0] for _, value in rows])
+    said = beliefs.predict(FRONT, times_ns, times_ns)
+    np.testing.assert_array_equal(np.where(said.is_known, said.p_open, np.nan), shown)
+    assert len(times_ns) > 10
+    assert [] == drawn.rows(FRONT_CURVE, SCALARS, "recorded")
+    assert [] == drawn.rows(FRONT_CURVE, SCALARS, "event")
+
+
+def test_between_its_points_the_line_is_right(log: sl.DoorLog, drawn: Drawn) -> None:
+    """
+    Nowhere that the estimator was asked is it off by more than .01.
+    """
+    beliefs = learn(log, estimator=default_estimator())
+    rows = drawn.rows(FRONT_CURVE, SCALARS)
+    times_ns, shown = (np.array([row[i] for row in rows]).ravel() for i in (0, 1))
+
+    added_ns = log.event(0).happened_ns
+    asked_ns = times_of_curve(beliefs.evidence.door(FRONT), added_ns, log.end_ns())
+
+    said = beliefs.predict(FRONT, asked_ns, asked_ns)
+    line = np.interp(asked_ns - added_ns, times_ns.astype(np.int64) - added_ns, shown)
+    known = said.is_known & np.isfinite(line)
+    assert known.sum() > 100
+    assert np.abs(line - said.p_open)[known].max() <= TOLERANCE + 1e-6
+
+
+def test_a_door_never_seen_has_no_curve(drawn: Drawn) -> None:
+    """
+    Nor a tile among the weeks.
+    """
+    assert "/map/doors/attic/belief" not in drawn.entities
+    assert ["front", "store"] == drawn.statics["/weeks/labels", "Points2D:labels"]
+
+
+def test_the_weeks_are_typical_weeks(log: sl.DoorLog, drawn: Drawn) -> None:
+    """
+    The first tile holds the front door's cells in percent; what nobody saw is marked.
+    """
+    (front,) = typical_weeks(log, doors=[FRONT])
+
+    (buffer,), (shape,) = (
+        drawn.statics["/weeks", f"SegmentationImage:{part}"] for part in ("buffer", "format")
+    )
+    picture = np.frombuffer(bytes(buffer), np.uint8).reshape(shape["height"], shape["width"])
+    column, row = NAMED.corner
+    shown = picture[row : row + 7, column : column + 24]
+    known = front.hours.is_known
+    np.testing.assert_array_equal(np.rint(100 * front.hours.p_open)[known], shown[known])
+    assert {NEVER_SEEN} == set(shown[~known].tolist())
+    assert {NO_CELL} == set(picture[:row, :].ravel().tolist())
+
+
+def test_tiles_do_not_overlap(log: sl.DoorLog) -> None:
+    """
+    For any number of doors, each has its 168 cells, and its label lies in the picture.
+    """
+    (front,) = typical_weeks(log, doors=[FRONT])
+
+    for tile in (NAMED, NUMBERED):
+        for doors in (1, 2, 5, 66, 133):
+            picture, places = tiles([front] * doors, tile)
+            assert 168 * doors == np.count_nonzero(picture != NO_CELL)
+            assert (places >= 0).all()
+            assert (places < picture.shape[::-1]).all()
+
+
+def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> None:
+    """
+    A tab for each door with a curve; without beliefs, neither.
+    """
+    with_them = views_of(log, tmp_path)
+    without = views_of(log, tmp_path, beliefs=False)
+
+    assert {"Typical week", "front", "store"} <= set(with_them)
+    assert not {"Typical week", "front", "store", "attic"} & set(without)
+
+
+def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:
+    """
+    No entity is left of them.
+    """
+    save_rrd(log, tmp_path / "x.rrd", beliefs=False)
+
+    entities = Drawn(tmp_path / "x.rrd").entities
+    assert not [name for name in entities if name.endswith("/belief") or "weeks" in name]
+
+
+def test_a_log_that_tells_too_little_has_none(tmp_path: Path) -> None:
+    """
+    Two sightings are no habit.
+    """
+    save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
+
+    entities = Drawn(tmp_path / "x.rrd").entities
+    assert "/weeks" not in entities
+
+
+def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> None:
+    """
+    With `until` no point lies later, and the week is as known then.
+    """
+    until_ns = parse_instant("2026-03-09T12:00", tz=VIENNA)
+
+    save_rrd(log, tmp_path / "x.rrd", until=until_ns, doors=[FRONT])
+
+    drawn = Drawn(tmp_path / "x.rrd")
+    assert max(time for time, _ in drawn.rows(FRONT_CURVE, SCALARS)) < until_ns
+    assert ["front"] == drawn.statics["/weeks/labels", "Points2D:labels"]
+    (earlier,) = typical_weeks(log, at=until_ns, doors=[FRONT])
+    (buffer,) = drawn.statics["/weeks", "SegmentationImage:buffer"]
+    monday_11 = NAMED.corner[1] * NAMED.width + NAMED.corner[0] + 10
+    assert round(100 * earlier.hours.p_open[0, 10]) == bytes(buffer)[monday_11]
+
+
+def test_a_week_of_132_doors_stays_small(tmp_path: Path) -> None:
+    """
+    At most a tenth more, and no chunk longer than rerun likes.
+    """
+    clinic = sl.read(RECORDINGS / "clinic_week")
+
+    sizes = [save_rrd(clinic, tmp_path / f"{n}.rrd", beliefs=n == 1).bytes for n in (0, 1)]
+
+    assert sizes[1] < 1.1 * sizes[0]
+    assert Drawn(tmp_path / "1.rrd").most_rows <= MOST_ROWS
