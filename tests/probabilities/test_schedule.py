@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,18 @@ from semmap_log.probabilities.evidence import DoorEvidence
 from semmap_log.probabilities.habits import habits
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.schedule import DoorSchedule
-from tests.probabilities.known import DOOR, evidence, hours_ns, random_stretches
+from tests.probabilities import known
+from tests.probabilities.known import DOOR, hours_ns, random_stretches
 
 UTC = LocalClock("UTC")
+
+
+def evidence(
+    stretches: Sequence[tuple[float, float, bool]] = (), visits: Sequence[tuple[float, bool]] = ()
+) -> DoorEvidence:
+    """Return evidence up to where it ends."""
+    ends = [end for _, end, _ in stretches] + [time for time, _ in visits]
+    return known.evidence(stretches, visits).up_to(int(hours_ns(max(ends, default=0.0))))
 
 
 def working_hours(weeks: int, *, opens: int = 9, closes: int = 17) -> DoorEvidence:
