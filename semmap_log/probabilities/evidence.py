@@ -48,6 +48,8 @@ class DoorEvidence:
     visit: NDArray[np.intp]
     """(k,): which visit each sighting belongs to, counted from 0 as they begin. Those of different
     sensors may mix."""
+    holds_on: bool = False
+    """The last stretch holds at `until_ns`, too: it ends there only because the evidence does."""
 
     @classmethod
     def nothing(cls, door_id: DoorId, until_ns: int) -> DoorEvidence:
@@ -57,6 +59,8 @@ class DoorEvidence:
     def up_to(self, until_ns: int) -> DoorEvidence:
         """Return what was known at an earlier time: the same as without the events after it."""
         held = slice(int(np.searchsorted(self.start_ns, until_ns, "right")))
+        last = self.end_ns[held][-1:]
+        holds_on = bool((last > until_ns).any()) or (self.holds_on and until_ns >= self.until_ns)
         seen = slice(int(np.searchsorted(self.seen_ns, until_ns, "right")))
         return replace(
             self,
@@ -64,6 +68,7 @@ class DoorEvidence:
             start_ns=self.start_ns[held],
             end_ns=np.minimum(self.end_ns[held], until_ns),
             is_open=self.is_open[held],
+            holds_on=holds_on,
             **{name: getattr(self, name)[seen] for name in _OF_SIGHTINGS},
         )
 

@@ -56,7 +56,10 @@ def habits(tables: DayTables) -> Habits:
         tables: Of whole days.
     """
     sums = _weekly_sums(tables)
-    by_half_life = [_shrunk(_discounted(sums, half_life)) for half_life in HALF_LIVES_D]
+    undiscounted = _mean(_discounted(sums, np.inf), np.full(len(sums) + 1, PRIOR_P))
+    by_half_life = [
+        _shrunk(_discounted(sums, half_life), undiscounted) for half_life in HALF_LIVES_D
+    ]
     p_open = np.concatenate([p for p, _ in by_half_life], axis=1)
     days = np.concatenate([n for _, n in by_half_life], axis=1)
     return Habits(
@@ -86,12 +89,24 @@ def _discounted(sums: Tables, half_life_d: float) -> Tables:
     return found
 
 
-def _shrunk(sums: Tables) -> tuple[Tables, Tables]:
-    """Return P(open) and days of evidence, both (rows, kinds, 7, 24), of discounted sums."""
+def _mean(sums: Tables, prior: Tables) -> Tables:
+    """Return (rows,): P(open) at any time, of discounted sums."""
+    opened, known = sums.sum((2, 3)).T / 24
+    found: Tables = (opened + PRIOR_DAYS * prior) / (known + PRIOR_DAYS)
+    return found
+
+
+def _shrunk(sums: Tables, prior: Tables) -> tuple[Tables, Tables]:
+    """Return P(open) and days of evidence, both (rows, kinds, 7, 24), of discounted sums.
+
+    Args:
+        sums: (rows, 2, 7, 24).
+        prior: (rows,), P(open) where all that was seen is long ago.
+    """
     opened, known = sums[:, 0], sums[:, 1]
     of_day = opened.sum(1), known.sum(1)
     known_days = of_day[1].sum(-1) / 24
-    mean = (of_day[0].sum(-1) / 24 + PRIOR_DAYS * PRIOR_P) / (known_days + PRIOR_DAYS)
+    mean = _mean(sums, prior)
 
     hour = _level(*of_day, mean[:, None], HOUR_DAYS)
     of_type = _by_day_type(opened), _by_day_type(known)

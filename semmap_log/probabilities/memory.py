@@ -70,7 +70,7 @@ class Memory:
     def _past(self) -> _Past:
         """Return all deviations, and the sums that tell what they were worth."""
         first_ns = int(self._evidence.start_ns[0]) // STEP_NS * STEP_NS
-        grid_ns = np.arange(first_ns, self._evidence.until_ns + 1, STEP_NS, dtype=np.int64)
+        grid_ns = np.arange(first_ns, self._evidence.end_ns[-1] + 1, STEP_NS, dtype=np.int64)
         held, is_open = held_at(self._evidence, grid_ns)
         expected = self._schedule.p_open(grid_ns, grid_ns)
         deviation = np.where(held, is_open - expected, 0.0)

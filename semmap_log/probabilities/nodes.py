@@ -75,8 +75,9 @@ def held_at(evidence: DoorEvidence, times_ns: Times) -> tuple[NDArray[np.bool_],
         nowhere = np.zeros(len(times_ns), np.bool_)
         return nowhere, nowhere
     place = np.searchsorted(evidence.start_ns, times_ns, "right") - 1
-    end_ns = evidence.end_ns[place]
-    held = (place >= 0) & ((times_ns < end_ns) | (end_ns == evidence.until_ns))
+    held = (place >= 0) & (times_ns < evidence.end_ns[place])
+    if evidence.holds_on:
+        held |= (place == len(evidence.start_ns) - 1) & (times_ns <= evidence.until_ns)
     return held, held & evidence.is_open[place]
 
 
@@ -85,11 +86,8 @@ def _last_known(evidence: DoorEvidence) -> NDArray[np.bool_]:
 
     Where the next stretch begins at once the change is none: rates are those at the pace of looks.
     """
-    goes_on = np.append(evidence.start_ns[1:] == evidence.end_ns[:-1], [False])
-    ends: NDArray[np.bool_] = ~goes_on[: len(evidence.end_ns)] & (
-        evidence.end_ns < evidence.until_ns
-    )
-    return ends
+    goes_on = np.append(evidence.start_ns[1:] == evidence.end_ns[:-1], evidence.holds_on)
+    return np.asarray(~goes_on[: len(evidence.end_ns)], np.bool_)
 
 
 def _certain(is_open: NDArray[np.bool_]) -> NDArray[np.float64]:

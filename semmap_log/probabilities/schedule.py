@@ -47,7 +47,14 @@ class DoorSchedule:
         self._clock = clock
         until_ns = np.array([evidence.until_ns], np.int64)
         tables = day_tables(evidence, clock).before(int(clock.hour_of(until_ns)[0]) // 24)
+        tells = np.flatnonzero(tables.known_h.any(1)) + 1
+        tables = tables.before(tables.first_day + int(tells.max(initial=0)))
         self._first_day = tables.first_day
+        self._told = np.zeros(len(tables) + 1, np.int64)
+        """(rows,): the row of the last day that tells something; through a gap nothing is learnt,
+        and what is known grows old."""
+        self._told[tells] = tells
+        np.maximum.accumulate(self._told, out=self._told)
         self._seen_h = _seen_h(tables)
         if not len(tables):
             return
@@ -57,8 +64,8 @@ class DoorSchedule:
         """(rows, leads, 7, 24)."""
         self._days: Table = np.einsum("rlt,rtwh->rlwh", worth, by_table.days)
         spread = np.einsum("rlt,rtwh->rlwh", worth, by_table.p_open**2) - self._p_open**2
-        within = by_table.p_open * (1 - by_table.p_open) / (by_table.days + 1)
-        self._variance: Table = np.einsum("rlt,rtwh->rlwh", worth, within) + np.maximum(spread, 0)
+        by_chance = self._p_open * (1 - self._p_open) / (self._days + 1)
+        self._variance: Table = by_chance + np.maximum(spread, 0)
 
     def p_open(self, times_ns: Times, known_ns: Times) -> Probabilities:
         """Return P(open) alone: see `Learnt.predict`."""
@@ -97,7 +104,7 @@ class DoorSchedule:
     ) -> tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
         """Return (row, lead, weekday, hour) of local times, with what the last midnight knew."""
         known_day = self._clock.hour_of(known_ns) // 24
-        row = np.clip(known_day - self._first_day, 0, len(self._seen_h) - 1)
+        row = self._told[np.clip(known_day - self._first_day, 0, len(self._told) - 1)]
         day = (wall_s // DAY_S).astype(np.int64)
         lead = lead_of(np.maximum(day - (self._first_day + row), 0))
         return row, lead, day % DAYS_IN_WEEK, (wall_s % DAY_S // HOUR_S).astype(np.int64)
