@@ -56,6 +56,10 @@ class Asked:
             self.clock,
         )
 
+    def prepare(self) -> None:
+        """Work out for all the doors at once what their forecasts need."""
+        self.beliefs.prepare([door.door_id for door in self.doors], self.known_ns)
+
     def predict(self, door: Door, times_ns: NDArray[np.int64]) -> Forecast:
         """Return what is expected of a door at some times, as known at the moment."""
         known_ns = np.full(len(times_ns), self.known_ns)

@@ -82,6 +82,7 @@ def probabilities(
     """
     chosen = estimator or default_estimator(horizon_ns)
     asked = ask(log, at=at, estimator=chosen, tz=tz, doors=doors, progress=progress)
+    asked.prepare()
     return [belief(asked, door, horizon_ns) for door in asked.doors]
 
 

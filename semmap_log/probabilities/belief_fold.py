@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.probabilities.estimator import Estimator, Learnt
+from semmap_log.probabilities.estimator import Estimator, Learnt, Preparing
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.evidence import Evidence
 from semmap_log.probabilities.forecast import Forecast
@@ -56,6 +58,15 @@ class Beliefs:
         known_ns = np.broadcast_to(np.asarray(known_ns, np.int64), times_ns.shape)
         until_ns = int(known_ns.max(initial=self.evidence.latest_ns))
         return self.learnt(until_ns).predict(door_id, times_ns, known_ns)
+
+    def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
+        """Work out at once what forecasts of these doors need that know so much.
+
+        They are the same without it; of many doors they come sooner.
+        """
+        learnt = self.learnt(known_ns)
+        if isinstance(learnt, Preparing):
+            learnt.prepare(door_ids, known_ns)
 
     def learnt(self, until_ns: int | None = None) -> Learnt:
         """Return what the evidence teaches; it can be asked for what was known up to then.

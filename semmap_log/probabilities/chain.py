@@ -7,6 +7,7 @@ that change; forward and backward passes are Baum and Welch's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,17 @@ class Nodes:
     def with_bins(self, bins: NDArray[np.intp]) -> Nodes:
         """Return the same nodes with other bins."""
         return Nodes(self.gap_s, self.llr, bins, self.begins)
+
+    @classmethod
+    def joined(cls, sequences: Sequence[Nodes], bins: int) -> Nodes:
+        """Return the nodes of several doors, each of so many bins, one door behind the other."""
+        offsets = [door * bins for door in range(len(sequences))]
+        return cls(
+            np.concatenate([nodes.gap_s for nodes in sequences]),
+            np.concatenate([nodes.llr for nodes in sequences]),
+            np.concatenate([n.bin + offset for n, offset in zip(sequences, offsets, strict=True)]),
+            np.concatenate([nodes.begins for nodes in sequences]),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ recorded later changes none of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Iterable, Mapping
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,14 @@ class Learnt(Protocol):
             times_ns: (n,), of each forecast.
             known_ns: (n,), of each: only what had happened by then counts.
         """
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """What was learnt, where many doors are quicker together than one after another."""
+
+    def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
+        """Work out what forecasts of these doors need that know so much; it changes none."""
 
 
 class Estimator(Protocol):

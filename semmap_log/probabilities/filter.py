@@ -7,7 +7,7 @@ toward how the door is at such hours, at rates learnt from the door's own past, 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,10 +19,11 @@ from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.chain import Steps, filtered
 from semmap_log.probabilities.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
-from semmap_log.probabilities.forgetting import START, Forgetting, forgetting_of
+from semmap_log.probabilities.forgetting import Forgetting, forgettings_of
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.memory import Memory
 from semmap_log.probabilities.nodes import LOOK_NS, Looks, held_at, looks
+from semmap_log.probabilities.scan import states
 from semmap_log.probabilities.schedule import DoorSchedule, nothing_known
 
 Times = NDArray[np.int64]
@@ -42,10 +43,14 @@ FRESH = 0.5
 
 
 class _Belief(NamedTuple):
-    """What was believed at some times: P(open) when it was last told, and when that was."""
+    """What was believed at some times, since when."""
 
     p_open: Reals
+    """When it was last told."""
+    spread: Reals
+    """Standard deviation of that: it rests on a schedule that is not known for sure."""
     told_ns: Times
+    """When that was."""
     seen_ns: Times
     """When the door was really seen, at that look or before."""
 
@@ -58,13 +63,16 @@ class _Epoch:
     looks: Looks
     believed: Reals
     """(n,): P(open) after each look."""
+    spread: Reals
+    """(n,): its standard deviation."""
 
     def belief(self, known_ns: Times) -> _Belief:
         """Return what the looks up to each time say."""
         place = np.maximum(np.searchsorted(self.looks.times_ns, known_ns, "right") - 1, 0)
         sees = np.maximum.accumulate(np.where(self.looks.llr != 0, np.arange(len(self.looks)), -1))
         seen_ns = np.where(sees >= 0, self.looks.times_ns[sees], _NEVER)
-        return _Belief(self.believed[place], self.looks.times_ns[place], seen_ns[place])
+        told_ns = self.looks.times_ns[place]
+        return _Belief(self.believed[place], self.spread[place], told_ns, seen_ns[place])
 
 
 class DoorFilter:
@@ -99,6 +107,7 @@ class DoorFilter:
                 )
             variance[asked] *= (1 - kept) ** 2
             variance[asked] += (epoch.forgetting.unsure(kept) * deviation) ** 2
+            variance[asked] += (kept * belief.spread) ** 2
             fresh = epoch.forgetting.kept(belief.seen_ns, times, self._clock) >= FRESH
             is_known[asked] |= fresh & (belief.seen_ns > _NEVER)
         return Forecast.around(p_open, variance, is_known, days)
@@ -128,44 +137,61 @@ class DoorFilter:
         state = np.where(is_open, MOST, LEAST)
         return _Belief(
             np.where(held, state, found.p_open),
+            np.where(held, 0.0, found.spread),
             np.where(held, known_ns, found.told_ns),
             np.where(held, known_ns, found.seen_ns),
         )
 
+    def past(self, known_ns: int) -> Looks | None:
+        """Return what the rates in force at a time are learnt from; None: they are learnt."""
+        number = int(self._epoch_of(np.array([known_ns], np.int64))[0])
+        return None if number in self._epochs else self._past(number)
+
+    def learn(self, known_ns: int, forgetting: Forgetting) -> None:
+        """Take the rates in force at a time."""
+        number = int(self._epoch_of(np.array([known_ns], np.int64))[0])
+        self._epochs[number] = self._made(number, forgetting)
+
     def _epoch(self, number: int) -> _Epoch:
         if number not in self._epochs:
-            self._epochs[number] = self._made(number)
+            (forgetting,) = forgettings_of([self._past(number)])
+            self._epochs[number] = self._made(number, forgetting)
         return self._epochs[number]
 
-    def _made(self, number: int) -> _Epoch:
-        """Learn an epoch's rates from what came before it, and believe what is seen in it."""
-        first, end = (self._first_day + _learnt_on(n) for n in (number, number + 1))
-        days = np.array([first - LEARNT_FROM_D, first - RUN_UP_D, first, end])
-        back_ns, run_up_ns, first_ns, end_ns = self._clock.midnights_ns(
-            np.maximum(days, self._first_day)
-        ).tolist()
-        until_ns = min(end_ns, self._evidence.until_ns)
-        forgetting = START
-        if number:
-            past = self._evidence.up_to(first_ns - 1)
-            forgetting = forgetting_of(looks(past, self._clock, back_ns, first_ns - 1))
-        seen = looks(self._evidence, self._clock, run_up_ns, until_ns)
-        return _Epoch(forgetting, seen, self._believed(seen, forgetting))
+    def _past(self, number: int) -> Looks:
+        """Return the looks before an epoch; in the first one there are none."""
+        first_ns = self._midnight_ns(_learnt_on(number))
+        back_ns = self._midnight_ns(_learnt_on(number) - LEARNT_FROM_D)
+        return looks(self._evidence.up_to(first_ns - 1), self._clock, back_ns, first_ns - 1)
 
-    def _believed(self, seen: Looks, forgetting: Forgetting) -> Reals:
-        """Return P(open) after each look.
+    def _made(self, number: int, forgetting: Forgetting) -> _Epoch:
+        """Return an epoch of such rates: what is believed of what is seen in it."""
+        run_up_ns = self._midnight_ns(_learnt_on(number) - RUN_UP_D)
+        until_ns = min(self._midnight_ns(_learnt_on(number + 1)), self._evidence.until_ns)
+        seen = looks(self._evidence, self._clock, run_up_ns, until_ns)
+        return self._believed(seen, forgetting)
+
+    def _midnight_ns(self, day: int) -> int:
+        """Return when a day of the door's begins, counted from its first; none is before that."""
+        days = np.array([self._first_day + max(day, 0)])
+        return int(self._clock.midnights_ns(days)[0])
+
+    def _believed(self, seen: Looks, forgetting: Forgetting) -> _Epoch:
+        """Return what is believed after each look.
 
         The chain's steps are such that its long run is the schedule, as it was known at the time.
         """
         times_ns = seen.times_ns
         before_ns = np.append(times_ns[:1], times_ns[:-1])
-        here = self.schedule.p_open(times_ns, times_ns)
+        here, variance, _, _ = self.schedule.expect(times_ns, times_ns)
         before = self.schedule.p_open(before_ns, times_ns)
         kept = forgetting.kept(before_ns, times_ns, self._clock)
         kept[:1] = 0.0
         from_closed = np.clip(here - before * kept, LEAST, MOST)
         from_open = np.clip(here + (1 - before) * kept, from_closed, MOST)
-        return filtered(Steps(from_closed, from_open), seen.llr)[0]
+        after, foretold = filtered(Steps(from_closed, from_open), seen.llr)
+        moved = after * (1 - after) / (foretold * (1 - foretold))
+        return _Epoch(forgetting, seen, after, _carried(moved * kept, moved * (1 - kept), variance))
 
     def _epoch_of(self, known_ns: Times) -> NDArray[np.intp]:
         """Return which epoch each time lies in."""
@@ -191,6 +217,20 @@ class LearntFilter:
         if door_id not in self._evidence:
             return nothing_known(len(times_ns))
         return self._door(door_id).predict(times_ns, known_ns)
+
+    def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
+        """Learn of many doors at once what forecasts of that moment need; they come quicker then.
+
+        Args:
+            door_ids: Which doors.
+            known_ns: What the forecasts may know.
+        """
+        doors = [self._door(door_id) for door_id in door_ids if door_id in self._evidence]
+        pasts = [(door, door.past(known_ns)) for door in doors]
+        missing = [(door, past) for door, past in pasts if past is not None]
+        learnt = forgettings_of([past for _, past in missing])
+        for (door, _), forgetting in zip(missing, learnt, strict=True):
+            door.learn(known_ns, forgetting)
 
     def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
         """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
@@ -223,6 +263,18 @@ class Filter:
 
 _NEVER = 0
 """Of times: nanoseconds since 1970."""
+
+
+def _carried(of_before: Reals, of_schedule: Reals, variance: Reals) -> Reals:
+    """Return (n,): how unsure each belief is, which leans on the one before and on the schedule.
+
+    A recurrence y = a y + b, as products of [[a, b], [0, 1]].
+    """
+    steps = np.zeros((2, 2, len(variance)))
+    steps[0, 0], steps[0, 1], steps[1, 1] = of_before, of_schedule * np.sqrt(variance), 1.0
+    carried, one = states(steps, np.array([0.0, 1.0]))
+    found: Reals = carried / one
+    return found
 
 
 def _learnt_on(epoch: int) -> int:

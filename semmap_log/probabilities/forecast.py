@@ -16,6 +16,7 @@ INTERVAL = 0.9
 
 _Z = 1.6449
 """Standard deviations to each end of `INTERVAL` of a normal."""
+_LEAST_VARIANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,10 @@ class Forecast:
         is_known: NDArray[np.bool_],
         effective_days: Probabilities | None = None,
     ) -> Forecast:
-        """Return a forecast with the interval of a logit-normal of that variance around p_open.
+        """Return a forecast with an interval for P(open) being known with that variance.
+
+        It is Wilson's score interval (J. Am. Stat. Assoc. 22, 1927) of as many observations as give
+        a share of that variance: wide beside 0 and 1, too, where few were made.
 
         Args:
             p_open: (n,).
@@ -66,10 +70,13 @@ class Forecast:
             effective_days: (n,).
         """
         p_open = np.clip(p_open, LEAST, MOST)
-        slope = p_open * (1.0 - p_open)
-        reach = _Z * np.sqrt(np.minimum(variance, slope)) / slope
-        odds = p_open / (1.0 - p_open)
-        low, high = (1.0 / (1.0 + np.exp(sign * reach) / odds) for sign in (1.0, -1.0))
+        most = p_open * (1.0 - p_open)
+        # 1 / n; a share of n observations has the variance p (1 - p) / (n + 1), by Laplace's rule.
+        few = variance / np.maximum(most - variance, _LEAST_VARIANCE)
+        middle = p_open + 0.5 * _Z**2 * few
+        reach = _Z * np.sqrt(most * few + (0.5 * _Z * few) ** 2)
+        wider = 1.0 + _Z**2 * few
+        low, high = (middle - reach) / wider, (middle + reach) / wider
         return cls.of(p_open, low, high, is_known, effective_days)
 
     def __len__(self) -> int:

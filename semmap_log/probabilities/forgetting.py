@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.moments import SECOND_NS
-from semmap_log.probabilities.chain import Rates
+from semmap_log.probabilities.chain import Nodes, Rates
 from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, LocalClock
 from semmap_log.probabilities.nodes import Looks
 from semmap_log.probabilities.rates import START_PER_S, learn_rates
@@ -62,14 +63,23 @@ START = Forgetting(Rates(np.full(HOURS, START_PER_S), np.full(HOURS, START_PER_S
 """Of a door of which nothing is known."""
 
 
-def forgetting_of(looks: Looks) -> Forgetting:
-    """Return what the looks at a door teach: first its rates, then those of each hour."""
-    if not np.any(looks.llr):
-        return START
-    nodes = looks.nodes()
-    whole_day = nodes.with_bins(np.zeros(len(nodes), np.intp))
-    overall = learn_rates(whole_day)
-    rates = learn_rates(nodes, bins=HOURS, prior=overall)
-    looked_s = (looks.times_ns[-1] - looks.times_ns[0]) / SECOND_NS
+def forgettings_of(doors: Sequence[Looks]) -> list[Forgetting]:
+    """Return what the looks at each door teach: first its rates, then those of each hour.
+
+    Many doors take little longer than one: they are learnt side by side.
+    """
+    found = [START] * len(doors)
+    seen = [place for place, looks in enumerate(doors) if np.any(looks.llr)]
+    if not seen:
+        return found
+    nodes = Nodes.joined([doors[place].nodes() for place in seen], HOURS)
+    overall = learn_rates(nodes.with_bins(nodes.bin // HOURS), len(seen))
+    rates = learn_rates(nodes, len(seen), bins=HOURS, prior=overall)
     per_s = 2 * overall.opening * overall.closing / overall.relaxation
-    return Forgetting(rates, float(per_s[0] * looked_s))
+    for door, place in enumerate(seen):
+        own = slice(door * HOURS, (door + 1) * HOURS)
+        times_ns = doors[place].times_ns
+        looked_s = int(times_ns[-1] - times_ns[0]) / SECOND_NS
+        own_rates = Rates(rates.opening[own], rates.closing[own])
+        found[place] = Forgetting(own_rates, float(per_s[door] * looked_s))
+    return found

@@ -22,7 +22,7 @@ Reals = NDArray[np.float64]
 START_PER_S = 1 / (4 * 3600)
 """A door of which nothing is known changes every four hours."""
 LEAST_PER_S, MOST_PER_S = 1 / (60 * 86400), 1 / 20
-ENOUGH = 1e-7
+ENOUGH = 1e-6
 """Of the log-likelihood: a round that gains less, relatively, is a door's last."""
 PRIOR_S = 24 * 3600.0
 """An hour's own rates count as much as the door's once it was seen for so long at that hour."""

@@ -19,7 +19,7 @@ Names = Mapping[DoorId, str]
 
 MOST_DOORS = 40
 """So many are shown one by one."""
-MOST_ESTIMATORS = 6
+MOST_ESTIMATORS = 5
 """Of doors one by one: so many columns fit; those that are best on the mean."""
 BEST = "*"
 FIGURES = ("brier", "log_loss", "ece", "bias")
