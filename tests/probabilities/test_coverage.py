@@ -22,7 +22,7 @@ def evidence(*, stretches: list[tuple[str, str]] = [], seen: list[str] = []) -> 
     half, yes = np.full(len(seen), 0.9), np.full(len(seen), True)
     return DoorEvidence(
         DoorId(1), 2**62, edges[:, 0], edges[:, 1], np.full(len(edges), True),
-        times, half, half, half, yes, yes,
+        times, half, half, half, yes, yes, np.arange(len(seen)),
     )  # fmt: skip
 
 

@@ -160,14 +160,15 @@ def test_a_day_without_habits_has_curves_all_the_same(tmp_path: Path) -> None:
     assert 1 < sum(np.isfinite(value[0]) for _, value in rows)
 
 
-def test_a_log_that_tells_too_little_has_none(tmp_path: Path) -> None:
+def test_a_log_that_tells_too_little_has_no_weeks(tmp_path: Path) -> None:
     """
-    Two sightings are no habit.
+    Two sightings are no habit, and a door never seen has no curve either.
     """
     save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
 
     entities = Drawn(tmp_path / "x.rrd").entities
     assert "/weeks" not in entities
+    assert "/map/doors/door_2/belief" not in entities
 
 
 def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> None:
