@@ -108,9 +108,9 @@ class Steps:
 
 
 def steps_of(nodes: Nodes, rates: Rates) -> Steps:
-    """Return the steps of a chain; a sequence begins as the door is in the long run."""
+    """Return the steps of a chain; where a sequence begins, open and closed are as likely."""
     before = np.append(0, nodes.bin[:-1])
-    long_run = np.where(nodes.begins, rates.stationary[nodes.bin], rates.stationary[before])
+    long_run = np.where(nodes.begins, 0.5, rates.stationary[before])
     kept = np.where(nodes.begins, 0.0, np.exp(-rates.relaxation[before] * nodes.gap_s))
     from_closed = long_run * (1 - kept)
     return Steps(from_closed, from_closed + kept)

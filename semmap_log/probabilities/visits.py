@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ def llr_of(
 
 def visits_of(
     seen_ns: NDArray[np.int64],
-    eye: NDArray[np.intp],
+    eye: NDArray[np.integer[Any]],
     segment: NDArray[np.intp],
     llr: NDArray[np.float64],
 ) -> Visits:
@@ -74,7 +74,7 @@ def visits_of(
 
 
 def _firsts(
-    seen_ns: NDArray[np.int64], eye: NDArray[np.intp], segment: NDArray[np.intp]
+    seen_ns: NDArray[np.int64], eye: NDArray[np.integer[Any]], segment: NDArray[np.intp]
 ) -> NDArray[np.intp]:
     """Return the place of the first sighting of each one's pass; eye by eye."""
     begins = np.ones(len(seen_ns), np.bool_)
