@@ -153,7 +153,8 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     """
     code = (
         "import sys, semmap_log\n"
-        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas')\n"
+        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas',"
+        " 'matplotlib')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
 

@@ -12,7 +12,6 @@ from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
 from semmap_log.log.reading.passage import Progress
-from semmap_log.probabilities.estimators import ESTIMATORS
 
 HOUR_NS = 3_600 * 10**9
 NEAR_NS = 24 * HOUR_NS
@@ -23,7 +22,7 @@ NOW, LATER = "filter", "schedule"
 
 def default_estimator(horizon_ns: int = 0) -> str:
     """Return the name of the estimator that is taken for a time so far ahead."""
-    return NOW if horizon_ns <= NEAR_NS and NOW in ESTIMATORS else LATER
+    return NOW if horizon_ns <= NEAR_NS else LATER
 
 
 @dataclass(frozen=True, slots=True)

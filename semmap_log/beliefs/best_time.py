@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -118,10 +119,11 @@ def best_time(
 
 def _wait_s(asked: Asked, now: DoorBelief, state: State) -> float | None:
     """Return the expected wait, if the estimator follows the door's state over time."""
-    wait = getattr(asked.beliefs.learnt(asked.known_ns), "wait", None)
+    wait = getattr(asked.beliefs.learnt(asked.known_ns), "wait_s", None)
     if wait is None or not now.is_known:
         return None
-    return float(wait(now.door.door_id, asked.known_ns, state))
+    seconds = float(wait(now.door.door_id, asked.known_ns, until_open=state == "open"))
+    return seconds if math.isfinite(seconds) else None
 
 
 @dataclass(frozen=True, slots=True)

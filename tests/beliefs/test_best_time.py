@@ -73,6 +73,22 @@ def test_summer_time_skips_an_hour(log: sl.DoorLog) -> None:
     assert parse_instant(f"2026-03-30T{hour:02}:00", tz=VIENNA) == first.start_ns
 
 
+def test_the_wait_is_short_where_the_door_is_in_that_state(log: sl.DoorLog) -> None:
+    """
+    On a Thursday evening, when the front door was just seen shut, it takes longer until it is open
+    than until it is shut, and less than a day; habits alone tell no wait.
+    """
+    asked = {"door": "front", "at": "2026-03-26T20:30"}
+
+    open_s, shut_s = (best_time(log, state=state, **asked).wait_s for state in ("open", "closed"))
+    habits = best_time(log, estimator="schedule", **asked)
+
+    assert open_s is not None
+    assert shut_s is not None
+    assert 0 <= shut_s < open_s < 24 * 3600
+    assert habits.wait_s is None
+
+
 def test_of_a_door_never_seen_nothing_is_said(log: sl.DoorLog) -> None:
     """
     No windows, no wait.

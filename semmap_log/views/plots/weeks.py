@@ -23,7 +23,9 @@ from semmap_log.views.week_shades import COLOUR_MAP
 WIDE_IN = 8.0
 """Of a picture of one door; a column of several is `NARROW_IN` wide."""
 NARROW_IN, LOW_IN = 4.0, 2.0
-MOST_COLUMNS = 4
+MOST_COLUMNS = 8
+BAR_IN = 4.0
+"""Length of the bar of colours, at most."""
 HEAD_IN, FOOT_IN = 0.75, 0.75
 UNSURE = 0.5
 """A cell whose interval is wider than that bears a dot."""
@@ -31,7 +33,7 @@ HATCH = "////"
 HATCH_GREY, NOTHING_GREY = "#9a9a9a", "#f0f0f0"
 LINE = "#31688e"
 EVERY_HOURS = 3
-TITLE_LETTERS = 44
+TITLE_LETTERS = 38
 
 
 def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> None:
@@ -52,7 +54,7 @@ def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> Non
 
 def draw_weeks(weeks: Sequence[TypicalWeek], by: By) -> Any:
     """Return the figure."""
-    columns = min(MOST_COLUMNS, math.ceil(math.sqrt(len(weeks))))
+    columns = min(MOST_COLUMNS, math.ceil(math.sqrt(0.75 * len(weeks))))
     rows = math.ceil(len(weeks) / columns)
     width = WIDE_IN if columns == 1 else columns * NARROW_IN
     low = LOW_IN if columns > 1 else 1.5 * LOW_IN
@@ -68,7 +70,9 @@ def draw_weeks(weeks: Sequence[TypicalWeek], by: By) -> Any:
     for panel in panels[len(weeks) :]:
         panel.set_axis_off()
     if shown is not None:
-        figure.colorbar(shown, ax=panels, label="P(open)", shrink=0.8, aspect=30, pad=0.01)
+        shrink = min(0.8, BAR_IN / (rows * low))
+        figure.colorbar(shown, ax=panels, label="P(open)", shrink=shrink, aspect=25, pad=0.01,
+                        anchor=(0.0, 1.0))  # fmt: skip
     figure.suptitle(_heading(weeks[0], by), fontsize="medium")
     figure.supxlabel(_key(by), fontsize="small")
     return figure

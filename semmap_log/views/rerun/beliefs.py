@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ from semmap_log.views.rerun.sdk import rr
 from semmap_log.views.rerun.weeks import write_weeks
 
 BELIEF = "belief"
+NO_MEANS = rr.components.AggregationPolicy.Off
+"""Else the viewer draws points that are less than a pixel apart as their mean: half a jump."""
 MOST_CURVES = 16
 """For each day of each curve the estimator learns anew, as it would have then: some seconds."""
 
@@ -54,13 +57,19 @@ def beliefs_to_show(
         chosen: Doors that were asked for: all of them have curves; None: the liveliest have.
     """
     now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
+    doors = [door for door in scene.liveliest() if chosen is None or door.door_id in chosen]
+    known = (door.door_id for door in doors if _is_known(now.beliefs, door, scene))
+    curves = frozenset(islice(known, MOST_CURVES if chosen is None else len(doors)))
     habits = now.by(LATER).as_of(scene.end.folds_ns)  # what happens later is not known there
     here = [door for door in habits.doors if door.door_id in scene.doors]
     weeks = [week for week in (typical_week(habits, door) for door in here) if week.is_known]
-    known = {week.door.door_id for week in weeks}
-    liveliest = [door.door_id for door in scene.liveliest() if door.door_id in known]
-    curves = frozenset(liveliest[:MOST_CURVES] if chosen is None else known & set(chosen))
-    return BeliefsShown(now.beliefs, curves, weeks) if weeks else None
+    return BeliefsShown(now.beliefs, curves, weeks) if curves or weeks else None
+
+
+def _is_known(beliefs: Beliefs, door: SceneDoor, scene: Scene) -> bool:
+    """Tell whether enough is known of a door at its end."""
+    times_ns = np.array(_life(door, scene)[1:])
+    return bool(beliefs.predict(door.door_id, times_ns, times_ns).is_known[0])
 
 
 def belief_path(door: SceneDoor) -> EntityPath:
@@ -92,10 +101,13 @@ def _life(door: SceneDoor, scene: Scene) -> tuple[int, int]:
 
 
 def _write_curve(writer: RowWriter, path: EntityPath, points: Points, palette: Palette) -> None:
-    writer.static(
-        path,
-        rr.SeriesLines(names=["believed P(open)"], colors=rgba([palette.robot]), widths=[1.5]),
+    look = rr.SeriesLines(
+        names=["believed P(open)"],
+        colors=rgba([palette.robot]),
+        widths=[1.5],
+        aggregation_policy=[NO_MEANS],
     )
+    writer.static(path, look)
     # Each chunk begins with the last point of the one before: see `DoorsWriter`.
     for first in range(0, max(len(points) - 1, 1), MOST_ROWS - 1):
         writer.rows(path, points[first : first + MOST_ROWS], _scalars, timelines=[HAPPENED])

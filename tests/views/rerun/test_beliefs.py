@@ -138,14 +138,37 @@ def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:
     assert not [name for name in entities if name.endswith("/belief") or "weeks" in name]
 
 
-def test_a_log_that_tells_too_little_has_none(tmp_path: Path) -> None:
+def test_a_jump_is_drawn_as_one(drawn: Drawn) -> None:
     """
-    Two sightings are no habit.
+    The viewer is told not to draw points that are near each other as their mean.
+    """
+    import rerun as rr
+
+    policy = drawn.statics[FRONT_CURVE, "SeriesLines:aggregation_policy"]
+
+    assert [rr.components.AggregationPolicy.Off.value] == policy
+
+
+def test_a_day_without_habits_has_curves_all_the_same(tmp_path: Path) -> None:
+    """
+    In the office the doors were seen six times each: what was believed is drawn.
+    """
+    save_rrd(sl.read(RECORDINGS / "office"), tmp_path / "x.rrd")
+
+    drawn = Drawn(tmp_path / "x.rrd")
+    rows = drawn.rows("/map/doors/coe_door/belief", SCALARS)
+    assert 1 < sum(np.isfinite(value[0]) for _, value in rows)
+
+
+def test_a_log_that_tells_too_little_has_no_weeks(tmp_path: Path) -> None:
+    """
+    Two sightings are no habit, and a door never seen has no curve either.
     """
     save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
 
     entities = Drawn(tmp_path / "x.rrd").entities
     assert "/weeks" not in entities
+    assert "/map/doors/door_2/belief" not in entities
 
 
 def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> None:
