@@ -131,6 +131,44 @@ def test_inside_the_log_imports_point_one_way_too(path: Path) -> None:
     assert [] == wrong
 
 
+PROBABILITIES_ORDER = [
+    {"local_clock", "forecast"},
+    {"beta", "scores", "evidence"},
+    {"estimator", "chain"},
+    {"methods"},
+    {"estimators"},
+    {"belief_fold"},
+]
+"""The rooms and files inside `probabilities`, in the order in which they are built on each other."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "probabilities"],
+    ids=lambda path: str(path.relative_to(PACKAGE)),
+)
+def test_inside_probabilities_imports_point_one_way_too(path: Path) -> None:
+    """
+    From evidence to chains to methods; evidence knows no method.
+    """
+
+    def rank(room: str) -> int:
+        return next((i for i, rooms in enumerate(PROBABILITIES_ORDER) if room in rooms), -1)
+
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    room = parts[1]
+
+    wrong = [
+        f"line {line}: {name}"
+        for line, name in _imports(path)
+        if name.startswith("semmap_log.probabilities.")
+        and (other := name.split(".")[2]) != room
+        and rank(other) >= rank(room) >= 0
+    ]
+
+    assert [] == wrong
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_third_parties_stay_at_their_edge(path: Path) -> None:
     """

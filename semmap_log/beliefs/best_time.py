@@ -15,7 +15,7 @@ from semmap_log.beliefs.typical_week import WEEK_HOURS, Pattern, first_hour, typ
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
 from semmap_log.log.reading.passage import Progress
-from semmap_log.probabilities.coverage import HOURS, WeekMask
+from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.probabilities.local_clock import HOUR_S
 
 State = Literal["open", "closed"]

@@ -14,7 +14,7 @@ from semmap_log.doors import DoorId, DoorState
 from semmap_log.errors import EstimatorError
 from semmap_log.events import DoorObserved
 from semmap_log.probabilities.beta import beta_interval
-from semmap_log.probabilities.visits import visits_of
+from semmap_log.probabilities.evidence.visits import visits_of
 
 Times = NDArray[np.int64]
 

@@ -25,7 +25,7 @@ from semmap_log.doors import DoorId
 from semmap_log.errors import EstimatorError
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.estimator import Estimator, Learnt
-from semmap_log.probabilities.evidence import Evidence, EvidenceProjection
+from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.scores import Reliability, Scores, mean_scores, scores
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.probabilities.coverage import Coverage
-from semmap_log.probabilities.evidence import Counts, DoorEvidence
+from semmap_log.probabilities.evidence.coverage import Coverage
+from semmap_log.probabilities.evidence.evidence import Counts, DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock
 
 

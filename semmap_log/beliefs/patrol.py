@@ -11,7 +11,7 @@ from semmap_log.beliefs.trials import Stretches
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorObserved
-from semmap_log.probabilities.evidence import Evidence
+from semmap_log.probabilities.evidence.evidence import Evidence
 
 MINUTE_NS = 60 * 10**9
 

@@ -14,7 +14,7 @@ from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import SECOND_NS
-from semmap_log.probabilities.evidence import DoorEvidence, Evidence
+from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 from semmap_log.projections.timeline import timeline
 
 Times = NDArray[np.int64]

@@ -13,7 +13,7 @@ from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.typical_week import By, TypicalWeek
 from semmap_log.doors import Door
 from semmap_log.moments import SECOND_NS, format_utc
-from semmap_log.probabilities.coverage import DAY_NAMES, HOURS, spans_in_words
+from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
 from semmap_log.probabilities.forecast import INTERVAL
 
 ROUNDED = 6

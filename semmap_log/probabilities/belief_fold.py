@@ -11,7 +11,7 @@ from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
 from semmap_log.probabilities.estimator import Estimator, Learnt, Preparing
 from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.evidence import Evidence
+from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 

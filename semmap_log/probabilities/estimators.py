@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 
 from semmap_log.errors import EstimatorError
-from semmap_log.probabilities.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
-from semmap_log.probabilities.count import Count
 from semmap_log.probabilities.estimator import Estimator
-from semmap_log.probabilities.filter import Filter
-from semmap_log.probabilities.fremen import PERIODS_S, Fremen
-from semmap_log.probabilities.last import Last
-from semmap_log.probabilities.schedule import Schedule
+from semmap_log.probabilities.methods.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
+from semmap_log.probabilities.methods.count import Count
+from semmap_log.probabilities.methods.filter import Filter
+from semmap_log.probabilities.methods.fremen import PERIODS_S, Fremen
+from semmap_log.probabilities.methods.last import Last
+from semmap_log.probabilities.methods.schedule import Schedule
 
 ESTIMATORS: dict[str, Estimator] = {
     one.name: one

@@ -8,7 +8,7 @@ import numpy as np
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.doors import Door
-from semmap_log.probabilities.coverage import WEEK, spans_in_short
+from semmap_log.probabilities.evidence.coverage import WEEK, spans_in_short
 from semmap_log.views.event_words import printable
 
 MOST_GROUPS = 3

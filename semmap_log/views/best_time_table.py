@@ -10,7 +10,7 @@ from rich.text import Text
 
 from semmap_log.beliefs.best_time import BestTime, Window
 from semmap_log.moments import SECOND_NS, format_local
-from semmap_log.probabilities.coverage import DAY_NAMES, HOURS, spans_in_short
+from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
 from semmap_log.views.belief_words import why_unknown, with_interval
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from semmap_log.beliefs.typical_week import Pattern, TypicalWeek
 from semmap_log.moments import format_local
-from semmap_log.probabilities.coverage import DAY_NAMES, HOURS
+from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS
 from semmap_log.views.belief_words import interval, never_seen_lines, short_number, why_unknown
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import Rgb

@@ -18,11 +18,11 @@ from semmap_log.errors import EstimatorError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorObserved, DoorUpdated
 from semmap_log.importing import ImportOptions, import_file
-from semmap_log.probabilities.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
-from semmap_log.probabilities.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import Forecast
-from semmap_log.probabilities.fremen import Fremen
 from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.methods.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
+from semmap_log.probabilities.methods.fremen import Fremen
 
 HOUR_NS = 3600 * 10**9
 DAY_NS = 24 * HOUR_NS

@@ -11,7 +11,7 @@ from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorUpdated
 from semmap_log.probabilities.estimators import ESTIMATORS, by_name
-from semmap_log.probabilities.evidence import Evidence
+from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.known import hours_ns, random_stretches
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.probabilities.chain import Nodes
+from semmap_log.probabilities.chain.chain import Nodes
 
 Reals = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from semmap_log.doors import DoorId
-from semmap_log.probabilities.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
 
 DOOR = DoorId(1)
 HOUR_NS = 3600 * 10**9

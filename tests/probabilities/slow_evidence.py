@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from semmap_log.doors import DoorState
 from semmap_log.events import Changed, DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated
-from semmap_log.probabilities.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
 
 DAY_NS = 86_400 * 10**9
 SECOND_NS = 10**9

@@ -18,7 +18,7 @@ from semmap_log.events import (
     DoorUpdated,
     Event,
 )
-from semmap_log.probabilities.evidence import DoorEvidence, Evidence
+from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 from tests.batches import batch_of
 
 DOOR = DoorId(1)

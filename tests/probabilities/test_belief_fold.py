@@ -17,10 +17,10 @@ from semmap_log.doors import DoorId
 from semmap_log.errors import EstimatorError
 from semmap_log.events import DoorAdded, DoorRemoved, Retracted
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
-from semmap_log.probabilities.day_tables import day_tables
 from semmap_log.probabilities.estimator import Times
 from semmap_log.probabilities.estimators import ESTIMATORS
-from semmap_log.probabilities.evidence import DoorEvidence, EvidenceProjection
+from semmap_log.probabilities.evidence.day_tables import day_tables
+from semmap_log.probabilities.evidence.evidence import DoorEvidence, EvidenceProjection
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.telling import DOOR, added, as_batch, ns_of, put, seen

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from semmap_log.beliefs.typical_week import By, Pattern, TypicalWeek
 from semmap_log.moments import format_local
-from semmap_log.probabilities.coverage import DAY_NAMES, DAYS, HOURS
+from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
 from semmap_log.probabilities.forecast import INTERVAL
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.event_words import printable

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.typical_week import TypicalWeek
-from semmap_log.probabilities.coverage import DAYS, HOURS
+from semmap_log.probabilities.evidence.coverage import DAYS, HOURS
 from semmap_log.views.palette import Rgb
 from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel

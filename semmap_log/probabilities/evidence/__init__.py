@@ -1,0 +1,1 @@
+"""What events say about doors: words, stretches in which a state holds, visits, and tables."""

@@ -1,0 +1,136 @@
+"""A door's evidence by day and hour: how long its state was known, and how long it was open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.local_clock import Hours, LocalClock
+
+HOUR_NS = 3_600_000_000_000
+Table = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DayTables:
+    """Hours known and hours open of a door, in each hour of each local day.
+
+    A stretch counts by its duration, a visit as a sample of its hour: see `day_tables`.
+    """
+
+    first_day: int
+    """The day of row 0, counted as in `LocalClock.midnights_ns`; row i is of day first_day + i."""
+    known_h: Table
+    """(days, 24): at most what the hour lasts, 2 h in one that comes twice, 0 in one that is
+    skipped."""
+    open_h: Table
+    """(days, 24): of these hours open. Visits of noisy sensors are corrected and not clipped: one
+    cell may have less than 0, or more than `known_h`, so that sums of many are right."""
+
+    def __len__(self) -> int:
+        return len(self.known_h)
+
+    @property
+    def days(self) -> NDArray[np.int64]:
+        """(days,): the days of the rows."""
+        return self.first_day + np.arange(len(self), dtype=np.int64)
+
+    def before(self, day: int) -> DayTables:
+        """Return the rows of the days before one."""
+        rows = slice(max(0, day - self.first_day))
+        return DayTables(self.first_day, self.known_h[rows], self.open_h[rows])
+
+
+def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
+    """Return the tables of a door, from the day of its first evidence to that of `until_ns`.
+
+    The last row is of a day that has not ended (at a local midnight: has just begun): it holds
+    what was known by then. Rows of days that had ended are the same whatever came later (but for
+    St John's, where until 2011 a date began, and the clocks were put back to the one before).
+
+    A visit outside of the stretches says something about its hour: a reading r of a sensor with
+    accuracies a and b stands for P(open) = (r - (1 - b)) / J, with J = a + b - 1 (the correction
+    of misclassified rates by Rogan and Gladen, Am. J. Epidemiol. 107, 1978), and counts as J^2 of
+    an hour: what it tells, as a share of what a certain one does. Of a visit's sightings in an hour
+    the mean is one reading; several visits in an hour still tell no more than that hour, and fill
+    at most what the stretches leave of it.
+
+    Args:
+        evidence: Of a door.
+        clock: Whose days and hours.
+    """
+    firsts_ns = [int(times[0]) for times in (evidence.start_ns, evidence.seen_ns) if len(times)]
+    if not firsts_ns:
+        return DayTables(0, np.zeros((0, 24)), np.zeros((0, 24)))
+    span_ns = np.array([min(firsts_ns), evidence.until_ns], np.int64)
+    first_day, last_day = (clock.hour_of(span_ns) // 24).tolist()
+    first, end = 24 * first_day, 24 * (last_day + 1)
+    hours = clock.hours(first, end)
+    place = hours.hour - first
+
+    def total(of_pieces_ns: NDArray[np.int64]) -> Table:
+        return np.bincount(place, of_pieces_ns / HOUR_NS, end - first).astype(np.float64)
+
+    held = total(_covered_ns(evidence.start_ns, evidence.end_ns, hours))
+    held_open = total(
+        _covered_ns(evidence.start_ns[evidence.is_open], evidence.end_ns[evidence.is_open], hours)
+    )
+    seen = _readings(evidence, clock, first, end)
+    free = np.maximum(total(hours.end_ns - hours.start_ns) - held, 0.0)
+    seen_known = np.minimum(seen.weight, free)
+    known, is_open = held + seen_known, held_open + seen_known * seen.p_open
+    return DayTables(first_day, known.reshape(-1, 24), is_open.reshape(-1, 24))
+
+
+def _covered_ns(
+    start_ns: NDArray[np.int64], end_ns: NDArray[np.int64], hours: Hours
+) -> NDArray[np.int64]:
+    """Return how much of each piece of time lies in stretches that do not overlap."""
+    if not len(start_ns):
+        return np.zeros(len(hours.start_ns), np.int64)
+    before_ns = np.append(0, np.cumsum(end_ns - start_ns))
+
+    def covered_by(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        last = np.searchsorted(start_ns, times_ns, "right") - 1
+        inside_ns = np.minimum(times_ns, end_ns[last]) - start_ns[last]
+        return np.where(last < 0, 0, before_ns[last] + inside_ns)
+
+    return covered_by(hours.end_ns) - covered_by(hours.start_ns)
+
+
+class _Readings(NamedTuple):
+    """What the visits say about each hour."""
+
+    weight: Table
+    """In hours."""
+    p_open: Table
+    """Corrected and not clipped; 0 without a visit that tells anything."""
+
+
+def _readings(evidence: DoorEvidence, clock: LocalClock, first: int, end: int) -> _Readings:
+    """Return it for the hours `first` to before `end`, which hold all sightings."""
+    hour = clock.hour_of(evidence.seen_ns) - first
+    # A visit that goes on in the next hour is a visit of that one, too: a day's row, once the day
+    # has ended, stays as it is.
+    _, one, of_visit = np.unique(
+        evidence.visit * (end - first) + hour, return_index=True, return_inverse=True
+    )
+    tells = evidence.accuracy_open + evidence.accuracy_closed - 1.0
+    excess = evidence.reads_open - (1.0 - evidence.accuracy_closed)
+    count = np.maximum(np.bincount(of_visit), 1)
+
+    def mean(of_sightings: Table) -> Table:
+        return np.asarray(np.bincount(of_visit, of_sightings) / count)
+
+    # Of each visit, and then of each hour: readings weigh by what they tell, so that of sensors of
+    # one kind the plain mean is corrected.
+    tell, said = mean(tells**2), mean(tells * excess)
+    tell_of_hour, square, said_of_hour = (
+        np.bincount(hour[one], of_visits, end - first) for of_visits in (tell, tell**2, said)
+    )
+    safe = np.where(tell_of_hour > 0, tell_of_hour, 1.0)
+    return _Readings(square / safe, said_of_hour / safe)

@@ -1,0 +1,277 @@
+"""What events say about how doors are: stretches in which a state is known, and sightings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId, DoorState
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import MAX_TIME_NS
+from semmap_log.probabilities.evidence.holds import holds_of
+from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, llr_of, visits_of
+from semmap_log.probabilities.evidence.words import Means, Rows, Sensors, Words
+
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class DoorEvidence:
+    """What is known of a door up to `until_ns`, that moment included."""
+
+    door_id: DoorId
+    until_ns: int
+    start_ns: Times
+    """(m,), ascending: when stretches begin in which the state is known all through."""
+    end_ns: Times
+    """(m,): when they end; <= the next one's start, and <= `until_ns`. Two that touch are in
+    different states, unless a sighting that disagreed lies between them; only one that begins at
+    `until_ns` has no length."""
+    is_open: NDArray[np.bool_]
+    """(m,): their state."""
+    seen_ns: Times
+    """(k,), ascending: sightings, outside of the stretches or at their edges."""
+    llr: NDArray[np.float64]
+    """(k,): what each adds to log P(what was read | open) / P(... | closed), in nats: a visit's
+    sightings sum up to their mean, so that a hundred in one pass are as good as one."""
+    accuracy_open: NDArray[np.float64]
+    """(k,): P(reads open | open) of the sensor."""
+    accuracy_closed: NDArray[np.float64]
+    """(k,): P(reads closed | closed)."""
+    reads_open: NDArray[np.bool_]
+    """(k,): what it read."""
+    is_visit: NDArray[np.bool_]
+    """(k,): the first sighting of a pass; the others of it add no visit."""
+    visit: NDArray[np.intp]
+    """(k,): which visit each sighting belongs to, counted from 0 as they begin. Those of different
+    sensors may mix."""
+    holds_on: bool = False
+    """The last stretch holds at `until_ns`, too: it ends there only because the evidence does."""
+
+    @classmethod
+    def nothing(cls, door_id: DoorId, until_ns: int) -> DoorEvidence:
+        """Return what is known of a door that nobody ever told of."""
+        return _evidence_of(door_id, Words().about(door_id), Words().sensors()).up_to(until_ns)
+
+    def up_to(self, until_ns: int) -> DoorEvidence:
+        """Return what was known at an earlier time: the same as without the events after it."""
+        held = slice(int(np.searchsorted(self.start_ns, until_ns, "right")))
+        last = self.end_ns[held][-1:]
+        holds_on = bool((last > until_ns).any()) or (self.holds_on and until_ns >= self.until_ns)
+        seen = slice(int(np.searchsorted(self.seen_ns, until_ns, "right")))
+        return replace(
+            self,
+            until_ns=min(until_ns, self.until_ns),
+            start_ns=self.start_ns[held],
+            end_ns=np.minimum(self.end_ns[held], until_ns),
+            is_open=self.is_open[held],
+            holds_on=holds_on,
+            **{name: getattr(self, name)[seen] for name in _OF_SIGHTINGS},
+        )
+
+
+_OF_SIGHTINGS = (
+    "seen_ns", "llr", "accuracy_open", "accuracy_closed", "reads_open", "is_visit", "visit",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """How much was said of a door."""
+
+    words: int
+    """Events that tell its state: that it was set, seen, or passed."""
+    sightings: int
+    """Of these, those that saw it open or closed."""
+    visits: int
+    """Passes in which it was seen while its state was not known."""
+    last_seen_ns: int | None
+    """When it was last said to be open or closed; None: never."""
+
+
+class Evidence:
+    """What is known of all doors of a log: a fold of its events, in any order."""
+
+    def __init__(self, words: Words | None = None, latest_ns: int = 0) -> None:
+        self._words = words or Words()
+        self.latest_ns = latest_ns
+        """The latest time of all events, whatever they are about."""
+        self._known: dict[DoorId, _Known] = {}
+        """Of the doors that were asked for, what the first `_count` words mean."""
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Return how many words there are."""
+        return len(self._words)
+
+    def apply(self, batch: EventBatch) -> None:
+        """Fold a batch in."""
+        if len(batch):
+            self.latest_ns = max(self.latest_ns, int(batch.folds_ns.max()))
+            self._words.take(batch)
+
+    def add(self, other: Evidence) -> None:
+        """Fold in what other events, none of them among those here, made of nothing."""
+        self.latest_ns = max(self.latest_ns, other.latest_ns)
+        self._words.add(other._words)
+
+    @property
+    def door_ids(self) -> list[DoorId]:
+        """Doors that something was said of, removed ones, too, ascending."""
+        return [DoorId(door_id) for door_id in self._words.door_ids().tolist()]
+
+    def door(self, door_id: DoorId, until_ns: int | None = None) -> DoorEvidence:
+        """Return what is known of a door; of one that nobody told of: nothing.
+
+        Args:
+            door_id: Any.
+            until_ns: What comes after does not count; default: the latest event's time. A state
+                that was set last goes on to hold beyond that.
+        """
+        return self._about(door_id).evidence.up_to(_or(until_ns, self.latest_ns))
+
+    def up_to(self, until_ns: int | None = None) -> Mapping[DoorId, DoorEvidence]:
+        """Return what is known of each of `door_ids`, made when it is asked for."""
+        return _EvidenceOfDoors(self, _or(until_ns, self.latest_ns))
+
+    def counts(self, door_id: DoorId, until_ns: int | None = None) -> Counts:
+        """Return how much was said of a door up to then."""
+        until_ns = _or(until_ns, self.latest_ns)
+        known = self._about(door_id)
+        words = known.words[: np.searchsorted(known.words["time_ns"], until_ns, "right")]
+        tells = words[np.isin(words["state"], (DoorState.OPEN, DoorState.CLOSED))]
+        return Counts(
+            words=int(np.count_nonzero(words["means"] != Means.REMOVED)),
+            sightings=int(np.count_nonzero(tells["means"] == Means.SEEN)),
+            visits=int(np.count_nonzero(known.evidence.up_to(until_ns).is_visit)),
+            last_seen_ns=int(tells["time_ns"][-1]) if len(tells) else None,
+        )
+
+    def dump(self) -> bytes:
+        """Return it as bytes."""
+        return self.latest_ns.to_bytes(8, "little") + self._words.dump()
+
+    @classmethod
+    def load(cls, data: bytes) -> Evidence:
+        """Return the evidence that `dump` made these bytes of.
+
+        Raises:
+            ValueError: They are not of its making.
+        """
+        return cls(Words.load(data[8:]), int.from_bytes(data[:8], "little"))
+
+    def _about(self, door_id: DoorId) -> _Known:
+        """Return all that is known of a door; what a new word touches is made anew."""
+        if self._count < len(self._words):
+            for changed in self._words.newer(self._count).tolist():
+                self._known.pop(DoorId(changed), None)
+            self._count = len(self._words)
+        known = self._known.get(door_id)
+        if known is None:
+            words = _while_there(self._words.about(door_id))
+            evidence = _evidence_of(door_id, words, self._words.sensors())
+            known = self._known[door_id] = _Known(words, evidence)
+        return known
+
+
+class EvidenceProjection:
+    """`Evidence` as a fold over a log: `log.fold(EvidenceProjection())`, also live, or in parts."""
+
+    name = "evidence"
+    version = 1
+
+    def initial(self) -> Evidence:
+        """Return no evidence."""
+        return Evidence()
+
+    def apply(self, state: Evidence, batch: EventBatch, /) -> Evidence:
+        """Fold a batch in."""
+        state.apply(batch)
+        return state
+
+    def merge(self, earlier: Evidence, later: Evidence, /) -> Evidence:
+        """Return the evidence of both parts of a log."""
+        earlier.add(later)
+        return earlier
+
+    def dump(self, state: Evidence, /) -> bytes:
+        """Return the evidence as bytes."""
+        return state.dump()
+
+    def load(self, data: bytes, /) -> Evidence:
+        """Return the evidence that `dump` made these bytes of."""
+        return Evidence.load(data)
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    words: Rows
+    evidence: DoorEvidence
+    """Of all words; its stretches end where these let them."""
+
+
+class _EvidenceOfDoors(Mapping[DoorId, DoorEvidence]):
+    """Door -> what is known of it up to a time."""
+
+    def __init__(self, evidence: Evidence, until_ns: int) -> None:
+        self._evidence = evidence
+        self._until_ns = until_ns
+        self._ids = dict.fromkeys(evidence.door_ids)
+
+    def __getitem__(self, door_id: DoorId) -> DoorEvidence:
+        if door_id not in self._ids:
+            raise KeyError(door_id)
+        return self._evidence.door(door_id, self._until_ns)
+
+    def __iter__(self) -> Iterator[DoorId]:
+        return iter(self._ids)
+
+    def __len__(self) -> int:
+        return len(self._ids)
+
+
+def _while_there(words: Rows) -> Rows:
+    """Return the words from a door's adding to its removal; others are about no door."""
+    added = np.flatnonzero(words["means"] == Means.ADDED)
+    words = words[added[0] :] if len(added) else words[:0]
+    removed = np.flatnonzero(words["means"] == Means.REMOVED)
+    return words[: removed[0] + 1] if len(removed) else words
+
+
+def _evidence_of(door_id: DoorId, words: Rows, sensors: Sensors) -> DoorEvidence:
+    """Return what words about a door mean, whatever the time."""
+    holds = holds_of(words)
+    points = words[holds.points]
+    accuracy_open, accuracy_closed, eye = (column[points["sensor"]] for column in sensors)
+    reads_open = points["state"] == DoorState.OPEN
+    # A certain sighting is a word for itself: no pass goes on over it, nor with it.
+    certain = np.cumsum((accuracy_open >= MOST_ACCURACY) & (accuracy_closed >= MOST_ACCURACY))
+    visits = visits_of(
+        points["time_ns"],
+        eye,
+        holds.segment + certain,
+        llr_of(reads_open, accuracy_open, accuracy_closed),
+    )
+    is_visit = np.ones(len(points), np.bool_)
+    is_visit[1:] = visits.visit[1:] > np.maximum.accumulate(visits.visit)[:-1]
+    return DoorEvidence(
+        door_id,
+        until_ns=MAX_TIME_NS,
+        start_ns=holds.start_ns,
+        end_ns=holds.end_ns,
+        is_open=holds.is_open,
+        seen_ns=points["time_ns"],
+        llr=visits.llr,
+        accuracy_open=accuracy_open,
+        accuracy_closed=accuracy_closed,
+        reads_open=reads_open,
+        is_visit=is_visit,
+        visit=visits.visit,
+    )
+
+
+def _or(given: int | None, default: int) -> int:
+    return default if given is None else given

@@ -1,0 +1,157 @@
+"""What better methods are held against: the constant, and plain tables by hour of day or week.
+
+They take what was read for true, know of no sensor's errors, and count all days the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.samples import KnownTime
+from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
+from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
+
+Times = NDArray[np.int64]
+
+HALF = 0.5
+"""P(open) of a door of which nothing is known."""
+Z = 1.6449
+"""Standard deviations on each side of the normal interval that holds `forecast.INTERVAL`."""
+
+
+@dataclass(frozen=True, slots=True)
+class HourTable:
+    """Share of the known time that the door was open, by the hour of a period.
+
+    An hour that was never seen gets the share of all hours.
+    """
+
+    name: str
+    period_s: int
+    """The table has an entry for each hour of it."""
+
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntHours:
+        """Return the tables of all doors; each is made when it is asked for."""
+        return LearntHours(evidence, clock, self.period_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """Share of all the known time that the door was open."""
+
+    name: str = "constant"
+
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntHours:
+        """Return the shares of all doors."""
+        return LearntHours(evidence, clock, None)
+
+
+CONSTANT = Constant()
+HOUR_OF_DAY = HourTable("hour_of_day", DAY_S)
+HOUR_OF_WEEK = HourTable("hour_of_week", WEEK_S)
+
+
+@dataclass
+class LearntHours:
+    """Tables by hour, as they were at any time: what was known by then is their content."""
+
+    evidence: Mapping[DoorId, DoorEvidence]
+    clock: LocalClock
+    period_s: int | None
+    """None: only the share of all hours."""
+    _tables: dict[DoorId, _Table] = field(default_factory=dict)
+
+    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return the share of the known time up to `known_ns` that the door was open."""
+        known = self.evidence.get(door_id)
+        if known is None:
+            return nothing_known(len(times_ns))
+        if door_id not in self._tables:
+            self._tables[door_id] = _Table(KnownTime.of(known), self.clock, self.period_s)
+        table = self._tables[door_id]
+        open_s, all_s = table.time.until(known_ns)
+        p, counted_s = _share(open_s, all_s), all_s
+        if self.period_s is not None:
+            open_s, all_s = table.in_hour(times_ns, known_ns)
+            p, counted_s = np.where(all_s > 0, _share(open_s, all_s), p), all_s
+        days = counted_s / (HOUR_S if self.period_s else DAY_S)
+        return with_interval(p, days, is_known=table.time.until(known_ns)[1] > 0)
+
+
+class _Table:
+    """Seconds known, and open, of a door by day and hour, summed up over the days."""
+
+    def __init__(self, time: KnownTime, clock: LocalClock, period_s: int | None) -> None:
+        self.time = time
+        self._clock = clock
+        self._period_s = period_s or DAY_S
+        if period_s is not None:
+            self._sum_up()
+
+    def _sum_up(self) -> None:
+        """Sum up what is in each hour of the period, period by period."""
+        span_ns = np.array([self.time.first_ns, self.time.last_ns])
+        periods = (self._clock.wall_s(span_ns) // self._period_s).astype(np.int64)
+        self._first = int(periods[0])
+        count = int(periods[1]) - self._first + 1
+        hours = self._period_s // HOUR_S
+        edges_s = self._first * self._period_s + np.arange(count * hours + 1) * HOUR_S
+        sums = np.stack(self.time.until(self._clock.instants_ns(edges_s.astype(np.float64))))
+        cells = np.diff(sums, axis=1).reshape(2, count, hours)
+        self._before = np.concatenate([np.zeros((2, 1, hours)), np.cumsum(cells, axis=1)], axis=1)
+
+    def in_hour(
+        self, times_ns: Times, known_ns: Times
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (seconds open, seconds known) in the hours of `times_ns` before `known_ns`."""
+        hour = (self._clock.wall_s(times_ns) % self._period_s // HOUR_S).astype(np.int64)
+        period = (self._clock.wall_s(known_ns) // self._period_s).astype(np.int64)
+        begin_s = (period * self._period_s + hour * HOUR_S).astype(np.float64)
+        begin_ns = np.minimum(self._clock.instants_ns(begin_s), known_ns)
+        end_ns = np.minimum(self._clock.instants_ns(begin_s + HOUR_S), known_ns)
+        row = np.clip(period - self._first, 0, self._before.shape[1] - 1)
+        open_now, all_now = (
+            end - begin
+            for end, begin in zip(self.time.until(end_ns), self.time.until(begin_ns), strict=True)
+        )
+        open_s, all_s = self._before[:, row, hour]
+        return open_s + open_now, all_s + all_now
+
+
+def nothing_known(count: int) -> Forecast:
+    """Return forecasts of a door of which there is no evidence."""
+    none = np.zeros(count)
+    return Forecast.of(none + HALF, none + LEAST, none + MOST, np.zeros(count, np.bool_))
+
+
+def with_interval(
+    p: NDArray[np.float64], days: NDArray[np.float64], *, is_known: NDArray[np.bool_]
+) -> Forecast:
+    """Return shares with Wilson's interval (1927) of as many trials as there are days.
+
+    Args:
+        p: (n,), share of the time that the door was open.
+        days: (n,), in how many the share was seen: minutes of one day are no proofs of each other.
+        is_known: (n,), False: nothing is known, whatever `p` says.
+    """
+    z2 = Z**2
+    middle = (p * days + z2 / 2) / (days + z2)
+    half = Z * np.sqrt(np.maximum(p * (1 - p) * days, 0) + z2 / 4) / (days + z2)
+    return Forecast.of(
+        np.where(is_known, p, HALF),
+        np.where(is_known, middle - half, LEAST),
+        np.where(is_known, middle + half, MOST),
+        is_known,
+    )
+
+
+def _share(open_s: NDArray[np.float64], all_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    share = np.full(len(all_s), HALF)
+    np.divide(open_s, all_s, out=share, where=all_s > 0)
+    return share

@@ -1,0 +1,120 @@
+"""`count`: the share of the known time in which the door was open, whatever the hour.
+
+By time, not by events: openings and closings alternate, so that half of a door's changes are
+openings, however rarely it is open. Readings of noisy sensors are corrected by their accuracies
+(Rogan and Gladen, Am. J. Epidemiol. 107, 1978), else they pull every door toward one half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId
+from semmap_log.moments import SECOND_NS
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
+from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
+from semmap_log.probabilities.methods.habits import PRIOR_DAYS, PRIOR_P
+from semmap_log.probabilities.methods.schedule import LEAST_H, nothing_known
+
+Times = NDArray[np.int64]
+Reals = NDArray[np.float64]
+
+HOUR_NS = HOUR_S * SECOND_NS
+
+
+class DoorCount:
+    """What was counted of one door, at any time."""
+
+    def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
+        self._evidence = evidence
+        first = evidence.is_visit
+        self._visits_ns = evidence.seen_ns[first]
+        weight, is_open = _of_visits(evidence, clock)
+        self._visits_h = np.append(0.0, np.cumsum(weight))
+        self._visits_open_h = np.append(0.0, np.cumsum(is_open))
+
+    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return forecasts: see `Learnt.predict`."""
+        until_ns = np.minimum(times_ns, known_ns)
+        start_ns, end_ns, is_open = (
+            self._evidence.start_ns, self._evidence.end_ns, self._evidence.is_open,
+        )  # fmt: skip
+        visit = np.searchsorted(self._visits_ns, until_ns, "right")
+        known_h = self._visits_h[visit] + _covered_h(start_ns, end_ns, until_ns)
+        open_h = self._visits_open_h[visit]
+        open_h = open_h + _covered_h(start_ns[is_open], end_ns[is_open], until_ns)
+        days = known_h / 24
+        p_open = (open_h / 24 + PRIOR_DAYS * PRIOR_P) / (days + PRIOR_DAYS)
+        p_open = np.where(known_h >= LEAST_H, open_h / np.maximum(known_h, LEAST_H), p_open)
+        p_open = np.clip(p_open, LEAST, MOST)
+        variance = p_open * (1 - p_open) / (days + 1)
+        return Forecast.around(p_open, variance, known_h >= LEAST_H, days)
+
+
+class LearntCount:
+    """What was counted of all doors; each when it is first asked for."""
+
+    def __init__(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> None:
+        self._evidence = evidence
+        self._clock = clock
+        self._doors: dict[DoorId, DoorCount] = {}
+
+    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return how likely the door is open: see `Learnt`."""
+        if door_id not in self._evidence:
+            return nothing_known(len(times_ns))
+        if door_id not in self._doors:
+            self._doors[door_id] = DoorCount(self._evidence[door_id], self._clock)
+        return self._doors[door_id].predict(times_ns, known_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """The estimator."""
+
+    name: str = "count"
+
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntCount:
+        """Return what the evidence teaches."""
+        return LearntCount(evidence, clock)
+
+
+def _covered_h(start_ns: Times, end_ns: Times, until_ns: Times) -> Reals:
+    """Return how many hours of stretches lie before each time."""
+    if not len(start_ns):
+        return np.zeros(len(until_ns))
+    before_ns = np.append(0, np.cumsum(end_ns - start_ns))
+    place = np.searchsorted(start_ns, until_ns, "right")
+    last = np.maximum(place - 1, 0)
+    inside_ns = np.minimum(until_ns, end_ns[last]) - start_ns[last]
+    found: Reals = np.where(place > 0, before_ns[last] + inside_ns, 0) / HOUR_NS
+    return found
+
+
+def _of_visits(evidence: DoorEvidence, clock: LocalClock) -> tuple[Reals, Reals]:
+    """Return what each visit adds to the hours known, and open: both (visits,).
+
+    The visits of an hour add up, at each of them, to J^2 hours of their mean: see `day_tables`.
+    """
+    first = evidence.is_visit
+    tells = (evidence.accuracy_open + evidence.accuracy_closed - 1)[first]
+    safe = np.where(tells > 0, tells, 1.0)
+    reading = evidence.reads_open[first] - (1 - evidence.accuracy_closed[first])
+    opened = np.where(tells > 0, tells**2 * reading / safe, 0.0)
+    _, hour = np.unique(clock.hour_of(evidence.seen_ns[first]), return_inverse=True)
+    return _mean_so_far(tells**2, hour), _mean_so_far(opened, hour)
+
+
+def _mean_so_far(values: Reals, group: NDArray[np.intp]) -> Reals:
+    """Return by how much each value moves the mean of its group; groups ascend."""
+    place = np.arange(len(values))
+    begins = np.append(True, np.diff(group) != 0)[: len(values)]
+    start = np.maximum.accumulate(np.where(begins, place, 0))
+    total = np.cumsum(values)
+    mean = (total - total[start] + values[start]) / (place - start + 1)
+    return np.where(begins, mean, mean - np.append(0.0, mean[:-1])[: len(values)])

@@ -1,0 +1,231 @@
+"""FreMEn: a door's state as a sum of the strongest of 84 periodic components.
+
+Krajník, Fentanes, Cielniak, Dondrup, Duckett: Spectral analysis for long-term robotic mapping (ICRA
+2014); Krajník, Fentanes, Santos, Duckett: FreMEn (T-RO 2017). Rules and constants are those of
+`CFrelement.cpp` in strands-project/fremen and, for the balance, in gestom/Hypertime-RAL-19-0307.
+Kept for comparison.
+
+There a state is added as a sample at a time, and the spectrum is a sum over samples. Here a stretch
+of a known state adds its integral in closed form, which is what ever denser samples tend to; so
+three years cost as much as their changes of state, not as their minutes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId
+from semmap_log.moments import SECOND_NS
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.samples import SAMPLE_S, KnownTime
+from semmap_log.probabilities.forecast import Forecast
+from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
+from semmap_log.probabilities.methods.baselines import nothing_known, with_interval
+
+Times = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+PERIODS_S = WEEK_S // np.arange(1, WEEK_S // HOUR_S // 2 + 1)
+"""(84,), whole seconds: a week, and its parts down to two hours."""
+OMEGA = 2 * np.pi / PERIODS_S
+"""(84,), radians a second."""
+SATURATION = 0.01
+"""Forecasts keep so far away from 0 and 1."""
+LEARNS_EVERY_NS = HOUR_S * SECOND_NS
+"""A model is that of the last full hour before what is known ends."""
+MOST_HOURS = 100_000
+"""Eleven years: of doors with more between their first and last evidence only the models that are
+asked for are made."""
+CHUNK = 65_536
+"""Forecasts made at a time, to bound memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fremen:
+    """FreMEn with the `order` strongest components."""
+
+    order: int = 5
+    """1..84."""
+
+    def __post_init__(self) -> None:
+        """Check the order.
+
+        Raises:
+            ValueError: There are not so many components.
+        """
+        if not 1 <= self.order <= len(PERIODS_S):
+            raise ValueError(f"FreMEn's order: expected 1..{len(PERIODS_S)}, got {self.order}")
+
+    @property
+    def name(self) -> str:
+        """`fremen5`."""
+        return f"fremen{self.order}"
+
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntFremen:
+        """Return the doors' models; a model is made when a forecast asks for it."""
+        return LearntFremen(evidence, clock, self.order)
+
+
+@dataclass
+class LearntFremen:
+    """The models of all doors as they were at any full hour."""
+
+    evidence: Mapping[DoorId, DoorEvidence]
+    clock: LocalClock
+    order: int
+    _latest: tuple[DoorId, _Hourly] | None = None
+    """The models of all hours of the door that was asked for last: the next question is often
+    about it, too, and all doors' would fill memory."""
+
+    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return the sum of the components at each time, by what was known at `known_ns`."""
+        if door_id not in self.evidence:
+            return nothing_known(len(times_ns))
+        hours, which = np.unique(known_ns // LEARNS_EVERY_NS, return_inverse=True)
+        models, place = self._models(door_id, hours)
+        which = place[which]
+        p = np.empty(len(times_ns))
+        for start in range(0, len(p), CHUNK):
+            part = slice(start, start + CHUNK)
+            p[part] = models.forecast(self.clock.wall_s(times_ns[part]), which[part])
+        known_s = models.known_s[which]
+        return with_interval(p, known_s / DAY_S, is_known=known_s > 0)
+
+    def _models(self, door_id: DoorId, hours: Times) -> tuple[Models, NDArray[np.intp]]:
+        """Return models, and which of them belongs to each hour of knowledge."""
+        if self._latest is not None and self._latest[0] == door_id:
+            return self._latest[1].at(hours)
+        known = KnownTime.of(self.evidence[door_id])
+        if len(hours) == 1 or known.last_ns - known.first_ns > MOST_HOURS * LEARNS_EVERY_NS:
+            at_ns = hours * LEARNS_EVERY_NS
+            return models_at(known, self.clock, at_ns, self.order), np.arange(len(hours))
+        hourly = _Hourly.of(known, self.clock, self.order)
+        self._latest = door_id, hourly
+        return hourly.at(hours)
+
+
+@dataclass(frozen=True, slots=True)
+class Models:
+    """Models of one door at several times of knowledge, strongest component first."""
+
+    gain: Floats
+    """(u,), the mean state."""
+    known_s: Floats
+    """(u,), how long the state was known."""
+    omega: Floats
+    """(u, order), radians a second of wall clock."""
+    amplitude: Floats
+    """(u, order)."""
+    phase: Floats
+    """(u, order), radians."""
+
+    def forecast(self, wall_s: Floats, which: NDArray[np.intp]) -> Floats:
+        """Return P(open) at times of the wall clock, each by one of the models."""
+        angle = self.omega[which] * wall_s[:, None] - self.phase[which]
+        p: Floats = self.gain[which] + 2 * (self.amplitude[which] * np.cos(angle)).sum(axis=1)
+        np.clip(p, SATURATION, 1 - SATURATION, out=p)
+        return p
+
+
+def models_at(known: KnownTime, clock: LocalClock, at_ns: Times, order: int) -> Models:
+    """Return the models that what was known at some times makes.
+
+    Args:
+        known: Of a door.
+        clock: Components are of what the building's clocks show.
+        at_ns: (u,), each model's time of knowledge.
+        order: How many components are kept.
+    """
+    sums = _Sums(known, clock, at_ns)
+    gain = np.divide(sums.open_s, sums.known_s, out=np.zeros(len(at_ns)), where=sums.known_s > 0)
+    per_s = 1 / np.maximum(sums.known_s, SAMPLE_S)
+    real, imag = np.empty((2, len(at_ns), len(OMEGA)))
+    for index, omega in enumerate(OMEGA.tolist()):
+        of_states, of_all = sums.spectrum(omega)
+        balanced = (of_states - gain * of_all) * per_s
+        real[:, index], imag[:, index] = balanced.real, balanced.imag
+    amplitude = np.hypot(real, imag)
+    strongest = np.argsort(-amplitude, axis=1, kind="stable")[:, :order]
+    phase = np.arctan2(imag, real)
+    return Models(
+        gain,
+        sums.known_s,
+        OMEGA[strongest],
+        np.take_along_axis(amplitude, strongest, axis=1),
+        np.take_along_axis(phase, strongest, axis=1),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Hourly:
+    """The models of a door at all full hours, from before its first evidence to behind its last."""
+
+    first_hour: int
+    models: Models
+
+    @classmethod
+    def of(cls, known: KnownTime, clock: LocalClock, order: int) -> _Hourly:
+        first, last = known.first_ns // LEARNS_EVERY_NS, known.last_ns // LEARNS_EVERY_NS + 1
+        hours = np.arange(first, last + 1)
+        return cls(first, models_at(known, clock, hours * LEARNS_EVERY_NS, order))
+
+    def at(self, hours: Times) -> tuple[Models, NDArray[np.intp]]:
+        """Return the models, and which of them is that of each hour."""
+        return self.models, np.clip(hours - self.first_hour, 0, len(self.models.gain) - 1)
+
+
+class _Sums:
+    """Integrals over the known time of a door, up to several times.
+
+    The wall clock is the axis: of the hour that comes twice, or is skipped, only the difference
+    between begin and end of a stretch counts.
+    """
+
+    def __init__(self, known: KnownTime, clock: LocalClock, at_ns: Times) -> None:
+        self._known = known
+        self._stretch = np.searchsorted(known.start_ns, at_ns, "right")
+        self._visit = np.searchsorted(known.seen_ns, at_ns, "right")
+        edges_ns, edge = np.unique(
+            np.concatenate([known.start_ns, known.end_ns]), return_inverse=True
+        )
+        self._edges_s = clock.wall_s(edges_ns)
+        self._start, self._end = np.split(edge, 2)
+        self._visit_s = clock.wall_s(known.seen_ns)
+        if len(known.start_ns):
+            last = np.maximum(self._stretch - 1, 0)
+            cut_ns = np.clip(at_ns, known.start_ns[last], known.end_ns[last])
+            self._last, self._cut_s = last, clock.wall_s(cut_ns)
+        self.open_s, self.known_s = known.until(at_ns)
+
+    def spectrum(self, omega: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return the integral of exp(i omega t), (u,): where the door was open, and everywhere."""
+        at_edges = _turned(omega * self._edges_s)
+        at_ends = at_edges[self._end]
+        each = (at_ends - at_edges[self._start]) / (1j * omega)
+        visits = SAMPLE_S * _turned(omega * self._visit_s)
+        of_states = _before(visits * self._known.reads_open)[self._visit]
+        of_all = _before(visits)[self._visit]
+        if not len(each):
+            return of_states, of_all
+        to_come = (at_ends[self._last] - _turned(omega * self._cut_s)) / (1j * omega)
+        to_come *= self._stretch > 0
+        is_open = self._known.is_open
+        of_states += _before(each * is_open)[self._stretch] - to_come * is_open[self._last]
+        of_all += _before(each)[self._stretch] - to_come
+        return of_states, of_all
+
+
+def _turned(angle: Floats) -> NDArray[np.complex128]:
+    """Return exp(i angle); cosine and sine by themselves are faster."""
+    turned = np.empty(len(angle), np.complex128)
+    turned.real, turned.imag = np.cos(angle), np.sin(angle)
+    return turned
+
+
+def _before(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the sums of what stands before each place, and of all."""
+    return np.concatenate([np.zeros(1, np.complex128), np.cumsum(values)])

@@ -1,0 +1,160 @@
+"""A door's habits: P(open) by hour and weekday, as each local midnight would have had it.
+
+Each table is shrunk toward a coarser one: the hour of a weekday to that of working days or
+weekends, that to the hour of any day, that to the hours beside it, and all to the mean. Weights are
+in days: an hour that was open through once is one observation, however often it was looked at.
+Old days count less, by several half-lives at once; which table is right, `averaging` finds out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.probabilities.evidence.day_tables import DayTables
+from semmap_log.probabilities.forecast import LEAST, MOST
+
+Tables = NDArray[np.float64]
+
+HALF_LIVES_D = np.array([1.0, 3.0, 7.0, 14.0, 28.0, 90.0, np.inf])
+"""Days after which a day counts half."""
+KINDS = ("mean", "hour", "day type and hour", "weekday and hour")
+"""How fine a table is, from coarse to fine."""
+
+PRIOR_P, PRIOR_DAYS = 0.5, 0.1
+"""What a door is like of which nothing is known; gone after the first day."""
+HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
+"""How many days the coarser table counts, where a finer one has evidence of its own."""
+NEIGHBOURS_H = 1.5
+"""The hours beside one count e^(-distance / that)."""
+WORKING_DAYS, DAYS_IN_WEEK = 5, 7
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """The tables of all kinds and half-lives, a row for each local midnight."""
+
+    first_day: int
+    """Row i was known at the beginning of local day first_day + i: it holds the days before."""
+    p_open: Tables
+    """(rows, tables, 7, 24): P(open) of each hour of the week, Monday first."""
+    days: Tables
+    """(rows, tables, 7, 24): how many days of evidence each is based on."""
+    half_lives_d: Tables
+    """(tables,)."""
+
+    def __len__(self) -> int:
+        return len(self.p_open)
+
+
+def habits(tables: DayTables) -> Habits:
+    """Return the habits of a door, from the first day on to the end of the last one.
+
+    Args:
+        tables: Of whole days.
+    """
+    sums = _weekly_sums(tables)
+    undiscounted = _mean(_discounted(sums, np.inf), np.full(len(sums) + 1, PRIOR_P))
+    by_half_life = [
+        _shrunk(_discounted(sums, half_life), undiscounted) for half_life in HALF_LIVES_D
+    ]
+    p_open = np.concatenate([p for p, _ in by_half_life], axis=1)
+    days = np.concatenate([n for _, n in by_half_life], axis=1)
+    return Habits(
+        tables.first_day,
+        np.clip(p_open, LEAST, MOST),
+        days,
+        np.repeat(HALF_LIVES_D, len(KINDS)),
+    )
+
+
+def _weekly_sums(tables: DayTables) -> Tables:
+    """Return (days, 2, 7, 24): hours open and known of each day, at its weekday."""
+    rows = np.arange(len(tables))
+    sums = np.zeros((len(tables), 2, DAYS_IN_WEEK, 24))
+    sums[rows, 0, tables.days % DAYS_IN_WEEK] = tables.open_h
+    sums[rows, 1, tables.days % DAYS_IN_WEEK] = tables.known_h
+    return sums
+
+
+def _discounted(sums: Tables, half_life_d: float) -> Tables:
+    """Return (days + 1, 2, 7, 24): at each midnight, the days before it, old ones discounted."""
+    keep = 0.5 ** (1.0 / half_life_d)
+    found = np.zeros((len(sums) + 1, *sums.shape[1:]))
+    for day, new in enumerate(sums):
+        np.multiply(found[day], keep, out=found[day + 1])
+        found[day + 1] += new
+    return found
+
+
+def _mean(sums: Tables, prior: Tables) -> Tables:
+    """Return (rows,): P(open) at any time, of discounted sums."""
+    opened, known = sums.sum((2, 3)).T / 24
+    found: Tables = (opened + PRIOR_DAYS * prior) / (known + PRIOR_DAYS)
+    return found
+
+
+def _shrunk(sums: Tables, prior: Tables) -> tuple[Tables, Tables]:
+    """Return P(open) and days of evidence, both (rows, kinds, 7, 24), of discounted sums.
+
+    Args:
+        sums: (rows, 2, 7, 24).
+        prior: (rows,), P(open) where all that was seen is long ago.
+    """
+    opened, known = sums[:, 0], sums[:, 1]
+    of_day = opened.sum(1), known.sum(1)
+    known_days = of_day[1].sum(-1) / 24
+    mean = _mean(sums, prior)
+
+    hour = _level(*of_day, mean[:, None], HOUR_DAYS)
+    of_type = _by_day_type(opened), _by_day_type(known)
+    day_type = _level(*of_type, hour[0][:, None], WEEK_DAYS)
+    per_weekday = [_each_weekday(part) for part in day_type]
+    weekday = _toward(opened, known, per_weekday[0], WEEK_DAYS)
+
+    shape = opened.shape
+    p_open = (mean[:, None, None], hour[0][:, None], per_weekday[0], weekday)
+    days = (known_days[:, None, None], hour[1][:, None], per_weekday[1], per_weekday[1])
+    return tuple(  # type: ignore[return-value]  # of two
+        np.stack([np.broadcast_to(table, shape) for table in part], axis=1)
+        for part in (p_open, days)
+    )
+
+
+def _level(
+    opened: Tables, known: Tables, coarser: Tables, weight_days: float
+) -> tuple[Tables, Tables]:
+    """Return a table shrunk to the hours beside each, and these to a coarser table; and its days.
+
+    Where an hour was never seen, its neighbours speak for it, and far from all of them the day.
+    """
+    beside = opened @ _NEIGHBOURS, known @ _NEIGHBOURS
+    near = _toward(*beside, coarser, weight_days)
+    days = known + weight_days * beside[1] / (beside[1] + weight_days)
+    return _toward(opened, known, near, weight_days), days
+
+
+def _toward(opened: Tables, known: Tables, coarser: Tables, weight_days: float) -> Tables:
+    return (opened + weight_days * coarser) / (known + weight_days)
+
+
+def _by_day_type(table: Tables) -> Tables:
+    """Return (rows, 2, 24) of (rows, 7, 24): working days, weekends."""
+    return np.stack([table[:, :WORKING_DAYS].sum(1), table[:, WORKING_DAYS:].sum(1)], axis=1)
+
+
+def _each_weekday(table: Tables) -> Tables:
+    """Return (rows, 7, 24) of (rows, 2, 24)."""
+    return np.repeat(table, [WORKING_DAYS, DAYS_IN_WEEK - WORKING_DAYS], axis=1)
+
+
+def _neighbours() -> Tables:
+    """Return (24, 24): how much each hour counts for each other; midnight is beside 23:00."""
+    apart = np.abs(np.arange(24)[:, None] - np.arange(24))
+    weights: Tables = np.exp(-np.minimum(apart, 24 - apart) / NEIGHBOURS_H)
+    return weights
+
+
+_NEIGHBOURS = _neighbours()

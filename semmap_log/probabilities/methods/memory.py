@@ -1,0 +1,162 @@
+"""What a door that is watched all the time remembers beyond its present state.
+
+A door that was opened a minute ago will soon be closed; one that stood open all morning will not.
+The chain forgets how it came to its state; this corrects its forecasts by how far the door was off
+its schedule during the last hour, four hours and day. How much each counts, some time ahead, is
+fitted by ridge regression toward what the chain says, anew at each midnight: the sums of the days
+before are all that it takes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.moments import SECOND_NS
+from semmap_log.probabilities.chain.forgetting import Forgetting
+from semmap_log.probabilities.chain.nodes import held_at
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
+from semmap_log.probabilities.methods.schedule import DoorSchedule
+
+Times = NDArray[np.int64]
+Reals = NDArray[np.float64]
+
+STEPS_A_DAY = 96
+STEP_NS = 86_400 * SECOND_NS // STEPS_A_DAY
+STEP_H = 24 / STEPS_A_DAY
+SPANS_H = np.array([1.0, 4.0, 24.0])
+"""Over how long deviations are averaged, with weights that fall off."""
+AHEAD_H = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+"""For these times ahead it is fitted; between them, and to nothing at 0 and behind them, a line."""
+RIDGE_H = 10.0
+"""The chain's own word counts as much as so many hours in which the door was fully off."""
+
+
+class Memory:
+    """What is remembered of a door, and what it was worth so far."""
+
+    def __init__(self, evidence: DoorEvidence, schedule: DoorSchedule, clock: LocalClock) -> None:
+        self._evidence, self._schedule, self._clock = evidence, schedule, clock
+
+    def correction(
+        self, forgetting: Forgetting, times_ns: Times, known_ns: Times, deviation: Reals
+    ) -> Reals:
+        """Return what to add to the chain's forecasts, (n,).
+
+        Args:
+            forgetting: The chain's.
+            times_ns: (n,), of the forecasts.
+            known_ns: (n,), when the door's state was known.
+            deviation: (n,), of its state then from the schedule.
+        """
+        ahead_h = (times_ns - known_ns) / (HOUR_S * SECOND_NS)
+        if not len(self._evidence.start_ns):
+            return np.zeros(len(times_ns))
+        past = self._past
+        row = np.clip(self._days(known_ns) - past.first_day, 0, len(past.products) - 1)
+        rows, which = np.unique(row, return_inverse=True)
+        weights = _between(past.weights(rows, forgetting.mean_kept(AHEAD_H))[which], ahead_h)
+        place = np.maximum(np.searchsorted(past.grid_ns, known_ns, "right") - 1, 0)
+        remembered = np.column_stack([deviation, past.averages[place]])
+        found: Reals = np.einsum("ns,ns->n", weights, remembered)
+        return found
+
+    @cached_property
+    def _past(self) -> _Past:
+        """Return all deviations, and the sums that tell what they were worth."""
+        first_ns = int(self._evidence.start_ns[0]) // STEP_NS * STEP_NS
+        grid_ns = np.arange(first_ns, self._evidence.end_ns[-1] + 1, STEP_NS, dtype=np.int64)
+        held, is_open = held_at(self._evidence, grid_ns)
+        expected = self._schedule.p_open(grid_ns, grid_ns)
+        deviation = np.where(held, is_open - expected, 0.0)
+        averages = np.column_stack([_averaged(deviation, span) for span in SPANS_H])
+        remembered = np.where(held[:, None], np.column_stack([deviation, averages]), 0.0)
+
+        first_day, last_day = self._days(grid_ns[[0, -1]]).tolist()
+        rows, spans = last_day - first_day + 2, remembered.shape[1]
+        products = np.zeros((rows, len(AHEAD_H), spans, spans))
+        targets = np.zeros((rows, len(AHEAD_H), spans))
+        for ahead, hours in enumerate(AHEAD_H.tolist()):
+            steps = round(hours / STEP_H)
+            then_ns, now_ns = grid_ns[steps:], grid_ns[: max(len(grid_ns) - steps, 0)]
+            if not len(now_ns):
+                continue
+            x = np.where(held[steps:, None], remembered[: len(now_ns)], 0.0)
+            y = is_open[steps:] - self._schedule.p_open(then_ns, now_ns)
+            # A day's row is what the midnight before it knew.
+            day = self._days(then_ns) - first_day + 1
+            _sum_by_day(x[:, :, None] * x[:, None, :], day, products[:, ahead])
+            _sum_by_day(x * y[:, None], day, targets[:, ahead])
+        return _Past(first_day, grid_ns, averages, products.cumsum(0), targets.cumsum(0))
+
+    def _days(self, times_ns: Times) -> NDArray[np.int64]:
+        return self._clock.hour_of(times_ns) // 24
+
+
+@dataclass(frozen=True, slots=True)
+class _Past:
+    first_day: int
+    grid_ns: Times
+    """(n,)."""
+    averages: Reals
+    """(n, spans): of the deviations up to each time."""
+    products: Reals
+    """(rows, ahead, spans + 1, spans + 1): of what was remembered, hours; as known at the beginning
+    of local day first_day + row."""
+    targets: Reals
+    """(rows, ahead, spans + 1): of that with how the door then was off its schedule."""
+
+    def weights(self, rows: NDArray[np.intp], kept: Reals) -> Reals:
+        """Return (rows, ahead, spans + 1): how much what is remembered adds to the chain's word.
+
+        Args:
+            rows: As of which midnights.
+            kept: (ahead,), what the chain keeps of the present deviation.
+        """
+        products = self.products[rows]
+        rest = self.targets[rows] - kept[:, None] * products[..., 0]
+        ridge = RIDGE_H * (1 + AHEAD_H)[:, None, None] * np.eye(products.shape[-1])
+        solved = np.linalg.solve(products + ridge, rest[..., None])[..., 0]
+        return np.asarray(solved, np.float64)
+
+
+def _averaged(deviation: Reals, span_h: float) -> Reals:
+    """Return the running mean of deviations, with weights that fall off by e in each span.
+
+    All days are gone through side by side; what is left of the day before is added then.
+    """
+    keep = math.exp(-STEP_H / span_h)
+    days = -(-len(deviation) // STEPS_A_DAY)
+    padded = np.zeros(days * STEPS_A_DAY)
+    padded[: len(deviation)] = deviation
+    found: Reals = (1 - keep) * padded.reshape(days, STEPS_A_DAY)
+    for step in range(1, STEPS_A_DAY):
+        found[:, step] += keep * found[:, step - 1]
+    fading = keep ** np.arange(1, STEPS_A_DAY + 1)
+    for day in range(1, days):
+        found[day] += found[day - 1, -1] * fading
+    return np.ravel(found)[: len(deviation)]
+
+
+def _between(weights: Reals, ahead_h: Reals) -> Reals:
+    """Return (n, spans + 1): the weights of times between those that were fitted."""
+    knots = np.concatenate([[0.0], AHEAD_H, [2 * AHEAD_H[-1]]])
+    nothing = np.zeros_like(weights[:, :1])
+    padded = np.concatenate([nothing, weights, nothing, nothing], axis=1)
+    before = np.clip(np.searchsorted(knots, ahead_h, "right") - 1, 0, len(knots) - 1)
+    width = np.append(np.diff(knots), np.inf)[before]
+    share = ((ahead_h - knots[before]) / width)[:, None]
+    row = np.arange(len(weights))
+    found: Reals = (1 - share) * padded[row, before] + share * padded[row, before + 1]
+    return found
+
+
+def _sum_by_day(of_steps: Reals, day: NDArray[np.int64], into: Reals) -> None:
+    """Add up, in hours, what belongs to each day; days ascend."""
+    firsts = np.flatnonzero(np.diff(day, prepend=-1))
+    into[day[firsts]] += STEP_H * np.add.reduceat(of_steps, firsts, axis=0)

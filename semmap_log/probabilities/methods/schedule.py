@@ -1,0 +1,152 @@
+"""`schedule`: how the door is at that hour of that weekday, as far as the days so far tell.
+
+Learnt anew at each local midnight, it uses nothing of today. It is what every other estimator
+tends to as the moment that it foretells moves away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId
+from semmap_log.probabilities.evidence.day_tables import DayTables, day_tables
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.forecast import Forecast, Probabilities
+from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, LocalClock
+from semmap_log.probabilities.methods.averaging import lead_of, weights
+from semmap_log.probabilities.methods.habits import DAYS_IN_WEEK, PRIOR_P, habits
+
+Times = NDArray[np.int64]
+Table = NDArray[np.float64]
+
+LEAST_H = 3.0
+"""Known hours at that time of day, an hour more or less: with fewer the schedule is UNKNOWN.
+
+One whole day makes them; of a robot's rounds, a few at that time (a visit counts for what its
+sensor can tell, 0.64 h at an accuracy of 0.9)."""
+
+
+class Expected(NamedTuple):
+    """What a schedule says: the arguments of `Forecast.around`."""
+
+    p_open: Probabilities
+    variance: Probabilities
+    is_known: NDArray[np.bool_]
+    effective_days: Probabilities
+
+
+class DoorSchedule:
+    """What was learnt about one door, as each midnight knew it."""
+
+    def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
+        self._clock = clock
+        until_ns = np.array([evidence.until_ns], np.int64)
+        tables = day_tables(evidence, clock).before(int(clock.hour_of(until_ns)[0]) // 24)
+        tells = np.flatnonzero(tables.known_h.any(1)) + 1
+        tables = tables.before(tables.first_day + int(tells.max(initial=0)))
+        self._first_day = tables.first_day
+        self._told = np.zeros(len(tables) + 1, np.int64)
+        """(rows,): the row of the last day that tells something; through a gap nothing is learnt,
+        and what is known grows old."""
+        self._told[tells] = tells
+        np.maximum.accumulate(self._told, out=self._told)
+        self._seen_h = _seen_h(tables)
+        if not len(tables):
+            return
+        by_table = habits(tables)
+        worth = weights(by_table, tables)
+        self._p_open: Table = np.einsum("rlt,rtwh->rlwh", worth, by_table.p_open)
+        """(rows, leads, 7, 24)."""
+        self._days: Table = np.einsum("rlt,rtwh->rlwh", worth, by_table.days)
+        spread = np.einsum("rlt,rtwh->rlwh", worth, by_table.p_open**2) - self._p_open**2
+        by_chance = self._p_open * (1 - self._p_open) / (self._days + 1)
+        self._variance: Table = by_chance + np.maximum(spread, 0)
+
+    def p_open(self, times_ns: Times, known_ns: Times) -> Probabilities:
+        """Return P(open) alone: see `Learnt.predict`."""
+        if not len(self._seen_h):
+            return np.full(len(times_ns), PRIOR_P)
+        return self._between_hours(self._p_open, times_ns, known_ns)
+
+    def expect(self, times_ns: Times, known_ns: Times) -> Expected:
+        """Return P(open) with what it is based on: see `Learnt.predict`."""
+        if not len(self._seen_h):
+            nothing = np.zeros(len(times_ns))
+            return Expected(nothing + PRIOR_P, nothing + PRIOR_P**2, nothing > 0, nothing)
+        row, _, _, hour = self._places(self._clock.wall_s(times_ns), known_ns)
+        return Expected(
+            self._between_hours(self._p_open, times_ns, known_ns),
+            self._between_hours(self._variance, times_ns, known_ns),
+            is_known=self._seen_h[row, hour] >= LEAST_H,
+            effective_days=self._between_hours(self._days, times_ns, known_ns),
+        )
+
+    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return forecasts: see `Learnt.predict`."""
+        return Forecast.around(*self.expect(times_ns, known_ns))
+
+    def _between_hours(self, table: Table, times_ns: Times, known_ns: Times) -> Table:
+        """Return a table's values, from the middle of one hour to that of the next in a line."""
+        wall_s = self._clock.wall_s(times_ns)
+        from_middle = wall_s % HOUR_S / HOUR_S - 0.5
+        beside = wall_s + np.where(from_middle < 0, -HOUR_S, HOUR_S)
+        here, there = (table[self._places(at, known_ns)] for at in (wall_s, beside))
+        found: Table = here + np.abs(from_middle) * (there - here)
+        return found
+
+    def _places(
+        self, wall_s: Table, known_ns: Times
+    ) -> tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
+        """Return (row, lead, weekday, hour) of local times, with what the last midnight knew."""
+        known_day = self._clock.hour_of(known_ns) // 24
+        row = self._told[np.clip(known_day - self._first_day, 0, len(self._told) - 1)]
+        day = (wall_s // DAY_S).astype(np.int64)
+        lead = lead_of(np.maximum(day - (self._first_day + row), 0))
+        return row, lead, day % DAYS_IN_WEEK, (wall_s % DAY_S // HOUR_S).astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class LearntSchedule:
+    """What was learnt about all doors; each when it is first asked for."""
+
+    evidence: Mapping[DoorId, DoorEvidence]
+    clock: LocalClock
+    _doors: dict[DoorId, DoorSchedule] = field(default_factory=dict)
+
+    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+        """Return how likely the door is open: see `Learnt`."""
+        if door_id not in self.evidence:
+            return nothing_known(len(times_ns))
+        if door_id not in self._doors:
+            self._doors[door_id] = DoorSchedule(self.evidence[door_id], self.clock)
+        return self._doors[door_id].predict(times_ns, known_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """The estimator."""
+
+    name: str = "schedule"
+
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntSchedule:
+        """Return what the evidence teaches."""
+        return LearntSchedule(evidence, clock)
+
+
+def nothing_known(count: int) -> Forecast:
+    """Return forecasts of a door of which nothing is known."""
+    p_open = np.full(count, PRIOR_P)
+    return Forecast.around(p_open, np.full(count, PRIOR_P**2), np.zeros(count, np.bool_))
+
+
+def _seen_h(tables: DayTables) -> Table:
+    """Return (rows, 24): hours known at that time of day by each midnight, an hour more or less."""
+    if not len(tables):
+        return np.zeros((0, 24))
+    beside = sum(np.roll(tables.known_h, shift, axis=1) for shift in (-1, 0, 1))
+    return np.concatenate([np.zeros((1, 24)), np.cumsum(beside, axis=0)])

@@ -1,0 +1,41 @@
+"""Products of matrices in blocks are those of one after another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from semmap_log.probabilities.chain.scan import states
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 16, 17, 1000])
+def test_blocks_give_what_a_loop_gives(count: int) -> None:
+    """
+    Whatever the number of matrices: also where it fills no whole blocks.
+    """
+    rng = np.random.default_rng(count)
+    matrices = rng.random((2, 2, count)) ** 8  # some nearly singular
+    first = np.array([0.3, 0.7])
+    expected = np.empty((2, count))
+    vector = first
+    for i in range(count):
+        vector = matrices[:, :, i] @ vector
+        vector = vector / vector.sum()
+        expected[:, i] = vector
+
+    found = states(matrices, first)
+
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_products_of_very_many_stay_finite() -> None:
+    """
+    A hundred thousand steps that each shrink the weight a thousandfold do not underflow.
+    """
+    matrices = np.full((2, 2, 100_000), 1e-3)
+    matrices[0, 0] = 2e-3
+
+    found = states(matrices, np.array([0.5, 0.5]))
+
+    np.testing.assert_allclose(found.sum(0), 1.0)
+    assert np.isfinite(found).all()
