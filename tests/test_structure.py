@@ -139,7 +139,7 @@ PROBABILITIES_ORDER = [
     {"estimators"},
     {"belief_fold"},
 ]
-"""The rooms and files inside `probabilities`, in the order in which they are built on each other."""
+"""What is inside `probabilities`, in the order in which it is built on each other."""
 
 
 @pytest.mark.parametrize(

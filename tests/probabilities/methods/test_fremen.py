@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.methods import fremen
 from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.methods import fremen
 from semmap_log.probabilities.methods.fremen import OMEGA, PERIODS_S, Fremen
 from tests.probabilities.known import DOOR, evidence, hours_ns, random_stretches
 
