@@ -61,7 +61,7 @@ def test_the_table_fits_a_terminal_and_marks_the_best(
     assert "constant          0.1111" in out
     assert "front" in out
     assert "2 doors, 17,280 samples after the first 70%; mean over doors, * best" in out
-    assert "known: all up to the midnight before each" in out
+    assert "known at each forecast: all up to the midnight before it" in out
     assert 0 < out.count("*")
 
 
