@@ -161,7 +161,7 @@ def test_the_plot_is_a_picture(lab: Path, capsys: pytest.CaptureFixture[str]) ->
     assert b"\x89PNG" == Path("c.png").read_bytes()[:4]
     drawn = Path("c.svg").read_text(encoding="utf-8")
     assert "hour_of_week" in drawn
-    assert "lab: all up to the split" in drawn
+    assert "Forecast, and what came: lab, 2 doors" in drawn
     assert "17k" in drawn
     assert "c.svg: the reliability diagram." in capsys.readouterr().err
 
