@@ -91,4 +91,5 @@ def _notes(beliefs: Sequence[DoorBelief], tz: str) -> list[str]:
     for reason, unknown in reasons.items():
         notes.append(f"UNKNOWN, {reason}: {named([belief.door for belief in unknown])}")
     unseen = never_seen_lines((belief.door, belief.evidence) for belief in beliefs)
-    return [*notes, *unseen, *[CARRIED_OVER] * bool(unseen)]
+    carried_over = unseen and any(belief.is_known for belief in beliefs)
+    return [*notes, *unseen, *[CARRIED_OVER] * bool(carried_over)]
