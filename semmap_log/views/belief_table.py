@@ -35,7 +35,8 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
     if not beliefs:
         return Text("No door is in the map then.")
     named_doors = any(belief.door.name for belief in beliefs)
-    levels = len({belief.level_name for belief in beliefs}) > 1
+    levels = not all(_names_its_level(belief) for belief in beliefs)
+    levels = levels and len({belief.level_name for belief in beliefs}) > 1
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("id", justify="right")
     if named_doors:
@@ -43,7 +44,7 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
     if levels:
         table.add_column("level", overflow="fold", max_width=8)
     table.add_column("P(open)", no_wrap=True)
-    for head in ("P\n(closed)", "days\nseen", "events", "visits", "last\nseen", "hours\nunseen"):
+    for head in ("P of\nclosed", "days\nseen", "events", "visits", "last\nseen", "hours\nunseen"):
         table.add_column(head, justify="right", no_wrap=True)
     for belief in beliefs:
         table.add_row(
@@ -54,6 +55,10 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
             *_evidence(belief),
         )
     return Group(table, *(Text(line, style="dim") for line in _notes(beliefs, tz)))
+
+
+def _names_its_level(belief: DoorBelief) -> bool:
+    return bool(belief.level_name) and belief.door.name.startswith(belief.level_name)
 
 
 def _numbers(belief: DoorBelief) -> tuple[Text, str]:
