@@ -58,7 +58,7 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
 
 
 def _names_its_level(belief: DoorBelief) -> bool:
-    return bool(belief.level_name) and belief.door.name.startswith(belief.level_name)
+    return bool(belief.level_name) and (belief.door.name or "").startswith(belief.level_name)
 
 
 def _numbers(belief: DoorBelief) -> tuple[Text, str]:
