@@ -6,7 +6,7 @@ alone. The week is as known at the recording's end.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from semmap_log.beliefs.beliefs import LATER, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.probabilities.methods.by_door import MOST_DOORS
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_rows import Points, curve, times_of_curve
 from semmap_log.views.rerun.door_rows import NEVER
@@ -56,23 +57,39 @@ def beliefs_to_show(
     now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
     doors = [door for door in scene.liveliest() if chosen is None or door.door_id in chosen]
     drawn = doors if chosen is not None else doors[:MOST_CURVES]
-    _learn_together(now, drawn, scene)
-    curves = {door.door_id: points_of(now.beliefs, door, scene) for door in drawn}
-    curves = {door_id: points for door_id, points in curves.items() if len(points)}
+    curves = dict(_curves(now, drawn, scene))
     habits = now.by(LATER).as_of(scene.end.folds_ns)  # what happens later is not known there
     here = [door for door in habits.doors if door.door_id in scene.doors]
     weeks = [week for week in (typical_week(habits, door) for door in here) if week.is_known]
     return BeliefsShown(curves, weeks) if curves or weeks else None
 
 
-def _learn_together(now: Asked, doors: Sequence[SceneDoor], scene: Scene) -> None:
-    """Learn of all doors at once, as of each day: much quicker than door by door."""
-    begin_ns, end_ns = scene.begin.folds_ns, scene.end.folds_ns
-    now.beliefs.learnt(max(end_ns, now.known_ns))  # once, and not anew for each of the days
-    first, last = (now.clock.hour_of(np.array([begin_ns, end_ns])) // 24).tolist()
-    midnights_ns = now.clock.midnights_ns(np.arange(first, last + 1)).tolist()
-    for known_ns in (begin_ns, *midnights_ns[1:]):
-        now.beliefs.prepare([door.door_id for door in doors], known_ns)
+def _curves(
+    now: Asked, doors: Sequence[SceneDoor], scene: Scene
+) -> Iterator[tuple[DoorId, Points]]:
+    """Yield the curves of doors of which enough was known at some time.
+
+    Some doors are learnt of together, as of each day: that is much quicker than door by door; no
+    more of them than are kept.
+    """
+    now.beliefs.learnt(max(scene.end.folds_ns, now.known_ns))  # once for all days
+    days_ns = [scene.begin.folds_ns, *_midnights_ns(now, scene)]
+    for first in range(0, len(doors), MOST_DOORS):
+        together = doors[first : first + MOST_DOORS]
+        for known_ns in days_ns:
+            now.beliefs.prepare([door.door_id for door in together], known_ns)
+        for door in together:
+            points = points_of(now.beliefs, door, scene)
+            if len(points):
+                yield door.door_id, points
+
+
+def _midnights_ns(now: Asked, scene: Scene) -> list[int]:
+    """Return the local midnights within a recording."""
+    ends_ns = np.array([scene.begin.folds_ns, scene.end.folds_ns])
+    first, last = (now.clock.hour_of(ends_ns) // 24).tolist()
+    found: list[int] = now.clock.midnights_ns(np.arange(first + 1, last + 1)).tolist()
+    return found
 
 
 def belief_path(door: SceneDoor) -> EntityPath:
