@@ -166,9 +166,10 @@ class DoorFilter:
 
     def _made(self, number: int, forgetting: Forgetting) -> _Epoch:
         """Return an epoch of such rates: what is believed of what is seen in it."""
-        run_up_ns = self._midnight_ns(_learnt_on(number) - RUN_UP_D)
+        # One look more: also who asks for what was known before the first sighting finds one.
+        run_up_ns = self._midnight_ns(_learnt_on(number) - RUN_UP_D) - LOOK_NS
         until_ns = min(self._midnight_ns(_learnt_on(number + 1)), self._evidence.until_ns)
-        seen = looks(self._evidence, self._clock, run_up_ns, until_ns)
+        seen = looks(self._evidence, self._clock, run_up_ns, max(run_up_ns, until_ns))
         return self._believed(seen, forgetting)
 
     def _midnight_ns(self, day: int) -> int:
