@@ -188,10 +188,12 @@ class DoorFilter:
         before = self.schedule.p_open(before_ns, times_ns)
         kept = forgetting.kept(before_ns, times_ns, self._clock)
         kept[:1] = 0.0
-        from_closed = np.clip(here - before * kept, LEAST, MOST)
-        from_open = np.clip(here + (1 - before) * kept, from_closed, MOST)
+        # A surprise stays possible, by the half hour: looks in a row leave no room for a hundred.
+        least = LEAST * np.minimum((times_ns - before_ns) / LOOK_NS, 1.0)
+        from_closed = np.clip(here - before * kept, least, 1 - least)
+        from_open = np.clip(here + (1 - before) * kept, from_closed, 1 - least)
         after, foretold = filtered(Steps(from_closed, from_open), seen.llr)
-        moved = after * (1 - after) / (foretold * (1 - foretold))
+        moved = after * (1 - after) / np.maximum(foretold * (1 - foretold), _CERTAIN)
         return _Epoch(forgetting, seen, after, _carried(moved * kept, moved * (1 - kept), variance))
 
     def _epoch_of(self, known_ns: Times) -> NDArray[np.intp]:
@@ -264,6 +266,8 @@ class Filter:
 
 _NEVER = 0
 """Of times: nanoseconds since 1970."""
+_CERTAIN = 1e-12
+"""Of a variance: whoever sees a door for sure, again and again at once, leaves none."""
 
 
 def _carried(of_before: Reals, of_schedule: Reals, variance: Reals) -> Reals:
