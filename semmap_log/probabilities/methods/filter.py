@@ -123,9 +123,11 @@ class DoorFilter:
         forgetting = self._epoch(int(self._epoch_of(known_ns[:1])[0])).forgetting
         here = self.predict(known_ns[:1], known_ns[:1]).p_open[0]
         expected = self.schedule.p_open(steps_ns, known_ns)
-        rate = forgetting.rates.relaxation[self._clock.hour_of(steps_ns) % 24]
-        rate = rate * (expected if until_open else 1 - expected)
         step_s = LOOK_NS / SECOND_NS
+        # What changes faster than it is looked at may do so at any pace: looks do not tell which.
+        relaxation = np.minimum(forgetting.rates.relaxation, 1 / step_s)
+        rate = relaxation[self._clock.hour_of(steps_ns) % 24]
+        rate = rate * (expected if until_open else 1 - expected)
         left = np.exp(-np.append(0.0, np.cumsum(rate * step_s)))
         waited_s = float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
         return float(1 - here if until_open else here) * waited_s
