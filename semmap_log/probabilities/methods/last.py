@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import Forecast, Probabilities
+from semmap_log.probabilities.forecast import LEAST, MOST, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.habits import PRIOR_P
 from semmap_log.probabilities.methods.schedule import nothing_known
@@ -31,7 +31,9 @@ class LearntLast:
         said_ns, said = _said(self._evidence[door_id])
         place = np.searchsorted(said_ns, np.minimum(times_ns, known_ns), "right")
         p_open = np.append(PRIOR_P, said)[place]
-        return Forecast.of(p_open, p_open, p_open, is_known=place > 0)
+        is_known = place > 0
+        low, high = np.where(is_known, p_open, LEAST), np.where(is_known, p_open, MOST)
+        return Forecast.of(p_open, low, high, is_known)
 
 
 @dataclass(frozen=True, slots=True)
