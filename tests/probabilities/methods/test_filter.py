@@ -127,6 +127,29 @@ def test_far_ahead_it_is_the_schedule(state: bool) -> None:
     np.testing.assert_allclose(left[5:], 0, atol=0.02)
 
 
+def test_a_door_that_is_as_ever_is_expected_to_be_as_ever() -> None:
+    """
+    Open from eight on each day, and seen open at nine: that is no news for the evening. In the
+    evening it is: then a door that is still open is likelier so an hour later.
+    """
+    days = [put(state, day * D + hour * H)
+            for day in range(28) for state, hour in (("closed", 18.0), ("open", 32.0))]  # fmt: skip
+    usual, unusual = 30 * D + 9 * H, 29 * D + 20 * H
+    told = told_of(added(), *days, put("unknown", 28 * D + 20 * H), seen("open", unusual),
+                   seen("open", usual))  # fmt: skip
+    asked, known = ([ns_of(second) for second in seconds] for seconds in (
+        (30 * D + 21 * H, 29 * D + 21 * H), (usual, unusual)))  # fmt: skip
+
+    by_filter, by_schedule = (
+        Beliefs(by_name(name), UTC, told).predict(DOOR, np.array(asked), np.array(known)).p_open
+        for name in ("filter", "schedule")
+    )
+
+    assert by_schedule.max() < 0.3
+    assert by_filter[0] - by_schedule[0] < 0.02
+    assert by_filter[1] - by_schedule[1] > 0.05
+
+
 def test_an_outage_is_not_as_before() -> None:
     """
     Open when the contact failed: an hour later less surely, a week later as on any such day.

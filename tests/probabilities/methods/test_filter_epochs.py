@@ -58,6 +58,19 @@ def test_before_the_first_sighting_nothing_is_known(known_h: float) -> None:
     assert not found.is_known.any()
 
 
+@pytest.mark.parametrize("patrolled", [False, True])
+def test_a_forecast_of_a_time_knows_nothing_later_than_that(*, patrolled: bool) -> None:
+    """
+    Asked with hindsight what was likely then, it says what it said then.
+    """
+    learnt = DoorFilter(a_door(7, patrolled=patrolled), UTC)
+    times_ns = hours_ns(24 * 31 + np.arange(0, 10, 0.7))
+
+    found = learnt.predict(times_ns, times_ns + int(5 * 3.6e12))
+
+    np.testing.assert_allclose(found.p_open, learnt.predict(times_ns, times_ns).p_open, atol=1e-12)
+
+
 @pytest.mark.parametrize("known_d", [60.0, 75.0, 103.0, 2000.0])
 def test_long_after_the_evidence_ends_it_is_the_schedule(known_d: float) -> None:
     """
