@@ -15,6 +15,7 @@ from semmap_log.beliefs.typical_week import WEEK_HOURS, Pattern, first_hour, typ
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
 from semmap_log.log.reading.passage import Progress
+from semmap_log.probabilities.estimator import Waiting
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.probabilities.local_clock import HOUR_S
 
@@ -119,10 +120,10 @@ def best_time(
 
 def _wait_s(asked: Asked, now: DoorBelief, state: State) -> float | None:
     """Return the expected wait, if the estimator follows the door's state over time."""
-    wait = getattr(asked.beliefs.learnt(asked.known_ns), "wait_s", None)
-    if wait is None or not now.is_known:
+    learnt = asked.beliefs.learnt(asked.known_ns)
+    if not isinstance(learnt, Waiting) or not now.is_known:
         return None
-    seconds = float(wait(now.door.door_id, asked.known_ns, until_open=state == "open"))
+    seconds = learnt.wait_s(now.door.door_id, asked.known_ns, until_open=state == "open")
     return seconds if math.isfinite(seconds) else None
 
 

@@ -42,6 +42,27 @@ class Preparing(Protocol):
         """Work out what forecasts of these doors need that know so much; it changes none."""
 
 
+@runtime_checkable
+class GoingOn(Protocol):
+    """What was learnt, where some of it holds when evidence comes in: what is older than that."""
+
+    def gone_on(self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int) -> Learnt:
+        """Return what more evidence teaches: the same as if it were learnt from the beginning.
+
+        Args:
+            evidence: All of it.
+            unmoved_until_ns: Up to then it is what it was: a late word sets that back.
+        """
+
+
+@runtime_checkable
+class Waiting(Protocol):
+    """What was learnt, where it follows a door's state over time."""
+
+    def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
+        """Return the expected wait until a door is open, or closed, in seconds; NaN: not known."""
+
+
 class Estimator(Protocol):
     """A method; its settings are its fields, and the same evidence gives the same forecasts."""
 

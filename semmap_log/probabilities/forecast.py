@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Probabilities = NDArray[np.float64]
 
+PRIOR_P = 0.5
+"""P(open) of a door of which nothing is known."""
 LEAST, MOST = 0.001, 0.999
 """No forecast is surer than that: a log-loss stays finite, and a surprise possible."""
 INTERVAL = 0.9
@@ -17,6 +19,8 @@ INTERVAL = 0.9
 _Z = 1.6449
 """Standard deviations to each end of `INTERVAL` of a normal."""
 _LEAST_VARIANCE = 1e-9
+_FEWEST = 1e-6
+"""Days that count as none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +55,33 @@ class Forecast:
         return cls(p_open, low, high, is_known, days)
 
     @classmethod
+    def of_nothing(cls, count: int) -> Forecast:
+        """Return forecasts of a door of which nothing is known."""
+        p_open = np.full(count, PRIOR_P)
+        return cls.around(p_open, p_open**2, np.zeros(count, np.bool_))
+
+    @classmethod
+    def of_share(
+        cls,
+        share: Probabilities,
+        days: Probabilities,
+        is_known: NDArray[np.bool_],
+    ) -> Forecast:
+        """Return shares of the time in which a door was open, with Wilson's interval.
+
+        Args:
+            share: (n,).
+            days: (n,), in how many the share was seen: minutes of one day do not prove each other.
+            is_known: (n,), False: nothing is known, whatever `share` says.
+        """
+        p_open = np.where(is_known, share, PRIOR_P)
+        low, high = _wilson(p_open, 1.0 / np.maximum(days, _FEWEST))
+        nothing = ~is_known
+        return cls.of(
+            p_open, np.where(nothing, LEAST, low), np.where(nothing, MOST, high), is_known, days
+        )
+
+    @classmethod
     def around(
         cls,
         p_open: Probabilities,
@@ -60,8 +91,7 @@ class Forecast:
     ) -> Forecast:
         """Return a forecast with an interval for P(open) being known with that variance.
 
-        It is Wilson's score interval (J. Am. Stat. Assoc. 22, 1927) of as many observations as give
-        a share of that variance: wide beside 0 and 1, too, where few were made.
+        It is Wilson's, of as many observations as give a share of that variance.
 
         Args:
             p_open: (n,).
@@ -73,10 +103,7 @@ class Forecast:
         most = p_open * (1.0 - p_open)
         # 1 / n; a share of n observations has the variance p (1 - p) / (n + 1), by Laplace's rule.
         few = variance / np.maximum(most - variance, _LEAST_VARIANCE)
-        middle = p_open + 0.5 * _Z**2 * few
-        reach = _Z * np.sqrt(most * few + (0.5 * _Z * few) ** 2)
-        wider = 1.0 + _Z**2 * few
-        low, high = (middle - reach) / wider, (middle + reach) / wider
+        low, high = _wilson(p_open, few)
         return cls.of(p_open, low, high, is_known, effective_days)
 
     def __len__(self) -> int:
@@ -86,3 +113,18 @@ class Forecast:
     def p_closed(self) -> Probabilities:
         """(n,), 1 - P(open): a door in between counts as neither, and is no evidence."""
         return 1.0 - self.p_open
+
+
+def _wilson(share: Probabilities, few: Probabilities) -> tuple[Probabilities, Probabilities]:
+    """Return both ends of Wilson's score interval: wide beside 0 and 1, too, where little was seen.
+
+    E. B. Wilson, J. Am. Stat. Assoc. 22, 1927.
+
+    Args:
+        share: (n,), that was seen.
+        few: (n,), 1 / of how many observations.
+    """
+    middle = share + 0.5 * _Z**2 * few
+    reach = _Z * np.sqrt(share * (1.0 - share) * few + (0.5 * _Z * few) ** 2)
+    wider = 1.0 + _Z**2 * few
+    return (middle - reach) / wider, (middle + reach) / wider

@@ -96,8 +96,8 @@ CHAINS = (
 )  # fmt: skip
 
 TABLES_OF_HABITS = (
-    _put("a door that nobody knows is at one half", "methods/habits.py",
-         "PRIOR_P, PRIOR_DAYS = 0.5, 0.1", "PRIOR_P, PRIOR_DAYS = 0.3, 0.1", HABITS, ALL),
+    _put("a door that nobody knows is at one half", "forecast.py",
+         "PRIOR_P = 0.5", "PRIOR_P = 0.3", HABITS, ALL),
     _put("weight of coarser tables", "methods/habits.py",
          "HOUR_DAYS, WEEK_DAYS = 2.0, 4.0", "HOUR_DAYS, WEEK_DAYS = 2.0, 2.0", HABITS),
     _put("weight of hours beside", "methods/habits.py",
@@ -135,7 +135,7 @@ METHODS = (
          "looks(self._evidence, self._clock, back_ns, self._evidence.until_ns)", EPOCHS),
     _put("a look before the first sighting", "methods/filter.py",
          "RUN_UP_D) - LOOK_NS", "RUN_UP_D)", EPOCHS),
-    _put("looks in a row wear nothing out", "methods/filter.py",
+    _put("looks in a row wear nothing out", "methods/epoch.py",
          "LEAST * np.minimum((times_ns - before_ns) / LOOK_NS, 1.0)", "LEAST", FILTER),
     _put("a deviation is from the schedule of its time", "methods/filter.py",
          "self.schedule.p_open(belief.told_ns, known)", "self.schedule.p_open(times, known)",
@@ -163,6 +163,8 @@ METHODS = (
          "np.where(is_known, p_open, LEAST)", "p_open", ALL),
     _put("an interval around its probability", "forecast.py",
          "np.clip(low, LEAST, p_open), np.clip(high, p_open, MOST)", "low, high", ALL),
+    _put("rates that a late word moves are learnt anew", "methods/filter.py",
+         " if at_ns <= unmoved_until_ns}", "}", FOLD),
     _put("late words are learnt", "belief_fold.py", "words == len(self.evidence) and ", "", FOLD),
 )  # fmt: skip
 

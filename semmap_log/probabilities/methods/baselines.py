@@ -6,7 +6,7 @@ They take what was read for true, know of no sensor's errors, and count all days
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +14,11 @@ from numpy.typing import NDArray
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.samples import KnownTime
-from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
+from semmap_log.probabilities.forecast import PRIOR_P, Forecast
 from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
+from semmap_log.probabilities.methods.by_door import LearntByDoor
 
 Times = NDArray[np.int64]
-
-HALF = 0.5
-"""P(open) of a door of which nothing is known."""
-Z = 1.6449
-"""Standard deviations on each side of the normal interval that holds `forecast.INTERVAL`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +32,11 @@ class HourTable:
     period_s: int
     """The table has an entry for each hour of it."""
 
-    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntHours:
+    def learn(
+        self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
+    ) -> LearntByDoor[DoorHours]:
         """Return the tables of all doors; each is made when it is asked for."""
-        return LearntHours(evidence, clock, self.period_s)
+        return LearntByDoor(evidence, lambda door: DoorHours(door, clock, self.period_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +45,11 @@ class Constant:
 
     name: str = "constant"
 
-    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntHours:
+    def learn(
+        self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
+    ) -> LearntByDoor[DoorHours]:
         """Return the shares of all doors."""
-        return LearntHours(evidence, clock, None)
+        return LearntByDoor(evidence, lambda door: DoorHours(door, clock, None))
 
 
 CONSTANT = Constant()
@@ -57,31 +57,30 @@ HOUR_OF_DAY = HourTable("hour_of_day", DAY_S)
 HOUR_OF_WEEK = HourTable("hour_of_week", WEEK_S)
 
 
-@dataclass
-class LearntHours:
-    """Tables by hour, as they were at any time: what was known by then is their content."""
+class DoorHours:
+    """A table by hour, as it was at any time: what was known by then is its content."""
 
-    evidence: Mapping[DoorId, DoorEvidence]
-    clock: LocalClock
-    period_s: int | None
-    """None: only the share of all hours."""
-    _tables: dict[DoorId, _Table] = field(default_factory=dict)
+    def __init__(self, evidence: DoorEvidence, clock: LocalClock, period_s: int | None) -> None:
+        """Take a door.
 
-    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+        Args:
+            evidence: Of the door.
+            clock: Whose hours.
+            period_s: None: only the share of all hours.
+        """
+        self._period_s = period_s
+        self._table = _Table(KnownTime.of(evidence), clock, period_s)
+
+    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return the share of the known time up to `known_ns` that the door was open."""
-        known = self.evidence.get(door_id)
-        if known is None:
-            return nothing_known(len(times_ns))
-        if door_id not in self._tables:
-            self._tables[door_id] = _Table(KnownTime.of(known), self.clock, self.period_s)
-        table = self._tables[door_id]
-        open_s, all_s = table.time.until(known_ns)
+        open_s, all_s = self._table.time.until(known_ns)
+        is_known = all_s > 0
         p, counted_s = _share(open_s, all_s), all_s
-        if self.period_s is not None:
-            open_s, all_s = table.in_hour(times_ns, known_ns)
+        if self._period_s is not None:
+            open_s, all_s = self._table.in_hour(times_ns, known_ns)
             p, counted_s = np.where(all_s > 0, _share(open_s, all_s), p), all_s
-        days = counted_s / (HOUR_S if self.period_s else DAY_S)
-        return with_interval(p, days, is_known=table.time.until(known_ns)[1] > 0)
+        days = counted_s / (HOUR_S if self._period_s else DAY_S)
+        return Forecast.of_share(p, days, is_known)
 
 
 class _Table:
@@ -124,34 +123,7 @@ class _Table:
         return open_s + open_now, all_s + all_now
 
 
-def nothing_known(count: int) -> Forecast:
-    """Return forecasts of a door of which there is no evidence."""
-    none = np.zeros(count)
-    return Forecast.of(none + HALF, none + LEAST, none + MOST, np.zeros(count, np.bool_))
-
-
-def with_interval(
-    p: NDArray[np.float64], days: NDArray[np.float64], *, is_known: NDArray[np.bool_]
-) -> Forecast:
-    """Return shares with Wilson's interval (1927) of as many trials as there are days.
-
-    Args:
-        p: (n,), share of the time that the door was open.
-        days: (n,), in how many the share was seen: minutes of one day are no proofs of each other.
-        is_known: (n,), False: nothing is known, whatever `p` says.
-    """
-    z2 = Z**2
-    middle = (p * days + z2 / 2) / (days + z2)
-    half = Z * np.sqrt(np.maximum(p * (1 - p) * days, 0) + z2 / 4) / (days + z2)
-    return Forecast.of(
-        np.where(is_known, p, HALF),
-        np.where(is_known, middle - half, LEAST),
-        np.where(is_known, middle + half, MOST),
-        is_known,
-    )
-
-
 def _share(open_s: NDArray[np.float64], all_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    share = np.full(len(all_s), HALF)
+    share = np.full(len(all_s), PRIOR_P)
     np.divide(open_s, all_s, out=share, where=all_s > 0)
     return share

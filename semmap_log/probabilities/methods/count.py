@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from semmap_log.doors import DoorId
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
+from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
-from semmap_log.probabilities.methods.habits import PRIOR_DAYS, PRIOR_P
-from semmap_log.probabilities.methods.schedule import LEAST_H, nothing_known
+from semmap_log.probabilities.methods.by_door import LearntByDoor
+from semmap_log.probabilities.methods.habits import PRIOR_DAYS
+from semmap_log.probabilities.methods.schedule import LEAST_H
 
 Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
@@ -56,32 +57,17 @@ class DoorCount:
         return Forecast.around(p_open, variance, known_h >= LEAST_H, days)
 
 
-class LearntCount:
-    """What was counted of all doors; each when it is first asked for."""
-
-    def __init__(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> None:
-        self._evidence = evidence
-        self._clock = clock
-        self._doors: dict[DoorId, DoorCount] = {}
-
-    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return how likely the door is open: see `Learnt`."""
-        if door_id not in self._evidence:
-            return nothing_known(len(times_ns))
-        if door_id not in self._doors:
-            self._doors[door_id] = DoorCount(self._evidence[door_id], self._clock)
-        return self._doors[door_id].predict(times_ns, known_ns)
-
-
 @dataclass(frozen=True, slots=True)
 class Count:
     """The estimator."""
 
     name: str = "count"
 
-    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntCount:
+    def learn(
+        self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
+    ) -> LearntByDoor[DoorCount]:
         """Return what the evidence teaches."""
-        return LearntCount(evidence, clock)
+        return LearntByDoor(evidence, lambda of_door: DoorCount(of_door, clock))
 
 
 def _covered_h(start_ns: Times, end_ns: Times, until_ns: Times) -> Reals:

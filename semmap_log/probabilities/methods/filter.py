@@ -7,24 +7,26 @@ toward how the door is at such hours, at rates learnt from the door's own past, 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.moments import SECOND_NS
-from semmap_log.probabilities.chain.chain import Steps, filtered
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of
 from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, looks
-from semmap_log.probabilities.chain.scan import states
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
 from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.methods.by_door import LearntByDoor
+from semmap_log.probabilities.methods.epoch import NEVER, Belief, Epoch, believed
 from semmap_log.probabilities.methods.memory import Memory
-from semmap_log.probabilities.methods.schedule import DoorSchedule, nothing_known
+from semmap_log.probabilities.methods.schedule import DoorSchedule
 
 Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
@@ -42,55 +44,41 @@ FRESH = 0.5
 """The belief counts as known while so much is left of what was seen last."""
 
 
-class _Belief(NamedTuple):
-    """What was believed at some times, since when."""
-
-    p_open: Reals
-    """When it was last told."""
-    spread: Reals
-    """Standard deviation of that: it rests on a schedule that is not known for sure."""
-    told_ns: Times
-    """When that was."""
-    seen_ns: Times
-    """When the door was really seen, at that look or before."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Epoch:
-    """A time with the same rates, and what was believed in it."""
-
-    forgetting: Forgetting
-    looks: Looks
-    believed: Reals
-    """(n,): P(open) after each look."""
-    spread: Reals
-    """(n,): its standard deviation."""
-
-    def belief(self, known_ns: Times) -> _Belief:
-        """Return what the looks up to each time say."""
-        place = np.maximum(np.searchsorted(self.looks.times_ns, known_ns, "right") - 1, 0)
-        sees = np.maximum.accumulate(np.where(self.looks.llr != 0, np.arange(len(self.looks)), -1))
-        seen_ns = np.where(sees >= 0, self.looks.times_ns[sees], _NEVER)
-        told_ns = self.looks.times_ns[place]
-        return _Belief(self.believed[place], self.spread[place], told_ns, seen_ns[place])
+LearntRates = dict[int, Forgetting]
+"""When a door's rates were learnt -> what they do to a belief from then on."""
 
 
 class DoorFilter:
     """What was learnt about one door; each epoch when it is first asked for."""
 
-    def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
+    def __init__(self, evidence: DoorEvidence, clock: LocalClock, rates: LearntRates) -> None:
+        """Take a door.
+
+        Args:
+            evidence: Of the door.
+            clock: Whose days and hours.
+            rates: Those learnt before; what is learnt is added.
+        """
         self._evidence = evidence
         self._clock = clock
-        self.schedule = DoorSchedule(evidence, clock)
+        self._rates = rates
         self._first_day = int(self._days(_first_ns(evidence))[0])
-        self._memory = Memory(evidence, self.schedule, clock)
-        self._epochs: dict[int, _Epoch] = {}
+        self._epochs: dict[int, Epoch] = {}
+
+    @cached_property
+    def schedule(self) -> DoorSchedule:
+        """What the door tends to."""
+        return DoorSchedule(self._evidence, self._clock)
+
+    @cached_property
+    def _memory(self) -> Memory:
+        return Memory(self._evidence, self.schedule, self._clock)
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return forecasts: see `Learnt.predict`."""
         known_ns = np.minimum(known_ns, times_ns)
         p_open, variance, is_known, days = self.schedule.expect(times_ns, known_ns)
-        epochs = self._epoch_of(known_ns)
+        epochs = self._epochs_of(known_ns)
         for number in np.unique(epochs).tolist():
             asked = epochs == number
             epoch = self._epoch(number)
@@ -109,7 +97,7 @@ class DoorFilter:
             variance[asked] += (epoch.forgetting.unsure(kept) * deviation) ** 2
             variance[asked] += (kept * belief.spread) ** 2
             fresh = epoch.forgetting.kept(belief.seen_ns, times, self._clock) >= FRESH
-            is_known[asked] |= fresh & (belief.seen_ns > _NEVER)
+            is_known[asked] |= fresh & (belief.seen_ns > NEVER)
         return Forecast.around(p_open, variance, is_known, days)
 
     def wait_s(self, at_ns: int, *, until_open: bool) -> float:
@@ -120,7 +108,7 @@ class DoorFilter:
         """
         steps_ns = at_ns + np.arange(WAIT_D * 48, dtype=np.int64) * LOOK_NS
         known_ns = np.full(len(steps_ns), at_ns)
-        forgetting = self._epoch(int(self._epoch_of(known_ns[:1])[0])).forgetting
+        forgetting = self._epoch(self.epoch_at(at_ns)).forgetting
         here = self.predict(known_ns[:1], known_ns[:1]).p_open[0]
         expected = self.schedule.p_open(steps_ns, known_ns)
         step_s = LOOK_NS / SECOND_NS
@@ -132,73 +120,54 @@ class DoorFilter:
         waited_s = float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
         return float(1 - here if until_open else here) * waited_s
 
-    def _belief(self, epoch: _Epoch, known_ns: Times) -> _Belief:
+    def _belief(self, epoch: Epoch, known_ns: Times) -> Belief:
         """Return what was believed at each time; where the state is known, that."""
         found = epoch.belief(known_ns)
         held, is_open = held_at(self._evidence, known_ns)
         state = np.where(is_open, MOST, LEAST)
-        return _Belief(
+        return Belief(
             np.where(held, state, found.p_open),
             np.where(held, 0.0, found.spread),
             np.where(held, known_ns, found.told_ns),
             np.where(held, known_ns, found.seen_ns),
         )
 
-    def past(self, known_ns: int) -> Looks | None:
-        """Return what the rates in force at a time are learnt from; None: they are learnt."""
-        number = int(self._epoch_of(np.array([known_ns], np.int64))[0])
-        return None if number in self._epochs else self._past(number)
+    def epoch_at(self, known_ns: int) -> int:
+        """Return the number of the epoch that a time lies in."""
+        return int(self._epochs_of(np.array([known_ns], np.int64))[0])
 
-    def learn(self, known_ns: int, forgetting: Forgetting) -> None:
-        """Take the rates in force at a time."""
-        number = int(self._epoch_of(np.array([known_ns], np.int64))[0])
-        self._epochs[number] = self._made(number, forgetting)
+    def learnt_ns(self, number: int) -> int:
+        """Return when an epoch begins, and its rates were learnt."""
+        return self._midnight_ns(_learnt_on(number))
 
-    def _epoch(self, number: int) -> _Epoch:
-        if number not in self._epochs:
-            (forgetting,) = forgettings_of([self._past(number)])
-            self._epochs[number] = self._made(number, forgetting)
-        return self._epochs[number]
-
-    def _past(self, number: int) -> Looks:
-        """Return the looks before an epoch; in the first one there are none."""
-        first_ns = self._midnight_ns(_learnt_on(number))
+    def past(self, number: int) -> Looks:
+        """Return the looks before an epoch, which teach its rates; in the first there are none."""
+        first_ns = self.learnt_ns(number)
         back_ns = self._midnight_ns(_learnt_on(number) - LEARNT_FROM_D)
         return looks(self._evidence.up_to(first_ns - 1), self._clock, back_ns, first_ns - 1)
 
-    def _made(self, number: int, forgetting: Forgetting) -> _Epoch:
+    def _epoch(self, number: int) -> Epoch:
+        if number not in self._epochs:
+            at_ns = self.learnt_ns(number)
+            if at_ns not in self._rates:
+                (self._rates[at_ns],) = forgettings_of([self.past(number)])
+            self._epochs[number] = self._made(number, self._rates[at_ns])
+        return self._epochs[number]
+
+    def _made(self, number: int, forgetting: Forgetting) -> Epoch:
         """Return an epoch of such rates: what is believed of what is seen in it."""
         # One look more: also who asks for what was known before the first sighting finds one.
         run_up_ns = self._midnight_ns(_learnt_on(number) - RUN_UP_D) - LOOK_NS
         until_ns = min(self._midnight_ns(_learnt_on(number + 1)), self._evidence.until_ns)
         seen = looks(self._evidence, self._clock, run_up_ns, max(run_up_ns, until_ns))
-        return self._believed(seen, forgetting)
+        return believed(seen, self.schedule, forgetting, self._clock)
 
     def _midnight_ns(self, day: int) -> int:
         """Return when a day of the door's begins, counted from its first; none is before that."""
         days = np.array([self._first_day + max(day, 0)])
         return int(self._clock.midnights_ns(days)[0])
 
-    def _believed(self, seen: Looks, forgetting: Forgetting) -> _Epoch:
-        """Return what is believed after each look.
-
-        The chain's steps are such that its long run is the schedule, as it was known at the time.
-        """
-        times_ns = seen.times_ns
-        before_ns = np.append(times_ns[:1], times_ns[:-1])
-        here, variance, _, _ = self.schedule.expect(times_ns, times_ns)
-        before = self.schedule.p_open(before_ns, times_ns)
-        kept = forgetting.kept(before_ns, times_ns, self._clock)
-        kept[:1] = 0.0
-        # A surprise stays possible, by the half hour: looks in a row leave no room for a hundred.
-        least = LEAST * np.minimum((times_ns - before_ns) / LOOK_NS, 1.0)
-        from_closed = np.clip(here - before * kept, least, 1 - least)
-        from_open = np.clip(here + (1 - before) * kept, from_closed, 1 - least)
-        after, foretold = filtered(Steps(from_closed, from_open), seen.llr)
-        moved = after * (1 - after) / np.maximum(foretold * (1 - foretold), _CERTAIN)
-        return _Epoch(forgetting, seen, after, _carried(moved * kept, moved * (1 - kept), variance))
-
-    def _epoch_of(self, known_ns: Times) -> NDArray[np.intp]:
+    def _epochs_of(self, known_ns: Times) -> NDArray[np.intp]:
         """Return which epoch each time lies in."""
         age_d = np.maximum(self._days(known_ns) - self._first_day, 0)
         later = len(LEARNT_ON) + (age_d - LEARNT_ON[-1]) // LEARNT_EVERY_D
@@ -209,19 +178,35 @@ class DoorFilter:
         return self._clock.hour_of(times_ns) // 24
 
 
-class LearntFilter:
-    """What was learnt about all doors; each when it is first asked for."""
+class LearntFilter(LearntByDoor[DoorFilter]):
+    """What was learnt about all doors; of each the rates are kept, small as they are."""
 
-    def __init__(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> None:
-        self._evidence = evidence
+    def __init__(
+        self,
+        evidence: Mapping[DoorId, DoorEvidence],
+        clock: LocalClock,
+        rates: Mapping[DoorId, LearntRates] = MappingProxyType({}),
+    ) -> None:
+        """Take the evidence, and rates that were learnt from what it holds.
+
+        Args:
+            evidence: Of all doors.
+            clock: Whose days and hours.
+            rates: Those that need not be learnt anew.
+        """
         self._clock = clock
-        self._doors: dict[DoorId, DoorFilter] = {}
+        self._rates: defaultdict[DoorId, LearntRates] = defaultdict(dict, rates)
+        super().__init__(evidence, lambda door: DoorFilter(door, clock, self._rates[door.door_id]))
 
-    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return how likely the door is open: see `Learnt`."""
-        if door_id not in self._evidence:
-            return nothing_known(len(times_ns))
-        return self._door(door_id).predict(times_ns, known_ns)
+    def gone_on(
+        self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int
+    ) -> LearntFilter:
+        """Return what more evidence teaches: see `GoingOn`."""
+        rates = {
+            door_id: {at_ns: found for at_ns, found in learnt.items() if at_ns <= unmoved_until_ns}
+            for door_id, learnt in self._rates.items()
+        }
+        return LearntFilter(evidence, self._clock, rates)
 
     def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
         """Learn of many doors at once what forecasts of that moment need; they come quicker then.
@@ -230,12 +215,17 @@ class LearntFilter:
             door_ids: Which doors.
             known_ns: What the forecasts may know.
         """
-        doors = [self._door(door_id) for door_id in door_ids if door_id in self._evidence]
-        pasts = [(door, door.past(known_ns)) for door in doors]
-        missing = [(door, past) for door, past in pasts if past is not None]
-        learnt = forgettings_of([past for _, past in missing])
-        for (door, _), forgetting in zip(missing, learnt, strict=True):
-            door.learn(known_ns, forgetting)
+        pasts: dict[tuple[DoorId, int], Looks] = {}
+        for door_id in door_ids:
+            if door_id in self.evidence:
+                door = self.door(door_id)
+                number = door.epoch_at(known_ns)
+                at_ns = door.learnt_ns(number)
+                if at_ns not in self._rates[door_id]:
+                    pasts[door_id, at_ns] = door.past(number)
+        learnt = forgettings_of(list(pasts.values()))
+        for (door_id, at_ns), forgetting in zip(pasts, learnt, strict=True):
+            self._rates[door_id][at_ns] = forgetting
 
     def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
         """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
@@ -245,14 +235,9 @@ class LearntFilter:
             at_ns: From then on, by what was known then.
             until_open: Or until it is closed.
         """
-        if door_id not in self._evidence:
+        if door_id not in self.evidence:
             return math.nan
-        return self._door(door_id).wait_s(at_ns, until_open=until_open)
-
-    def _door(self, door_id: DoorId) -> DoorFilter:
-        if door_id not in self._doors:
-            self._doors[door_id] = DoorFilter(self._evidence[door_id], self._clock)
-        return self._doors[door_id]
+        return self.door(door_id).wait_s(at_ns, until_open=until_open)
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,24 +249,6 @@ class Filter:
     def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntFilter:
         """Return what the evidence teaches."""
         return LearntFilter(evidence, clock)
-
-
-_NEVER = 0
-"""Of times: nanoseconds since 1970."""
-_CERTAIN = 1e-12
-"""Of a variance: whoever sees a door for sure, again and again at once, leaves none."""
-
-
-def _carried(of_before: Reals, of_schedule: Reals, variance: Reals) -> Reals:
-    """Return (n,): how unsure each belief is, which leans on the one before and on the schedule.
-
-    A recurrence y = a y + b, as products of [[a, b], [0, 1]].
-    """
-    steps = np.zeros((2, 2, len(variance)))
-    steps[0, 0], steps[0, 1], steps[1, 1] = of_before, of_schedule * np.sqrt(variance), 1.0
-    carried, one = states(steps, np.array([0.0, 1.0]))
-    found: Reals = carried / one
-    return found
 
 
 def _learnt_on(epoch: int) -> int:

@@ -24,7 +24,7 @@ from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.samples import SAMPLE_S, KnownTime
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
-from semmap_log.probabilities.methods.baselines import nothing_known, with_interval
+from semmap_log.probabilities.methods.by_door import LearntByDoor
 
 Times = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -65,47 +65,44 @@ class Fremen:
         """`fremen5`."""
         return f"fremen{self.order}"
 
-    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntFremen:
+    def learn(
+        self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
+    ) -> LearntByDoor[DoorFremen]:
         """Return the doors' models; a model is made when a forecast asks for it."""
-        return LearntFremen(evidence, clock, self.order)
+        return LearntByDoor(evidence, lambda door: DoorFremen(door, clock, self.order))
 
 
-@dataclass
-class LearntFremen:
-    """The models of all doors as they were at any full hour."""
+class DoorFremen:
+    """The models of one door as they were at any full hour."""
 
-    evidence: Mapping[DoorId, DoorEvidence]
-    clock: LocalClock
-    order: int
-    _latest: tuple[DoorId, _Hourly] | None = None
-    """The models of all hours of the door that was asked for last: the next question is often
-    about it, too, and all doors' would fill memory."""
+    def __init__(self, evidence: DoorEvidence, clock: LocalClock, order: int) -> None:
+        self._known = KnownTime.of(evidence)
+        self._clock = clock
+        self._order = order
+        self._hourly: _Hourly | None = None
 
-    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return the sum of the components at each time, by what was known at `known_ns`."""
-        if door_id not in self.evidence:
-            return nothing_known(len(times_ns))
         hours, which = np.unique(known_ns // LEARNS_EVERY_NS, return_inverse=True)
-        models, place = self._models(door_id, hours)
+        models, place = self._models(hours)
         which = place[which]
         p = np.empty(len(times_ns))
         for start in range(0, len(p), CHUNK):
             part = slice(start, start + CHUNK)
-            p[part] = models.forecast(self.clock.wall_s(times_ns[part]), which[part])
+            p[part] = models.forecast(self._clock.wall_s(times_ns[part]), which[part])
         known_s = models.known_s[which]
-        return with_interval(p, known_s / DAY_S, is_known=known_s > 0)
+        return Forecast.of_share(p, known_s / DAY_S, known_s > 0)
 
-    def _models(self, door_id: DoorId, hours: Times) -> tuple[Models, NDArray[np.intp]]:
+    def _models(self, hours: Times) -> tuple[Models, NDArray[np.intp]]:
         """Return models, and which of them belongs to each hour of knowledge."""
-        if self._latest is not None and self._latest[0] == door_id:
-            return self._latest[1].at(hours)
-        known = KnownTime.of(self.evidence[door_id])
-        if len(hours) == 1 or known.last_ns - known.first_ns > MOST_HOURS * LEARNS_EVERY_NS:
-            at_ns = hours * LEARNS_EVERY_NS
-            return models_at(known, self.clock, at_ns, self.order), np.arange(len(hours))
-        hourly = _Hourly.of(known, self.clock, self.order)
-        self._latest = door_id, hourly
-        return hourly.at(hours)
+        if self._hourly is None:
+            span_ns = self._known.last_ns - self._known.first_ns
+            if len(hours) == 1 or span_ns > MOST_HOURS * LEARNS_EVERY_NS:
+                at_ns = hours * LEARNS_EVERY_NS
+                models = models_at(self._known, self._clock, at_ns, self._order)
+                return models, np.arange(len(hours))
+            self._hourly = _Hourly.of(self._known, self._clock, self._order)
+        return self._hourly.at(hours)
 
 
 @dataclass(frozen=True, slots=True)

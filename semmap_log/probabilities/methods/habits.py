@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.probabilities.evidence.day_tables import DayTables
-from semmap_log.probabilities.forecast import LEAST, MOST
+from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P
 
 Tables = NDArray[np.float64]
 
@@ -23,8 +23,8 @@ HALF_LIVES_D = np.array([1.0, 3.0, 7.0, 14.0, 28.0, 90.0, np.inf])
 KINDS = ("mean", "hour", "day type and hour", "weekday and hour")
 """How fine a table is, from coarse to fine."""
 
-PRIOR_P, PRIOR_DAYS = 0.5, 0.1
-"""What a door is like of which nothing is known; gone after the first day."""
+PRIOR_DAYS = 0.1
+"""So many days `PRIOR_P` counts: it is gone after the first one."""
 HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5

@@ -10,27 +10,23 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import LEAST, MOST, Forecast, Probabilities
+from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.methods.habits import PRIOR_P
-from semmap_log.probabilities.methods.schedule import nothing_known
+from semmap_log.probabilities.methods.by_door import LearntByDoor
 
 Times = NDArray[np.int64]
 
 
-class LearntLast:
-    """The last words about all doors."""
+class DoorLast:
+    """The last words about one door."""
 
-    def __init__(self, evidence: Mapping[DoorId, DoorEvidence]) -> None:
-        self._evidence = evidence
+    def __init__(self, evidence: DoorEvidence) -> None:
+        self._said_ns, self._said = _said(evidence)
 
-    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
+    def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return the last state: see `Learnt`; as sure as its sensor, however long ago it was."""
-        if door_id not in self._evidence:
-            return nothing_known(len(times_ns))
-        said_ns, said = _said(self._evidence[door_id])
-        place = np.searchsorted(said_ns, np.minimum(times_ns, known_ns), "right")
-        p_open = np.append(PRIOR_P, said)[place]
+        place = np.searchsorted(self._said_ns, np.minimum(times_ns, known_ns), "right")
+        p_open = np.append(PRIOR_P, self._said)[place]
         is_known = place > 0
         low, high = np.where(is_known, p_open, LEAST), np.where(is_known, p_open, MOST)
         return Forecast.of(p_open, low, high, is_known)
@@ -42,9 +38,13 @@ class Last:
 
     name: str = "last"
 
-    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntLast:  # noqa: ARG002 - as all
+    def learn(
+        self,
+        evidence: Mapping[DoorId, DoorEvidence],
+        clock: LocalClock,  # noqa: ARG002 - as all do
+    ) -> LearntByDoor[DoorLast]:
         """Return what the evidence teaches."""
-        return LearntLast(evidence)
+        return LearntByDoor(evidence, DoorLast)
 
 
 def _said(evidence: DoorEvidence) -> tuple[Times, Probabilities]:

@@ -7,7 +7,7 @@ tends to as the moment that it foretells moves away.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.evidence.day_tables import DayTables, day_tables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import Forecast, Probabilities
+from semmap_log.probabilities.forecast import PRIOR_P, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, LocalClock
 from semmap_log.probabilities.methods.averaging import lead_of, weights
-from semmap_log.probabilities.methods.habits import DAYS_IN_WEEK, PRIOR_P, habits
+from semmap_log.probabilities.methods.by_door import LearntByDoor
+from semmap_log.probabilities.methods.habits import DAYS_IN_WEEK, habits
 
 Times = NDArray[np.int64]
 Table = NDArray[np.float64]
@@ -111,37 +112,16 @@ class DoorSchedule:
 
 
 @dataclass(frozen=True, slots=True)
-class LearntSchedule:
-    """What was learnt about all doors; each when it is first asked for."""
-
-    evidence: Mapping[DoorId, DoorEvidence]
-    clock: LocalClock
-    _doors: dict[DoorId, DoorSchedule] = field(default_factory=dict)
-
-    def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return how likely the door is open: see `Learnt`."""
-        if door_id not in self.evidence:
-            return nothing_known(len(times_ns))
-        if door_id not in self._doors:
-            self._doors[door_id] = DoorSchedule(self.evidence[door_id], self.clock)
-        return self._doors[door_id].predict(times_ns, known_ns)
-
-
-@dataclass(frozen=True, slots=True)
 class Schedule:
     """The estimator."""
 
     name: str = "schedule"
 
-    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntSchedule:
+    def learn(
+        self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
+    ) -> LearntByDoor[DoorSchedule]:
         """Return what the evidence teaches."""
-        return LearntSchedule(evidence, clock)
-
-
-def nothing_known(count: int) -> Forecast:
-    """Return forecasts of a door of which nothing is known."""
-    p_open = np.full(count, PRIOR_P)
-    return Forecast.around(p_open, np.full(count, PRIOR_P**2), np.zeros(count, np.bool_))
+        return LearntByDoor(evidence, lambda of_door: DoorSchedule(of_door, clock))
 
 
 def _seen_h(tables: DayTables) -> Table:

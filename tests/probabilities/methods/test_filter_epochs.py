@@ -37,9 +37,9 @@ def test_a_forecast_of_an_early_time_does_not_know_the_rest(day: float, *, patro
     known_ns = hours_ns(np.full(5, 24 * day))
     times_ns = known_ns + hours_ns([0.0, 0.2, 1.0, 7.0, 50.0]) - hours_ns(0)
 
-    found = DoorFilter(told, UTC).predict(times_ns, known_ns)
+    found = DoorFilter(told, UTC, {}).predict(times_ns, known_ns)
 
-    expected = DoorFilter(told.up_to(int(known_ns[0])), UTC).predict(times_ns, known_ns)
+    expected = DoorFilter(told.up_to(int(known_ns[0])), UTC, {}).predict(times_ns, known_ns)
     np.testing.assert_allclose(found.p_open, expected.p_open, atol=1e-9)
     np.testing.assert_allclose(found.low, expected.low, atol=1e-9)
 
@@ -49,7 +49,7 @@ def test_before_the_first_sighting_nothing_is_known(known_h: float) -> None:
     """
     Not even where the door's first state was set at a midnight, at which its evidence begins.
     """
-    learnt = DoorFilter(evidence([(24.0, 90.0, True)]).up_to(int(hours_ns(90))), UTC)
+    learnt = DoorFilter(evidence([(24.0, 90.0, True)]).up_to(int(hours_ns(90))), UTC, {})
     times_ns = hours_ns([known_h, 24.0, 30.0])
 
     found = learnt.predict(times_ns, hours_ns(np.full(3, known_h)))
@@ -63,7 +63,7 @@ def test_a_forecast_of_a_time_knows_nothing_later_than_that(*, patrolled: bool) 
     """
     Asked with hindsight what was likely then, it says what it said then.
     """
-    learnt = DoorFilter(a_door(7, patrolled=patrolled), UTC)
+    learnt = DoorFilter(a_door(7, patrolled=patrolled), UTC, {})
     times_ns = hours_ns(24 * 31 + np.arange(0, 10, 0.7))
 
     found = learnt.predict(times_ns, times_ns + int(5 * 3.6e12))
@@ -76,7 +76,7 @@ def test_long_after_the_evidence_ends_it_is_the_schedule(known_d: float) -> None
     """
     Whoever knows more than the evidence tells knows nothing more, weeks and years behind its end.
     """
-    learnt = DoorFilter(a_door(2), UTC)
+    learnt = DoorFilter(a_door(2), UTC, {})
     times_ns = hours_ns([24 * (known_d + 14.0)])
 
     found = learnt.predict(times_ns, times_ns)
@@ -112,9 +112,9 @@ def test_the_order_of_questions_does_not_matter() -> None:
     known_ns = hours_ns(np.random.default_rng(2).uniform(0, 24 * DAYS, 40))
     times_ns = known_ns + hours_ns(1.5) - hours_ns(0)
 
-    together = DoorFilter(told, UTC).predict(times_ns, known_ns)
+    together = DoorFilter(told, UTC, {}).predict(times_ns, known_ns)
 
-    learnt = DoorFilter(told, UTC)
+    learnt = DoorFilter(told, UTC, {})
     alone = [learnt.predict(times_ns[i : i + 1], known_ns[i : i + 1]).p_open[0] for i in range(40)]
     np.testing.assert_allclose(together.p_open, alone, atol=1e-12)
 
@@ -134,7 +134,7 @@ def test_the_night_in_which_the_clocks_change_is_a_night(night: str) -> None:
     ])  # fmt: skip
     moved = moved.up_to(int(midnight_ns))
     times_ns = midnight_ns + hours_ns(np.arange(0, 6, 0.1)) - hours_ns(0)
-    learnt = DoorFilter(moved, vienna)
+    learnt = DoorFilter(moved, vienna, {})
 
     found = learnt.predict(times_ns, np.full(len(times_ns), midnight_ns))
 

@@ -137,7 +137,7 @@ def test_it_helps_where_openings_are_of_two_kinds(two_kinds: DoorEvidence) -> No
     times_ns = known_ns + int(3.6e12)
     place = np.searchsorted(two_kinds.start_ns, times_ns, "right") - 1
     came = two_kinds.is_open[place]
-    learnt, forgetful = DoorFilter(two_kinds, UTC), DoorFilter(two_kinds, UTC)
+    learnt, forgetful = DoorFilter(two_kinds, UTC, {}), DoorFilter(two_kinds, UTC, {})
     forgetful._memory = NoMemory()  # type: ignore[assignment]
 
     found, alone = (one.predict(times_ns, known_ns).p_open for one in (learnt, forgetful))
