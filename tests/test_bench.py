@@ -16,6 +16,7 @@ import pytest
 from benchmark.case import Case, Measured, Peer, Work
 from benchmark.made_building import ROOM, WALL, made_building
 from benchmark.moments import moments
+from benchmark.near import Near
 from benchmark.patrol import START_NS, STEP_NS, patrol
 from benchmark.plain_fold import PlainFold, plain_answer, plain_answers
 from benchmark.promises import Result, growths, is_kept
@@ -24,7 +25,7 @@ from benchmark.worker import PeerFailedError, measure
 TOOLS = Path(__file__).parents[1] / "tools"
 ROWS = {
     "append": 3, "fold": 3, "now": 1, "moment": 3, "history": 1, "day": 1, "open": 3, "import": 2,
-    "costmap": 4, "start": 2,
+    "costmap": 4, "beliefs": 4, "start": 2,
 }  # fmt: skip
 MIB = 2**20
 
@@ -150,6 +151,22 @@ def test_a_small_building_is_a_corner_of_a_large_one() -> None:
     assert (small.costs[room] == large.costs[room]).all()
     assert {(round(line.x, 6), round(line.y, 6)) for line in small.doors.values()} < walls
     assert (31, 142) == (len(small.doors), len(large.doors))
+
+
+@pytest.mark.parametrize(
+    ("answer", "is_right"),
+    [
+        ((2.0, 0.0), True), ((2.001, 0.0), True), ((2.003, 0.0), False), ((2.0, 1e-6), True),
+        ((2.0, 1e-5), False), ((2.0,), False), ((2.0, float("nan")), False), (2.0, False),
+    ],
+)  # fmt: skip
+def test_an_answer_that_is_near_enough_is_right(answer: object, is_right: bool) -> None:
+    """
+    Within a thousandth of each number, and near 0 within a millionth; as many, and numbers.
+    """
+    found = answer == Near((2.0, 0.0), 1e-3)
+
+    assert is_right is found
 
 
 def _grown(promise: str, *seconds: float) -> list[Result]:

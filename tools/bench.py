@@ -22,6 +22,7 @@ from pathlib import Path
 from types import FrameType
 
 from benchmark.appending import append_cases
+from benchmark.belief_cases import belief_cases
 from benchmark.case import Case
 from benchmark.costmap_cases import costmap_cases
 from benchmark.folding import SMALL, fold_cases, now_cases
@@ -42,7 +43,7 @@ SIZED = {
     "day": day_cases, "open": open_cases, "import": import_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
-GROUPS = ("append", *SIZED, "costmap", "start")
+GROUPS = ("append", *SIZED, "costmap", "beliefs", "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -108,6 +109,8 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
         yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "costmap" in args.only:
         yield from costmap_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
+    if "beliefs" in args.only:
+        yield from belief_cases(args.rounds, tries_out=max(args.events) < SMALL)
     if "start" in args.only:
         yield from start_cases(args.rounds)
     shop.look()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.costmap_guards import COSTMAPS
 from mutation.moment_guards import MOMENTS
@@ -202,5 +203,5 @@ COLUMNS = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
-    *CHECKPOINTS, *MOMENTS, *COSTMAPS,
+    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS,
 )  # fmt: skip

@@ -248,7 +248,7 @@ def _while_there(words: Rows) -> Rows:
 def _evidence_of(door_id: DoorId, words: Rows, sensors: Sensors) -> DoorEvidence:
     """Return what words about a door mean, whatever the time."""
     holds = holds_of(words)
-    points = words[holds.points]
+    points = words.take(holds.points)
     accuracy_open, accuracy_closed, eye = (column[points["sensor"]] for column in sensors)
     reads_open = points["state"] == DoorState.OPEN
     # A certain sighting is a word for itself: no pass goes on over it, nor with it.

@@ -144,9 +144,9 @@ class Words:
             self._index = _Index(self._rows["door_id"][: self._count])
             behind = behind[:0]
         late = np.flatnonzero(behind["door_id"] == door_id) + self._index.count
-        rows = self._rows[np.append(self._index.of(door_id), late)]
-        order = np.lexsort((rows["number"], rows["time_ns"]))
-        return rows[order]
+        # Of rows with several fields `take` is ten times as quick as an index.
+        rows = self._rows.take(np.append(self._index.of(door_id), late))
+        return rows.take(np.lexsort((rows["number"], rows["time_ns"])))
 
     def newer(self, count: int) -> NDArray[np.uint32]:
         """Return which doors the words behind the first `count` are about."""

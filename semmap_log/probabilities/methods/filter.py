@@ -111,9 +111,11 @@ class DoorFilter:
         forgetting = self._epoch(self.epoch_at(at_ns)).forgetting
         here = self.predict(known_ns[:1], known_ns[:1]).p_open[0]
         expected = self.schedule.p_open(steps_ns, known_ns)
-        rate = forgetting.rates.relaxation[self._clock.hour_of(steps_ns) % 24]
-        rate = rate * (expected if until_open else 1 - expected)
         step_s = LOOK_NS / SECOND_NS
+        # What changes faster than it is looked at may do so at any pace: looks do not tell which.
+        relaxation = np.minimum(forgetting.rates.relaxation, 1 / step_s)
+        rate = relaxation[self._clock.hour_of(steps_ns) % 24]
+        rate = rate * (expected if until_open else 1 - expected)
         left = np.exp(-np.append(0.0, np.cumsum(rate * step_s)))
         waited_s = float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
         return float(1 - here if until_open else here) * waited_s
@@ -154,9 +156,10 @@ class DoorFilter:
 
     def _made(self, number: int, forgetting: Forgetting) -> Epoch:
         """Return an epoch of such rates: what is believed of what is seen in it."""
-        run_up_ns = self._midnight_ns(_learnt_on(number) - RUN_UP_D)
+        # One look more: also who asks for what was known before the first sighting finds one.
+        run_up_ns = self._midnight_ns(_learnt_on(number) - RUN_UP_D) - LOOK_NS
         until_ns = min(self._midnight_ns(_learnt_on(number + 1)), self._evidence.until_ns)
-        seen = looks(self._evidence, self._clock, run_up_ns, until_ns)
+        seen = looks(self._evidence, self._clock, run_up_ns, max(run_up_ns, until_ns))
         return believed(seen, self.schedule, forgetting, self._clock)
 
     def _midnight_ns(self, day: int) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import PRIOR_P, Forecast, Probabilities
+from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.by_door import LearntByDoor
 
@@ -27,7 +27,9 @@ class DoorLast:
         """Return the last state: see `Learnt`; as sure as its sensor, however long ago it was."""
         place = np.searchsorted(self._said_ns, np.minimum(times_ns, known_ns), "right")
         p_open = np.append(PRIOR_P, self._said)[place]
-        return Forecast.of(p_open, p_open, p_open, is_known=place > 0)
+        is_known = place > 0
+        low, high = np.where(is_known, p_open, LEAST), np.where(is_known, p_open, MOST)
+        return Forecast.of(p_open, low, high, is_known)
 
 
 @dataclass(frozen=True, slots=True)

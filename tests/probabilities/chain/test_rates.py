@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semmap_log.probabilities.chain.chain import Nodes, Rates, passage
-from semmap_log.probabilities.chain.rates import LEAST_PER_S, PRIOR_S, learn_rates
+from semmap_log.probabilities.chain.rates import LEAST_PER_S, MOST_PER_S, PRIOR_S, learn_rates
 from tests.probabilities.chains import HOUR_S, looked_at, states_at
 
 OPENING, CLOSING = 1 / (6 * HOUR_S), 1 / (2 * HOUR_S)
@@ -96,6 +96,24 @@ def test_a_door_never_seen_open_hardly_ever_opens() -> None:
     found = learn_rates(looked_at(times_s, shut, 0.999999, np.random.default_rng(1)))
 
     assert found.opening[0] < 2 * LEAST_PER_S
+
+
+def test_rates_stay_within_what_looks_can_tell() -> None:
+    """
+    A door that is always shut opens no more seldom than once in sixty days; one that is otherwise
+    at every look, however soon, changes no faster than each twenty seconds.
+    """
+    times_s = np.arange(0, 400 * 86400, 1800.0)
+    seconds = np.arange(0.0, 20_000)
+    sure = np.random.default_rng(1)
+
+    shut = learn_rates(looked_at(times_s, np.zeros(len(times_s), np.bool_), 0.999999, sure))
+    flickers = learn_rates(looked_at(seconds, seconds % 2 == 1, 0.999999, sure))
+
+    assert LEAST_PER_S == shut.opening[0]
+    assert shut.closing[0] <= MOST_PER_S
+    assert MOST_PER_S == pytest.approx(flickers.opening[0])
+    assert MOST_PER_S == pytest.approx(flickers.closing[0])
 
 
 def test_doors_side_by_side_learn_what_each_learns_alone() -> None:
