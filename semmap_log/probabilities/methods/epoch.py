@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from semmap_log.probabilities.chain.chain import Steps, filtered
 from semmap_log.probabilities.chain.forgetting import Forgetting
-from semmap_log.probabilities.chain.nodes import Looks
+from semmap_log.probabilities.chain.nodes import CERTAIN_LLR, LOOK_NS, Looks
 from semmap_log.probabilities.chain.scan import states
-from semmap_log.probabilities.forecast import LEAST, MOST
+from semmap_log.probabilities.forecast import LEAST
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.schedule import DoorSchedule
 
@@ -21,6 +21,9 @@ Reals = NDArray[np.float64]
 
 NEVER = 0
 """Of times: nanoseconds since 1970."""
+_CERTAIN = 1e-12
+"""Of a variance: whoever sees a door again and again at once leaves none."""
+_ROUNDING = 1e-9
 
 
 class Belief(NamedTuple):
@@ -75,10 +78,15 @@ def believed(
     before = schedule.p_open(before_ns, times_ns)
     kept = forgetting.kept(before_ns, times_ns, clock)
     kept[:1] = 0.0
-    from_closed = np.clip(here - before * kept, LEAST, MOST)
-    from_open = np.clip(here + (1 - before) * kept, from_closed, MOST)
+    # A surprise stays possible, by the half hour: looks in a row leave no room for a hundred.
+    least = LEAST * np.minimum((times_ns - before_ns) / LOOK_NS, 1.0)
+    from_closed = np.clip(here - before * kept, least, 1 - least)
+    from_open = np.clip(here + (1 - before) * kept, from_closed, 1 - least)
+    # What is certain says all: it gainsays any number of earlier sightings.
+    is_certain = np.abs(seen.llr) > CERTAIN_LLR - _ROUNDING
+    from_closed[is_certain] = from_open[is_certain] = 0.5
     after, foretold = filtered(Steps(from_closed, from_open), seen.llr)
-    moved = after * (1 - after) / (foretold * (1 - foretold))
+    moved = after * (1 - after) / np.maximum(foretold * (1 - foretold), _CERTAIN)
     return Epoch(forgetting, seen, after, _carried(moved * kept, moved * (1 - kept), variance))
 
 
