@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.probabilities.estimator import Estimator, Learnt, Preparing
+from semmap_log.probabilities.estimator import Estimator, GoingOn, Learnt, Preparing
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.forecast import Forecast
@@ -19,9 +19,8 @@ from semmap_log.probabilities.local_clock import LocalClock
 class Beliefs:
     """What an estimator makes of the evidence so far.
 
-    Nothing is learnt before somebody asks, and then once: what was learnt is kept until the next
-    word about any door, for doors may teach each other. A late word needs no rewinding: it sorts
-    in among the others, and what had been learnt without it is dropped.
+    Nothing is learnt before somebody asks. What was learnt from the time before the next word is
+    gone on from; a late word sorts in among the others, and takes learning back to before it.
     """
 
     def __init__(
@@ -75,11 +74,18 @@ class Beliefs:
             until_ns: Default: the latest event's time.
         """
         wanted_ns = self.evidence.latest_ns if until_ns is None else until_ns
-        if self._learnt is not None:
-            learnt, words, learnt_until_ns = self._learnt
-            if words == len(self.evidence) and wanted_ns <= learnt_until_ns:
+        evidence = self.evidence.up_to(wanted_ns)
+        if self._learnt is None:
+            learnt = self.estimator.learn(evidence, self.clock)
+        else:
+            learnt, words, until_then_ns = self._learnt
+            if words == len(self.evidence) and wanted_ns <= until_then_ns:
                 return learnt
-        learnt = self.estimator.learn(self.evidence.up_to(wanted_ns), self.clock)
+            if isinstance(learnt, GoingOn):
+                unmoved_ns = min(self.evidence.unmoved_until_ns(words), until_then_ns)
+                learnt = learnt.gone_on(evidence, unmoved_ns)
+            else:
+                learnt = self.estimator.learn(evidence, self.clock)
         self._learnt = learnt, len(self.evidence), wanted_ns
         return learnt
 

@@ -43,6 +43,19 @@ class Preparing(Protocol):
 
 
 @runtime_checkable
+class GoingOn(Protocol):
+    """What was learnt, where some of it holds when evidence comes in: what is older than that."""
+
+    def gone_on(self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int) -> Learnt:
+        """Return what more evidence teaches: the same as if it were learnt from the beginning.
+
+        Args:
+            evidence: All of it.
+            unmoved_until_ns: Up to then it is what it was: a late word sets that back.
+        """
+
+
+@runtime_checkable
 class Waiting(Protocol):
     """What was learnt, where it follows a door's state over time."""
 

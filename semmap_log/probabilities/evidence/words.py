@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event
+from semmap_log.events import (
+    MAX_TIME_NS,
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+)
 from semmap_log.projections.state_words import STATE_WORDS, sets_state, states_of
 
 Rows = NDArray[np.void]
@@ -143,6 +151,10 @@ class Words:
     def newer(self, count: int) -> NDArray[np.uint32]:
         """Return which doors the words behind the first `count` are about."""
         return np.unique(self._rows["door_id"][count : self._count])
+
+    def earliest_ns(self, count: int) -> int:
+        """Return the least time of the words behind the first `count`; without any, no time."""
+        return int(self._rows["time_ns"][count : self._count].min(initial=MAX_TIME_NS))
 
     def sensors(self) -> Sensors:
         """Return the sensors by their places, as `WORD` has them."""

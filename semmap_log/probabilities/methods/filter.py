@@ -11,6 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ FRESH = 0.5
 
 
 LearntRates = dict[int, Forgetting]
-"""Number of an epoch -> what a door's rates in it do to a belief."""
+"""When a door's rates were learnt -> what they do to a belief from then on."""
 
 
 class DoorFilter:
@@ -135,17 +136,22 @@ class DoorFilter:
         """Return the number of the epoch that a time lies in."""
         return int(self._epochs_of(np.array([known_ns], np.int64))[0])
 
+    def learnt_ns(self, number: int) -> int:
+        """Return when an epoch begins, and its rates were learnt."""
+        return self._midnight_ns(_learnt_on(number))
+
     def past(self, number: int) -> Looks:
         """Return the looks before an epoch, which teach its rates; in the first there are none."""
-        first_ns = self._midnight_ns(_learnt_on(number))
+        first_ns = self.learnt_ns(number)
         back_ns = self._midnight_ns(_learnt_on(number) - LEARNT_FROM_D)
         return looks(self._evidence.up_to(first_ns - 1), self._clock, back_ns, first_ns - 1)
 
     def _epoch(self, number: int) -> Epoch:
         if number not in self._epochs:
-            if number not in self._rates:
-                (self._rates[number],) = forgettings_of([self.past(number)])
-            self._epochs[number] = self._made(number, self._rates[number])
+            at_ns = self.learnt_ns(number)
+            if at_ns not in self._rates:
+                (self._rates[at_ns],) = forgettings_of([self.past(number)])
+            self._epochs[number] = self._made(number, self._rates[at_ns])
         return self._epochs[number]
 
     def _made(self, number: int, forgetting: Forgetting) -> Epoch:
@@ -174,9 +180,32 @@ class DoorFilter:
 class LearntFilter(LearntByDoor[DoorFilter]):
     """What was learnt about all doors; of each the rates are kept, small as they are."""
 
-    def __init__(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> None:
-        self._rates: defaultdict[DoorId, LearntRates] = defaultdict(dict)
+    def __init__(
+        self,
+        evidence: Mapping[DoorId, DoorEvidence],
+        clock: LocalClock,
+        rates: Mapping[DoorId, LearntRates] = MappingProxyType({}),
+    ) -> None:
+        """Take the evidence, and rates that were learnt from what it holds.
+
+        Args:
+            evidence: Of all doors.
+            clock: Whose days and hours.
+            rates: Those that need not be learnt anew.
+        """
+        self._clock = clock
+        self._rates: defaultdict[DoorId, LearntRates] = defaultdict(dict, rates)
         super().__init__(evidence, lambda door: DoorFilter(door, clock, self._rates[door.door_id]))
+
+    def gone_on(
+        self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int
+    ) -> LearntFilter:
+        """Return what more evidence teaches: see `GoingOn`."""
+        rates = {
+            door_id: {at_ns: found for at_ns, found in learnt.items() if at_ns <= unmoved_until_ns}
+            for door_id, learnt in self._rates.items()
+        }
+        return LearntFilter(evidence, self._clock, rates)
 
     def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
         """Learn of many doors at once what forecasts of that moment need; they come quicker then.
@@ -190,11 +219,12 @@ class LearntFilter(LearntByDoor[DoorFilter]):
             if door_id in self.evidence:
                 door = self.door(door_id)
                 number = door.epoch_at(known_ns)
-                if number not in self._rates[door_id]:
-                    pasts[door_id, number] = door.past(number)
+                at_ns = door.learnt_ns(number)
+                if at_ns not in self._rates[door_id]:
+                    pasts[door_id, at_ns] = door.past(number)
         learnt = forgettings_of(list(pasts.values()))
-        for (door_id, number), forgetting in zip(pasts, learnt, strict=True):
-            self._rates[door_id][number] = forgetting
+        for (door_id, at_ns), forgetting in zip(pasts, learnt, strict=True):
+            self._rates[door_id][at_ns] = forgetting
 
     def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
         """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
