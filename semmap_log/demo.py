@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import semmap_log as sl
+from semmap_log.beliefs.beliefs import DoorBelief, probabilities
 from semmap_log.commits import Note
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.door_log import DoorLog
@@ -46,6 +47,8 @@ class Demo:
     """Events recorded live."""
     moments: tuple[DoorMap, DoorMap, DoorMap]
     """The door map at the end of the first part, in the middle of the second, and at the end."""
+    beliefs: Sequence[DoorBelief]
+    """How likely each door was open in the middle of the second, from what was known then."""
 
 
 def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) -> Demo:
@@ -84,7 +87,11 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     costmap = _costmap(made, folder / "costmap.png", middle.moment_ns)
     tell(f"{costmap}: the doors in the middle of it, as a robot's planner would see them")
     rrd, problem = _rrd(made, folder / f"{RECORDING}.rrd")
-    return Demo(folder, path, yaml, costmap, rrd, problem, half, recorded, (first, middle, last))
+    return Demo(
+        folder=folder, log=path, yaml=yaml, costmap=costmap, rrd=rrd, rrd_problem=problem,
+        copied=half, recorded=recorded, moments=(first, middle, last),
+        beliefs=probabilities(made, at=middle.moment_ns),
+    )  # fmt: skip
 
 
 def shipped_recording(name: str) -> Path:

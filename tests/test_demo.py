@@ -31,6 +31,18 @@ def test_it_records_what_the_recording_holds(tmp_path: Path) -> None:
     assert [False] == list({door_map.event == -1 for door_map in made.moments})
 
 
+def test_it_says_what_it_does_not_know(tmp_path: Path) -> None:
+    """
+    In the middle, one door is held open, one was just seen, and one not for two hours: UNKNOWN.
+    """
+    made = run_demo(tmp_path / "demo")
+
+    main, coe, hardware = made.beliefs
+    assert [True, True, False] == [main.is_known, coe.is_known, hardware.is_known]
+    assert main.p_open > coe.p_open > 0.5
+    assert made.moments[1].at_ns == main.known_ns == main.time_ns
+
+
 def test_it_runs_twice_and_writes_over_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -47,6 +59,7 @@ def test_it_runs_twice_and_writes_over_nothing(
 
     assert {"demo", "demo-2"} == {path.name for path in tmp_path.iterdir()}
     assert "What to type next" in out
+    assert "UNKNOWN" in out
     assert all(len(line) <= 80 for line in out.splitlines())
     with pytest.raises(LogExistsError, match="name another folder"):
         run_demo(tmp_path / "demo")

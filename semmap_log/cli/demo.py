@@ -19,7 +19,7 @@ def run(
         typer.Argument(metavar="DIR", help="Where to put what it makes; default: demo, demo-2, …"),
     ] = None,
 ) -> None:
-    """Record a patrol, replay it to three moments, export it, and save it for the viewer.
+    """Record a patrol, replay it to three moments, tell how likely the doors are open, export it.
 
     Works on a shipped recording: no network, no ROS, well under a minute.
 
@@ -30,6 +30,7 @@ def run(
     """
     from semmap_log.demo import run_demo
     from semmap_log.moments import format_local
+    from semmap_log.views.belief_table import belief_table
     from semmap_log.views.tables import door_table
 
     made = run_demo(folder or _free_folder(), tell=say)
@@ -38,6 +39,8 @@ def run(
     for title, door_map in zip(titles, made.moments, strict=True):
         typer.echo(f"\n{title}:")
         console().print(door_table(door_map, tz=tz))
+    typer.echo("\nHow likely they were open in the middle of it, from what was known then:")
+    console().print(belief_table(made.beliefs, tz=tz))
     end_ns = made.moments[-1].at_ns
     assert end_ns is not None
     picture = f"{made.rrd.name}   the history, for the rerun viewer" if made.rrd else "no picture"
@@ -57,6 +60,7 @@ def run(
         f"  {program} history {made.log} -n 10\n"
         f'  {program} replay {made.log} --at "{noon}"\n'
         f'  {program} diff {made.log} "2h ago" now\n'
+        f"  {program} probabilities {made.log} --horizon 1h\n"
         f"  {program} costmap {made.log} now.png --inflate 0.5\n"
         f"  {program} view {made.log}"
     )

@@ -19,7 +19,6 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.beliefs.evaluation import Evaluation
     from semmap_log.beliefs.patrol import Patrol
 
 
@@ -104,7 +103,9 @@ def run(
             doors=[opened.resolve_ever(name) for name in door] if door else None,
         )  # fmt: skip
     if plot is not None:
-        _draw(found, plot, log.name)
+        from semmap_log.views.plots.calibration import plot_calibration
+
+        plot_calibration(found, plot, name=log.resolve().name)
     names = opened.door_names()
     if as_json:
         print_json(evaluation_to_json(found, names=names))
@@ -124,11 +125,3 @@ def _patrol(every: str | None, accuracy: float | None, seed: int | None) -> Patr
             raise typer.BadParameter("of a --patrol, which is not given", param_hint=given[0])
         return None
     return Patrol(parse_duration(every), 0.9 if accuracy is None else accuracy, seed or 0)
-
-
-def _draw(found: Evaluation, path: Path, name: str) -> None:
-    from semmap_log.views.evaluation_table import known_in_words
-    from semmap_log.views.plots.calibration import plot_calibration
-
-    title = f"{name}: {known_in_words(found)}"
-    plot_calibration(found.reliability, found.mean, path, title=title)

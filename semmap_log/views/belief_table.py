@@ -10,18 +10,19 @@ from rich.text import Text
 
 from semmap_log.beliefs.beliefs import DoorBelief
 from semmap_log.doors import DoorState
-from semmap_log.moments import format_local
 from semmap_log.views.belief_words import (
+    CARRIED_OVER,
+    moment_in_words,
     named,
     never_seen_lines,
     short_number,
-    why_unknown,
     with_interval,
 )
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS, age
 
 LIKELY = 0.5
+LITTLE_SEEN = "too little seen at that time of day"
 
 
 def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
@@ -34,15 +35,16 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
     if not beliefs:
         return Text("No door is in the map then.")
     named_doors = any(belief.door.name for belief in beliefs)
-    levels = len({belief.level_name for belief in beliefs}) > 1
+    levels = not all(_names_its_level(belief) for belief in beliefs)
+    levels = levels and len({belief.level_name for belief in beliefs}) > 1
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("id", justify="right")
     if named_doors:
         table.add_column("name", overflow="fold", min_width=SHORTEST_NAME)
     if levels:
         table.add_column("level", overflow="fold", max_width=8)
-    table.add_column("P of open", no_wrap=True)
-    for head in ("P of\nclosed", "days\nseen", "words", "visits", "last\nseen", "hours\nunseen"):
+    table.add_column("P(open)", no_wrap=True)
+    for head in ("P of\nclosed", "days\nseen", "events", "visits", "last\nseen", "hours\nunseen"):
         table.add_column(head, justify="right", no_wrap=True)
     for belief in beliefs:
         table.add_row(
@@ -55,6 +57,10 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
     return Group(table, *(Text(line, style="dim") for line in _notes(beliefs, tz)))
 
 
+def _names_its_level(belief: DoorBelief) -> bool:
+    return bool(belief.level_name) and (belief.door.name or "").startswith(belief.level_name)
+
+
 def _numbers(belief: DoorBelief) -> tuple[Text, str]:
     if not belief.is_known:
         return Text("UNKNOWN", style=OTHER_STATE_COLOUR), ABSENT
@@ -64,7 +70,7 @@ def _numbers(belief: DoorBelief) -> tuple[Text, str]:
 
 
 def _evidence(belief: DoorBelief) -> tuple[str, ...]:
-    """Return days seen, words, visits, how long ago the last was, hours of the week unseen."""
+    """Return days seen, events, visits, how long ago the last was, hours of the week unseen."""
     seen = belief.evidence
     return (
         f"{seen.coverage.days:.1f}",
@@ -77,18 +83,18 @@ def _evidence(belief: DoorBelief) -> tuple[str, ...]:
 
 def _notes(beliefs: Sequence[DoorBelief], tz: str) -> list[str]:
     first = beliefs[0]
-    moment, known = (format_local(ns, tz) for ns in (first.time_ns, first.known_ns))
-    when = f"at {moment}" if moment == known else f"at {moment}, as known at {known}"
+    moment, known = (moment_in_words(ns, tz) for ns in (first.time_ns, first.known_ns))
+    when = moment if moment == known else f"{moment}, as known at {known}"
     key = "in brackets the 90 % interval; hours unseen: of the 168 of a week"
-    notes = [f"{when}, by {first.estimator}; {key}"]
+    notes = [f"at {when} ({tz}), by {first.estimator}; {key}"]
     reasons: dict[str, list[DoorBelief]] = {}
     for belief in beliefs:
         if not belief.is_known:
             empty = belief.evidence.is_empty
-            reason = "never seen" if empty else "too little seen"
+            reason = "never seen" if empty else LITTLE_SEEN
             reasons.setdefault(reason, []).append(belief)
     for reason, unknown in reasons.items():
-        if len(unknown) == 1:
-            reason = why_unknown(unknown[0].evidence)  # noqa: PLW2901 - the one's own
         notes.append(f"UNKNOWN, {reason}: {named([belief.door for belief in unknown])}")
-    return notes + never_seen_lines((belief.door, belief.evidence) for belief in beliefs)
+    unseen = never_seen_lines((belief.door, belief.evidence) for belief in beliefs)
+    carried_over = unseen and any(belief.is_known for belief in beliefs)
+    return [*notes, *unseen, *[CARRIED_OVER] * bool(carried_over)]

@@ -8,11 +8,13 @@ import numpy as np
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.doors import Door
+from semmap_log.moments import format_local
 from semmap_log.probabilities.evidence.coverage import WEEK, spans_in_short
 from semmap_log.views.event_words import printable
 
 MOST_GROUPS = 3
-CARRIED_OVER = "what is said of hours never seen is carried over from others"
+CARRIED_OVER = "what is said of an hour never seen is carried over from other hours"
+SECONDS = len("2026-03-02 08:00:00")
 MOST_NAMED = 6
 """So many doors are called by name; `--json` has all."""
 
@@ -27,22 +29,34 @@ def short_number(probability: float) -> str:
 
 
 def interval(low: float, high: float) -> str:
-    """Return an interval as `.71-.92`."""
-    return f"{short_number(low)}-{short_number(high)}"
+    """Return an interval as `.71-.92`; its ends may be 0 and 1."""
+    return f"{_end(low)}-{_end(high)}"
 
 
 def with_interval(probability: float, low: float, high: float) -> str:
-    """Return a probability with its interval: `.83 (.71-.92)`."""
-    return f"{short_number(probability)} ({interval(low, high)})"
+    """Return a probability with its interval: `.83 (.71-.92)`; without, where both say the same."""
+    said = short_number(probability)
+    if short_number(low) == short_number(high):
+        return said
+    return f"{said} ({interval(low, high)})"
+
+
+def _end(probability: float) -> str:
+    return {"<.01": "0", ">.99": "1"}.get(said := short_number(probability), said)
 
 
 def why_unknown(evidence: EvidenceSummary) -> str:
     """Return why nothing is said of a door."""
     if evidence.is_empty:
         return "never seen"
-    words = evidence.counts.words
-    said = f"{words} word{'' if words == 1 else 's'} about its state"
+    events = evidence.counts.words
+    said = f"{events} event{'' if events == 1 else 's'} about its state"
     return f"too little seen: {said}, {evidence.coverage.days:.1f} days"
+
+
+def moment_in_words(ns: int, tz: str) -> str:
+    """Return a moment as the building's clocks show it, to the second."""
+    return format_local(ns, tz)[:SECONDS]
 
 
 def never_seen_lines(doors: Iterable[tuple[Door, EvidenceSummary]]) -> list[str]:
@@ -57,12 +71,12 @@ def never_seen_lines(doors: Iterable[tuple[Door, EvidenceSummary]]) -> list[str]
             alike.setdefault(seen.coverage.is_seen.tobytes(), []).append(door)
     gaps = {seen: ~np.frombuffer(seen, np.bool_).reshape(WEEK) for seen in alike}
     if len(alike) <= MOST_GROUPS:
-        said = [f"never seen {spans_in_short(gap)}: {named(alike[seen])}"
+        said = [f"never seen: {spans_in_short(gap)} ({named(alike[seen])})"
                 for seen, gap in gaps.items() if gap.any()]  # fmt: skip
     else:
         nobody = np.logical_and.reduce(list(gaps.values()))
-        said = [f"none of these doors was ever seen {spans_in_short(nobody)}"] * bool(nobody.any())
-    return [*said, CARRIED_OVER] if said else []
+        said = [f"never seen: {spans_in_short(nobody)} (all these doors)"] * bool(nobody.any())
+    return said
 
 
 def named(doors: Sequence[Door]) -> str:

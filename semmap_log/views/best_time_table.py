@@ -11,7 +11,7 @@ from rich.text import Text
 from semmap_log.beliefs.best_time import BestTime, Window
 from semmap_log.moments import SECOND_NS, format_local
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
-from semmap_log.views.belief_words import why_unknown, with_interval
+from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
 
@@ -36,7 +36,7 @@ def best_time_table(found: BestTime) -> RenderableType:
 def _table(title: str, windows: Sequence[Window], when: Sequence[str]) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(title, overflow="fold", min_width=len("Mon 2026-03-02 08:00 to Tue 09:00"))
-    table.add_column("P, 90 % interval", no_wrap=True)
+    table.add_column("P (90 % interval)", no_wrap=True)
     for window, said in zip(windows, when, strict=True):
         table.add_row(said, with_interval(window.probability, window.low, window.high))
     return table
@@ -65,10 +65,10 @@ def _of_week(window: Window) -> str:
 def _notes(found: BestTime) -> list[str]:
     now = found.now
     said = with_interval(now.p_open, now.low, now.high) if now.is_known else "UNKNOWN"
-    notes = [f"now, {format_local(now.known_ns, found.tz)}: P of open {said}"]
+    notes = [f"now, {moment_in_words(now.known_ns, found.tz)} ({found.tz}): P(open) {said}"]
     if found.wait_s is not None:
         wait = duration(round(found.wait_s) * SECOND_NS)
         notes.append(f"expected wait until {found.state}: {wait}")
     if found.never_seen.any():
-        notes.append(f"never seen {spans_in_short(found.never_seen)}: left out, nobody knows")
+        notes.append(f"left out, never seen then: {spans_in_short(found.never_seen)}")
     return notes

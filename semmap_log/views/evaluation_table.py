@@ -99,7 +99,7 @@ def _said(evaluation: Evaluation) -> str:
     after = f"{tests:,} {unit} after the first {evaluation.protocol.split:.0%}"
     lines = [
         f"{_count(len(evaluation.doors), 'door')}, {after}; mean over doors, {BEST} best",
-        f"known: {known_in_words(evaluation)}",
+        known_in_words(evaluation),
     ]
     if evaluation.left_out:
         lines.append(
@@ -109,22 +109,27 @@ def _said(evaluation: Evaluation) -> str:
 
 
 def known_in_words(evaluation: Evaluation) -> str:
-    """Return what was known at each forecast: `all up to 1 h before each`."""
+    """Return what each forecast knows: `known at each forecast: all up to 1 h before it`."""
     protocol = evaluation.protocol
-    before = f" {duration(protocol.horizon_ns)} before each" if protocol.horizon_ns else ""
     what = "all"
     if (patrol := protocol.patrol) is not None:
         what = (
             f"what a visit each {duration(patrol.interval_ns)} read, right {patrol.accuracy:.0%} "
             f"of the time (seed {patrol.seed}),"
         )
+    return f"known at each forecast: {what} up to {_until_in_words(evaluation)}"
+
+
+def _until_in_words(evaluation: Evaluation) -> str:
+    protocol = evaluation.protocol
+    earlier = f"{duration(protocol.horizon_ns)} before it" if protocol.horizon_ns else ""
     if protocol.prequential:
-        return f"{what} up to the midnight before{before or ' each'}"
-    if before:
-        return f"{what} up to{before}"
+        return f"the midnight before {f'what was {earlier}' if earlier else 'it'}"
+    if earlier:
+        return earlier
     if protocol.patrol is not None or not evaluation.is_truth or protocol.horizon_ns is not None:
-        return f"{what} up to each"
-    return f"{what} up to the split"
+        return "its moment"
+    return "the split"
 
 
 def _count(number: int, noun: str) -> str:

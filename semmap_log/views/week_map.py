@@ -15,23 +15,28 @@ from rich.table import Table
 from rich.text import Text
 
 from semmap_log.beliefs.typical_week import Pattern, TypicalWeek
-from semmap_log.moments import format_local
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS
-from semmap_log.views.belief_words import interval, never_seen_lines, short_number, why_unknown
+from semmap_log.views.belief_words import (
+    interval,
+    moment_in_words,
+    never_seen_lines,
+    short_number,
+    why_unknown,
+)
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import Rgb
-from semmap_log.views.tables import OTHER_STATE_COLOUR
+from semmap_log.views.tables import OTHER_STATE_COLOUR, SHORTEST_NAME
 from semmap_log.views.week_shades import ink_on, shade
 
 NEVER_SEEN = "·"
 LITTLE_SEEN = "?"
 LEGEND = (
-    f"0: P of open below .1, 9: .9 up; {NEVER_SEEN}: never seen then, {LITTLE_SEEN}: too little"
+    f"tenths of P(open), 0: below .1, 9: from .9 on; {NEVER_SEEN}: never seen then, "
+    f"{LITTLE_SEEN}: too little"
 )
 
 WIDE, NARROW = 3, 2
 """Columns of text a cell: of a map of its own, and of one of many rows."""
-NAME_WIDTH = 26
 
 
 def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
@@ -44,20 +49,18 @@ def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
 
 def hour_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     """Return a row of 24 cells for each door: its typical day."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("door", overflow="fold", width=NAME_WIDTH)
-    table.add_column(_scale(NARROW), no_wrap=True)
+    table = _table()
+    table.add_column(_scale(NARROW), no_wrap=True, min_width=HOURS * NARROW)
     for week in weeks:
         is_seen = np.asarray(week.is_seen.any(axis=0))
         cells = _row(week.by_hour(), is_seen, NARROW) if week.is_known else _unknown(week)
-        table.add_row(_name(week), cells)
+        table.add_row(*_names(week), cells)
     return Group(table, *_notes(weeks))
 
 
 def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     """Return P(open) and its interval for the seven days, two lines for each door."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("door", overflow="fold", min_width=14)
+    table = _table()
     for day in DAY_NAMES:
         table.add_column(day, no_wrap=True)
     for week in weeks:
@@ -69,18 +72,26 @@ def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
             )
         ]
         if week.is_known:
-            table.add_row(_name(week), *cells)
+            table.add_row(*_names(week), *cells)
         else:
-            table.add_row(_name(week).append("\n").append(_unknown(week)), *[NEVER_SEEN] * 7)
-    return Group(table, *_notes(weeks, legend="P of open, and its 90 % interval"))
+            number, name = _names(week)
+            table.add_row(number, name.append("\n").append(_unknown(week)), *[NEVER_SEEN] * 7)
+    return Group(table, *_notes(weeks, legend="P(open), and its 90 % interval"))
 
 
 def _title(week: TypicalWeek) -> Text:
     return Text(f"{week.door.door_id} {printable(week.door.label)}", style="bold")
 
 
-def _name(week: TypicalWeek) -> Text:
-    return Text(f"{week.door.door_id} {printable(week.door.label)}")
+def _table() -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("id", justify="right", no_wrap=True)
+    table.add_column("name", overflow="fold", min_width=SHORTEST_NAME)
+    return table
+
+
+def _names(week: TypicalWeek) -> tuple[str, Text]:
+    return str(week.door.door_id), Text(printable(week.door.label))
 
 
 def _unknown(week: TypicalWeek) -> Text:
@@ -123,7 +134,7 @@ def _digit(probability: float) -> int:
 
 def _notes(weeks: Sequence[TypicalWeek], legend: str = LEGEND) -> list[Text]:
     first = weeks[0]
-    said = f"hours of {first.tz}, by {first.estimator}, as known at "
-    notes = [f"{legend}; {said}{format_local(first.known_ns, first.tz)}"]
+    known = moment_in_words(first.known_ns, first.tz)
+    notes = [legend, f"hours of {first.tz}, by {first.estimator}, as known at {known}"]
     notes += never_seen_lines((week.door, week.evidence) for week in weeks)
     return [Text(note, style="dim") for note in notes]

@@ -38,8 +38,8 @@ def test_the_table_names_hours_and_what_is_left_out(
     assert 0 == code
     assert "Fri 2026-03-27 10:20 to " in out
     assert "in a typical week" in out
-    assert "now, 2026-03-27 10:20:00+01:00: P of open " in out
-    assert "never seen 20:00-07:00: left out, nobody knows" in out
+    assert "now, 2026-03-27 10:20:00 (Europe/Vienna): P(open) " in out
+    assert "left out, never seen then: 20:00-07:00" in out
     assert max(map(len, out.splitlines())) <= 80
 
 

@@ -61,7 +61,7 @@ def test_the_table_fits_a_terminal_and_marks_the_best(
     assert "constant          0.1111" in out
     assert "front" in out
     assert "2 doors, 17,280 samples after the first 70%; mean over doors, * best" in out
-    assert "known: all up to the midnight before each" in out
+    assert "known at each forecast: all up to the midnight before it" in out
     assert 0 < out.count("*")
 
 
@@ -161,7 +161,7 @@ def test_the_plot_is_a_picture(lab: Path, capsys: pytest.CaptureFixture[str]) ->
     assert b"\x89PNG" == Path("c.png").read_bytes()[:4]
     drawn = Path("c.svg").read_text(encoding="utf-8")
     assert "hour_of_week" in drawn
-    assert "lab: all up to the split" in drawn
+    assert "Forecast, and what came: lab, 2 doors" in drawn
     assert "17k" in drawn
     assert "c.svg: the reliability diagram." in capsys.readouterr().err
 

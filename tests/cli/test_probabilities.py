@@ -65,8 +65,8 @@ def test_the_table_tells_numbers_evidence_and_the_night(
     assert "UNKNOWN" not in front + store
     assert "UNKNOWN" in attic
     assert "UNKNOWN, never seen: attic" in out
-    assert "never seen 20:00-07:00: front, store" in out
-    assert "what is said of hours never seen is carried over from others" in out
+    assert "never seen: 20:00-07:00 (front, store)" in out
+    assert "what is said of an hour never seen is carried over from other hours" in out
 
 
 @pytest.mark.parametrize("by", [[], ["--by", "hour"], ["--by", "weekday"], ["--by", "week"]])
@@ -155,7 +155,7 @@ def test_the_map_of_the_week_reads_without_colours(
     assert ["·"] * 4 == rows["Mon"][20:]
     assert all(int(cell) >= 7 for cell in rows["Mon"][8:18])
     assert all(int(cell) <= 3 for cell in rows["Sun"][7:20])
-    assert "0: P of open below .1, 9: .9 up; ·: never seen then" in flat(out)
+    assert "tenths of P(open), 0: below .1, 9: from .9 on; ·: never seen then" in flat(out)
     assert "hours of Europe/Vienna" in flat(out)
 
 
@@ -234,7 +234,7 @@ def test_a_plot_is_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
 
     assert [0, 0] == codes
     assert b"\x89PNG" == Path("week.png").read_bytes()[:4]
-    assert "by hours of the day" in Path("hours.svg").read_text(encoding="utf-8")
+    assert "P(open) over a typical day" in Path("hours.svg").read_text(encoding="utf-8")
     assert "front" in capsys.readouterr().out
 
 
@@ -246,4 +246,4 @@ def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> No
     out = said(capsys, str(RECORDINGS / "office"))
 
     assert all(name in out for name in ("main_door", "coe_door", "hardware_door"))
-    assert "never seen Tue-Sun" in out
+    assert "never seen: Tue-Sun" in out

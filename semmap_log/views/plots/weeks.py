@@ -24,6 +24,8 @@ WIDE_IN = 8.0
 """Of a picture of one door; a column of several is `NARROW_IN` wide."""
 NARROW_IN, LOW_IN = 4.0, 2.0
 MOST_COLUMNS = 8
+IN_A_ROW = 3
+"""So few stand side by side."""
 BAR_IN = 4.0
 """Length of the bar of colours, at most."""
 HEAD_IN, FOOT_IN = 0.75, 0.75
@@ -34,6 +36,7 @@ HATCH_GREY, NOTHING_GREY = "#9a9a9a", "#f0f0f0"
 LINE = "#31688e"
 EVERY_HOURS = 3
 TITLE_LETTERS = 38
+MINUTES = len("2026-03-02 08:00")
 
 
 def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> None:
@@ -54,7 +57,8 @@ def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> Non
 
 def draw_weeks(weeks: Sequence[TypicalWeek], by: By) -> Any:
     """Return the figure."""
-    columns = min(MOST_COLUMNS, math.ceil(math.sqrt(0.75 * len(weeks))))
+    columns = len(weeks) if len(weeks) <= IN_A_ROW else math.ceil(math.sqrt(0.75 * len(weeks)))
+    columns = min(MOST_COLUMNS, columns)
     rows = math.ceil(len(weeks) / columns)
     width = WIDE_IN if columns == 1 else columns * NARROW_IN
     low = LOW_IN if columns > 1 else 1.5 * LOW_IN
@@ -74,7 +78,7 @@ def draw_weeks(weeks: Sequence[TypicalWeek], by: By) -> Any:
         figure.colorbar(shown, ax=panels, label="P(open)", shrink=shrink, aspect=25, pad=0.01,
                         anchor=(0.0, 1.0))  # fmt: skip
     figure.suptitle(_heading(weeks[0], by), fontsize="medium")
-    figure.supxlabel(_key(by), fontsize="small")
+    figure.supxlabel(_key(weeks[0], by), fontsize="small")
     return figure
 
 
@@ -145,12 +149,14 @@ def _title(week: TypicalWeek) -> str:
 
 
 def _heading(week: TypicalWeek, by: By) -> str:
-    what = {"week": "hours of the week", "hour": "hours of the day", "weekday": "days of the week"}
-    known = format_local(week.known_ns, week.tz)
-    return f"P(open) by {what[by]} ({week.tz})\nby {week.estimator}, as known at {known}"
+    what = {"week": "a typical week", "hour": "a typical day", "weekday": "the days of the week"}
+    known = format_local(week.known_ns, week.tz)[:MINUTES]
+    return f"P(open) over {what[by]}\nby {week.estimator}, as known at {known}"
 
 
-def _key(by: By) -> str:
+def _key(week: TypicalWeek, by: By) -> str:
+    """Return what stands along the axis, and what the marks mean."""
+    axis = "" if by == "weekday" else f"hour of the day, {week.tz}; "
     share = f"{INTERVAL:.0%} interval"
     said = f"dot: the {share} is wider than {UNSURE:g}" if by == "week" else f"band: {share}"
-    return f"{said}; hatched: never seen then, or too little"
+    return f"{axis}{said}; hatched: never seen then, or too little"

@@ -63,19 +63,19 @@ def telling(times_ns: Times, values: NDArray[np.float64]) -> NDArray[np.int64]:
     From a kept point on, each further one allows some slopes; once the next point lies outside of
     them all, the one before it is kept. (A swing filter: Elmeleegy et al., VLDB 2009.)
     """
-    seconds = ((times_ns - times_ns[:1]) / 1e9).tolist()
-    heights = values.tolist()
+    # Whole nanoseconds: as seconds of some years, moments beside each other would be one.
+    times, heights = times_ns.tolist(), values.tolist()
     kept = [0]
     steepest, flattest = np.inf, -np.inf
-    for i in range(1, len(seconds)):
-        ahead = seconds[i] - seconds[kept[-1]]
+    for i in range(1, len(times)):
+        ahead = times[i] - times[kept[-1]]
         rise = heights[i] - heights[kept[-1]]
         if not flattest * ahead <= rise <= steepest * ahead:
             kept.append(i - 1)
-            ahead, rise = seconds[i] - seconds[i - 1], heights[i] - heights[i - 1]
+            ahead, rise = times[i] - times[i - 1], heights[i] - heights[i - 1]
             steepest, flattest = np.inf, -np.inf
         steepest = min(steepest, (rise + TOLERANCE) / ahead)
         flattest = max(flattest, (rise - TOLERANCE) / ahead)
-    if kept[-1] != len(seconds) - 1:
-        kept.append(len(seconds) - 1)
+    if kept[-1] != len(times) - 1:
+        kept.append(len(times) - 1)
     return np.array(kept, np.int64)

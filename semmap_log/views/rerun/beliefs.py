@@ -6,18 +6,18 @@ alone. The week is as known at the recording's end.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from semmap_log.beliefs.asking import ask
+from semmap_log.beliefs.asking import Asked, ask
 from semmap_log.beliefs.beliefs import LATER, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.probabilities.methods.by_door import MOST_DOORS
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_rows import Points, curve, times_of_curve
 from semmap_log.views.rerun.door_rows import NEVER
@@ -36,20 +36,18 @@ MOST_CURVES = 16
 
 @dataclass(frozen=True, slots=True)
 class BeliefsShown:
-    """What a recording shows of beliefs: of doors of which enough is known at the end."""
+    """What a recording shows of beliefs."""
 
-    beliefs: Beliefs
-    """Those of the curves."""
-    curves: frozenset[DoorId]
-    """Doors that have one."""
+    curves: Mapping[DoorId, Points]
+    """Of doors of which enough was known at some time."""
     weeks: Sequence[TypicalWeek]
-    """Of the doors that are in the map at the end, ids ascending."""
+    """Of the doors that are in the map at the end and known well enough, ids ascending."""
 
 
 def beliefs_to_show(
     excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
 ) -> BeliefsShown | None:
-    """Return what can be shown of beliefs; None: of no door is enough known.
+    """Return what can be shown of beliefs; None: of no door was enough known.
 
     Args:
         excerpt: The part of the log.
@@ -58,18 +56,40 @@ def beliefs_to_show(
     """
     now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
     doors = [door for door in scene.liveliest() if chosen is None or door.door_id in chosen]
-    known = (door.door_id for door in doors if _is_known(now.beliefs, door, scene))
-    curves = frozenset(islice(known, MOST_CURVES if chosen is None else len(doors)))
+    drawn = doors if chosen is not None else doors[:MOST_CURVES]
+    curves = dict(_curves(now, drawn, scene))
     habits = now.by(LATER).as_of(scene.end.folds_ns)  # what happens later is not known there
     here = [door for door in habits.doors if door.door_id in scene.doors]
     weeks = [week for week in (typical_week(habits, door) for door in here) if week.is_known]
-    return BeliefsShown(now.beliefs, curves, weeks) if curves or weeks else None
+    return BeliefsShown(curves, weeks) if curves or weeks else None
 
 
-def _is_known(beliefs: Beliefs, door: SceneDoor, scene: Scene) -> bool:
-    """Tell whether enough is known of a door at its end."""
-    times_ns = np.array(_life(door, scene)[1:])
-    return bool(beliefs.predict(door.door_id, times_ns, times_ns).is_known[0])
+def _curves(
+    now: Asked, doors: Sequence[SceneDoor], scene: Scene
+) -> Iterator[tuple[DoorId, Points]]:
+    """Yield the curves of doors of which enough was known at some time.
+
+    Some doors are learnt of together, as of each day: that is much quicker than door by door; no
+    more of them than are kept.
+    """
+    now.beliefs.learnt(max(scene.end.folds_ns, now.known_ns))  # once for all days
+    days_ns = [scene.begin.folds_ns, *_midnights_ns(now, scene)]
+    for first in range(0, len(doors), MOST_DOORS):
+        together = doors[first : first + MOST_DOORS]
+        for known_ns in days_ns:
+            now.beliefs.prepare([door.door_id for door in together], known_ns)
+        for door in together:
+            points = points_of(now.beliefs, door, scene)
+            if len(points):
+                yield door.door_id, points
+
+
+def _midnights_ns(now: Asked, scene: Scene) -> list[int]:
+    """Return the local midnights within a recording."""
+    ends_ns = np.array([scene.begin.folds_ns, scene.end.folds_ns])
+    first, last = (now.clock.hour_of(ends_ns) // 24).tolist()
+    found: list[int] = now.clock.midnights_ns(np.arange(first + 1, last + 1)).tolist()
+    return found
 
 
 def belief_path(door: SceneDoor) -> EntityPath:
@@ -81,7 +101,7 @@ def write_beliefs(writer: RowWriter, shown: BeliefsShown, scene: Scene, palette:
     """Write all curves and weeks."""
     for door_id in sorted(shown.curves):
         door = scene.doors[door_id]
-        _write_curve(writer, belief_path(door), points_of(shown.beliefs, door, scene), palette)
+        _write_curve(writer, belief_path(door), shown.curves[door_id], palette)
     write_weeks(writer, shown.weeks, scene)
 
 

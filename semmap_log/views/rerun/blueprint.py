@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from semmap_log.beliefs.typical_week import TypicalWeek
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.beliefs import BeliefsShown
@@ -18,7 +19,7 @@ from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.sdk import rr, rrb
-from semmap_log.views.rerun.weeks import weeks_on, weeks_path
+from semmap_log.views.rerun.weeks import Sheet, weeks_on, weeks_path
 
 MOST_CURVES = 8
 MOST_LANES = 16
@@ -145,17 +146,25 @@ def _weeks(scene: Scene, palette: Palette, beliefs: BeliefsShown | None) -> View
     """Return a tab of typical weeks a level; None where nothing is known."""
     weeks = [] if beliefs is None else beliefs.weeks
     views = [
-        rrb.Spatial2DView(
-            origin=entity(weeks_path(level)),
-            name="Typical week" if level.path == (ROOT,) else f"{level.name} typical week",
-            background=[*palette.background, 255],
-        )
+        _week(level, here, palette)
         for level in scene.levels.values()
-        if weeks_on(weeks, scene, level)
+        if (here := weeks_on(weeks, scene, level))
     ]
     if len(views) < 2:
         return views[0] if views else None
     return rrb.Tabs(*views, active_tab=0)
+
+
+def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], palette: Palette) -> View:
+    sheet = Sheet.of(len(weeks))
+    name = "Typical week" if level.path == (ROOT,) else f"{level.name} typical week"
+    return rrb.Spatial2DView(
+        origin=entity(weeks_path(level)),
+        # The axis of time is in UTC, habits are not.
+        name=f"{name} (Monday on top, hours of {weeks[0].tz})",
+        background=[*palette.background, 255],
+        visual_bounds=rrb.VisualBounds2D(x_range=[0, sheet.width], y_range=[0, sheet.height]),
+    )
 
 
 def _curves(

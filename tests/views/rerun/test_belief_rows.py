@@ -58,6 +58,17 @@ def test_a_jump_keeps_its_two_ends() -> None:
     assert [0, 2, 3, 4] == kept.tolist()
 
 
+def test_a_jump_after_years_is_still_a_jump() -> None:
+    """
+    Its two ends are a nanosecond apart, which floats of seconds cannot tell by then.
+    """
+    times_ns = np.array([0, 1095 * DAY_NS, 1095 * DAY_NS + 1, 1096 * DAY_NS])
+
+    kept = telling(times_ns, np.array([0.2, 0.2, 0.9, 0.9]))
+
+    assert [0, 1, 2, 3] == kept.tolist()
+
+
 def test_what_is_not_known_is_a_gap() -> None:
     """
     Nothing before it is known, NaN between known stretches.

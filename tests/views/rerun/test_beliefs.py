@@ -17,7 +17,14 @@ from semmap_log.moments import parse_instant
 from semmap_log.views.rerun.belief_rows import TOLERANCE, times_of_curve
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.rows import MOST_ROWS
-from semmap_log.views.rerun.weeks import NAMED, NEVER_SEEN, NO_CELL, NUMBERED, tiles
+from semmap_log.views.rerun.weeks import (
+    NO_CELL,
+    UNKNOWN_CELL,
+    Sheet,
+    axis_labels,
+    door_labels,
+    picture,
+)
 from tests.beliefs.patrolled import FRONT, VIENNA, patrolled
 from tests.views.rerun.some_logs import Drawn, small_log
 from tests.views.rerun.test_blueprint import views_of
@@ -53,7 +60,8 @@ def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn)
     times_ns = np.array([time for time, _ in rows])
     shown = np.array([value[0] for _, value in rows])
     said = beliefs.predict(FRONT, times_ns, times_ns)
-    np.testing.assert_array_equal(np.where(said.is_known, said.p_open, np.nan), shown)
+    believed = np.where(said.is_known, said.p_open, np.nan)
+    np.testing.assert_allclose(shown, believed, atol=1e-9)  # learnt together: sums in another order
     assert len(times_ns) > 10
     assert [] == drawn.rows(FRONT_CURVE, SCALARS, "recorded")
     assert [] == drawn.rows(FRONT_CURVE, SCALARS, "event")
@@ -94,27 +102,43 @@ def test_the_weeks_are_typical_weeks(log: sl.DoorLog, drawn: Drawn) -> None:
     (buffer,), (shape,) = (
         drawn.statics["/weeks", f"SegmentationImage:{part}"] for part in ("buffer", "format")
     )
-    picture = np.frombuffer(bytes(buffer), np.uint8).reshape(shape["height"], shape["width"])
-    column, row = NAMED.corner
-    shown = picture[row : row + 7, column : column + 24]
+    cells = np.frombuffer(bytes(buffer), np.uint8).reshape(shape["height"], shape["width"])
+    column, row = Sheet.of(2).corner(0)
+    shown = cells[row : row + 7, column : column + 24]
     known = front.hours.is_known
     np.testing.assert_array_equal(np.rint(100 * front.hours.p_open)[known], shown[known])
-    assert {NEVER_SEEN} == set(shown[~known].tolist())
-    assert {NO_CELL} == set(picture[:row, :].ravel().tolist())
+    assert {UNKNOWN_CELL} == set(shown[~known].tolist())
+    assert {NO_CELL} == set(cells[:row, :].ravel().tolist())
 
 
-def test_tiles_do_not_overlap(log: sl.DoorLog) -> None:
+@pytest.mark.parametrize("doors", [1, 2, 5, 12, 13, 66, 133])
+def test_tiles_do_not_overlap(doors: int, log: sl.DoorLog) -> None:
     """
-    For any number of doors, each has its 168 cells, and its label lies in the picture.
+    For any number of doors, each has its 168 cells; labels and key lie beside them.
     """
     (front,) = typical_weeks(log, doors=[FRONT])
+    sheet = Sheet.of(doors)
 
-    for tile in (NAMED, NUMBERED):
-        for doors in (1, 2, 5, 66, 133):
-            picture, places = tiles([front] * doors, tile)
-            assert 168 * doors == np.count_nonzero(picture != NO_CELL)
-            assert (places >= 0).all()
-            assert (places < picture.shape[::-1]).all()
+    cells = picture([front] * doors, sheet)
+
+    assert 168 * doors == np.count_nonzero(cells[:, : sheet.right] != NO_CELL)
+    key = cells[:, sheet.right]
+    assert [100, 0, UNKNOWN_CELL] == [key[key != NO_CELL][0], key[key <= 100][-1], key[-1]]
+    for name, x, y in [*door_labels(["front"] * doors, sheet), *axis_labels(sheet)]:
+        assert 0 <= x < sheet.width, name
+        assert 0 <= y < sheet.height, name
+
+
+def test_hours_stand_below_the_lowest_week_of_each_column() -> None:
+    """
+    Of thirteen doors, one is alone in the last row: its hours are lower than the others'.
+    """
+    sheet = Sheet.of(13)
+
+    noons = [(x, y) for label, x, y in axis_labels(sheet) if label == "12"]
+
+    assert sheet.columns == len({x for x, _ in noons}) == len(noons)
+    assert 2 == len({y for _, y in noons})
 
 
 def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> None:
@@ -124,8 +148,9 @@ def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> Non
     with_them = views_of(log, tmp_path)
     without = views_of(log, tmp_path, beliefs=False)
 
-    assert {"Typical week", "front", "store"} <= set(with_them)
-    assert not {"Typical week", "front", "store", "attic"} & set(without)
+    week = "Typical week (Monday on top, hours of Europe/Vienna)"
+    assert {week, "front", "store"} <= set(with_them)
+    assert not {week, "front", "store", "attic"} & set(without)
 
 
 def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:
@@ -184,7 +209,9 @@ def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> No
     assert ["front"] == drawn.statics["/weeks/labels", "Points2D:labels"]
     (earlier,) = typical_weeks(log, at=until_ns, doors=[FRONT])
     (buffer,) = drawn.statics["/weeks", "SegmentationImage:buffer"]
-    monday_11 = NAMED.corner[1] * NAMED.width + NAMED.corner[0] + 10
+    sheet = Sheet.of(1)
+    column, row = sheet.corner(0)
+    monday_11 = row * sheet.width + column + 10
     assert round(100 * earlier.hours.p_open[0, 10]) == bytes(buffer)[monday_11]
 
 
