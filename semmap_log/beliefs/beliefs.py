@@ -11,6 +11,8 @@ from semmap_log.beliefs.asking import Asked, ask
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
+from semmap_log.errors import MomentError
+from semmap_log.events import MAX_TIME_NS
 from semmap_log.log.reading.passage import Progress
 
 HOUR_NS = 3_600 * 10**9
@@ -77,10 +79,13 @@ def probabilities(
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
         EstimatorError: There is no such estimator.
-        MomentError: The time or the zone cannot be read.
+        MomentError: The time or the zone cannot be read, or the horizon leads beyond 2262.
     """
     chosen = estimator or default_estimator(horizon_ns)
     asked = ask(log, at=at, estimator=chosen, tz=tz, doors=doors, progress=progress)
+    if not 0 <= asked.known_ns + horizon_ns <= MAX_TIME_NS:
+        days = horizon_ns / (24 * HOUR_NS)
+        raise MomentError(f"horizon: expected one that ends before 2262, got {days:g} days.")
     asked.prepare()
     return [belief(asked, door, horizon_ns) for door in asked.doors]
 

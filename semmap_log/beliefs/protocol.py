@@ -16,6 +16,10 @@ from semmap_log.probabilities.local_clock import DAY_S, LocalClock
 Times = NDArray[np.int64]
 
 
+MOST_S = 100 * 366 * DAY_S
+"""Of any length of time: nanoseconds of more are no 64-bit number."""
+
+
 @dataclass(frozen=True, slots=True)
 class Protocol:
     """What is known at each forecast. Without any of the choices: what was known at the split.
@@ -41,12 +45,14 @@ class Protocol:
             EstimatorError: One of them cannot be.
         """
         _check("split", "a share between 0 and 1", self.split, 0 < self.split < 1)
-        _check("step", "at least a second", self.step_s, self.step_s >= 1)
+        _check("step", "1 s to a hundred years", self.step_s, 1 <= self.step_s <= MOST_S)
         if self.horizon_ns is not None:
-            _check("horizon", "0 or more", self.horizon_ns, self.horizon_ns >= 0)
+            seconds = self.horizon_ns / SECOND_NS
+            _check("horizon", "0 s to a hundred years", seconds, 0 <= seconds <= MOST_S)
         if self.patrol is not None:
             seconds, accuracy = self.patrol.interval_ns / SECOND_NS, self.patrol.accuracy
-            _check("patrol", "a second or more between two visits", seconds, seconds >= 1)
+            expected = "1 s to a hundred years between two visits"
+            _check("patrol", expected, seconds, 1 <= seconds <= MOST_S)
             _check("accuracy", "0.5..1", accuracy, 0.5 <= accuracy <= 1)
 
     @property

@@ -124,3 +124,12 @@ def test_mistakes_are_named(log: sl.DoorLog) -> None:
         probabilities(log, estimator="oracle")
     with pytest.raises(MomentError, match="Nix/Da"):
         probabilities(log, tz="Nix/Da")
+
+
+@pytest.mark.parametrize("days", [90_000, 10**12, -30_000])
+def test_a_horizon_ends_where_times_do(log: sl.DoorLog, days: int) -> None:
+    """
+    A moment that no time of a log can be is named, not computed with.
+    """
+    with pytest.raises(MomentError, match=r"horizon: expected one that ends before 2262, got"):
+        probabilities(log, horizon_ns=days * 24 * HOUR_NS)

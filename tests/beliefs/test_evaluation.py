@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -286,10 +287,13 @@ def test_a_patrol_needs_a_truth(tmp_path: Path) -> None:
     [
         ({"split": 0.0}, "split: expected a share between 0 and 1, got 0"),
         ({"split": 1.5}, r"got 1\.5"),
-        ({"step_s": 0.0}, "step: expected at least a second"),
-        ({"horizon_ns": -1}, "horizon: expected 0 or more"),
+        ({"step_s": 0.0}, "step: expected 1 s to a hundred years, got 0"),
+        ({"step_s": math.inf}, "step: expected 1 s to a hundred years, got inf"),
+        ({"horizon_ns": -1}, "horizon: expected 0 s to a hundred years"),
+        ({"horizon_ns": 10**20}, "horizon: expected 0 s to a hundred years, got 1e"),
         ({"patrol": Patrol(accuracy=0.4)}, r"accuracy: expected 0\.5\.\.1, got 0\.4"),
-        ({"patrol": Patrol(interval_ns=5)}, "patrol: expected a second or more"),
+        ({"patrol": Patrol(interval_ns=5)}, "patrol: expected 1 s to a hundred years between"),
+        ({"patrol": Patrol(interval_ns=10**20)}, "patrol: expected 1 s to a hundred years between"),
     ],
 )
 def test_a_protocol_that_cannot_be_is_refused(values: dict[str, object], said: str) -> None:

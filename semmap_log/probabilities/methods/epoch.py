@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.probabilities.chain.chain import Steps, filtered
 from semmap_log.probabilities.chain.forgetting import Forgetting
-from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks
+from semmap_log.probabilities.chain.nodes import CERTAIN_LLR, LOOK_NS, Looks
 from semmap_log.probabilities.chain.scan import states
 from semmap_log.probabilities.forecast import LEAST
 from semmap_log.probabilities.local_clock import LocalClock
@@ -22,7 +22,8 @@ Reals = NDArray[np.float64]
 NEVER = 0
 """Of times: nanoseconds since 1970."""
 _CERTAIN = 1e-12
-"""Of a variance: whoever sees a door for sure, again and again at once, leaves none."""
+"""Of a variance: whoever sees a door again and again at once leaves none."""
+_ROUNDING = 1e-9
 
 
 class Belief(NamedTuple):
@@ -81,6 +82,9 @@ def believed(
     least = LEAST * np.minimum((times_ns - before_ns) / LOOK_NS, 1.0)
     from_closed = np.clip(here - before * kept, least, 1 - least)
     from_open = np.clip(here + (1 - before) * kept, from_closed, 1 - least)
+    # What is certain says all: it gainsays any number of earlier sightings.
+    is_certain = np.abs(seen.llr) > CERTAIN_LLR - _ROUNDING
+    from_closed[is_certain] = from_open[is_certain] = 0.5
     after, foretold = filtered(Steps(from_closed, from_open), seen.llr)
     moved = after * (1 - after) / np.maximum(foretold * (1 - foretold), _CERTAIN)
     return Epoch(forgetting, seen, after, _carried(moved * kept, moved * (1 - kept), variance))

@@ -93,7 +93,9 @@ class DoorFilter:
                 p_open[where] += self._memory.correction(
                     epoch.forgetting, times[held], known[held], deviation[held]
                 )
-            variance[asked] *= (1 - kept) ** 2
+            # What is forgotten gives way to the schedule of all hours in between. Its errors hang
+            # together in part: were they one, it would be (1 - kept)^2; each its own, 1 - kept^2.
+            variance[asked] *= 1 - kept
             variance[asked] += (epoch.forgetting.unsure(kept) * deviation) ** 2
             variance[asked] += (kept * belief.spread) ** 2
             fresh = epoch.forgetting.kept(belief.seen_ns, times, self._clock) >= FRESH

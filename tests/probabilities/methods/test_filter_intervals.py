@@ -1,0 +1,67 @@
+"""Where the filter says that P(open) lies, some hours after the door was seen, it mostly lies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from semmap_log.doors import DoorId
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import Changed, DoorAdded, DoorUpdated
+from semmap_log.probabilities.evidence.evidence import Evidence
+from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.methods.filter import Filter
+from tests.probabilities.known import HOUR_NS, hours_ns
+
+DOOR = DoorId(1)
+DAYS, DOORS = 14, 20
+STEPS_H = 4
+HOURS = np.arange((DAYS + 1) * 24 * STEPS_H) / STEPS_H
+TENDS_TO = np.where((HOURS % 24 >= 8) & (HOURS % 24 < 18), 0.9, 0.05)
+KEEPS = np.exp(-1 / STEPS_H / 12)
+"""Of its state, a quarter of an hour later: it forgets in twelve hours."""
+
+
+@pytest.mark.parametrize("ahead_h", [3, 6])
+def test_the_truth_lies_in_the_interval_about_as_often_as_is_said(ahead_h: int) -> None:
+    """
+    Of doors that tend to be open by day and stay as they are for hours, known all through for two
+    weeks, P(open) some hours later is known exactly; it lies in there mostly, and not always.
+    """
+    known = np.arange(9 * 24 * STEPS_H, DAYS * 24 * STEPS_H, 7)
+    doors = simulated(np.random.default_rng(1))
+    truth = doors[:, known].astype(float)
+    for step in range(1, ahead_h * STEPS_H + 1):
+        truth = (1 - KEEPS) * TENDS_TO[known + step] + KEEPS * truth
+    known_ns = hours_ns(known / STEPS_H)
+    inside = []
+
+    for is_open, expected in zip(doors, truth, strict=True):
+        learnt = Filter().learn(told(is_open[: DAYS * 24 * STEPS_H]).up_to(), LocalClock("UTC"))
+        found = learnt.predict(DOOR, known_ns + ahead_h * HOUR_NS, known_ns)
+        inside.append((found.low <= expected) & (expected <= found.high))
+
+    assert 0.75 <= np.mean(inside) <= 0.98
+
+
+def simulated(rng: np.random.Generator) -> np.ndarray:
+    """Return whether each door is open, (doors, steps)."""
+    doors = np.zeros((DOORS, len(HOURS)), np.bool_)
+    for step, tends_to in enumerate(TENDS_TO[1:], 1):
+        p_open = (1 - KEEPS) * tends_to + KEEPS * doors[:, step - 1]
+        doors[:, step] = rng.random(DOORS) < p_open
+    return doors
+
+
+def told(is_open: np.ndarray) -> Evidence:
+    """Return the evidence of a door that was set every quarter of an hour."""
+    evidence = Evidence()
+    times_ns = hours_ns(np.arange(len(is_open)) / 4)
+    evidence.apply(EventBatch.of(DoorAdded, happened_ns=times_ns[:1], door_id=DOOR))
+    evidence.apply(
+        EventBatch.of(
+            DoorUpdated, happened_ns=times_ns, door_id=DOOR, changed=Changed.STATE.value,
+            state=np.where(is_open, 1, 2).astype(np.uint8),
+        )
+    )  # fmt: skip
+    return evidence
