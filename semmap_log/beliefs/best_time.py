@@ -24,6 +24,8 @@ State = Literal["open", "closed"]
 MOST_WINDOWS = 5
 ABOUT_THE_SAME = 0.05
 """Hours whose probability is not more than that below the best are as good as it."""
+WORTHLESS = 0.25
+"""Hours that are more than that below the best of all are no good."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +105,7 @@ def best_time(
     (asked_for,) = near.doors
     week = typical_week(far, asked_for)
     coming = _Coming.of(near, asked_for, week.is_seen)
+    most = most if week.is_known else 0
     now = belief(near, asked_for)
     return BestTime(
         state=state,
@@ -114,7 +117,7 @@ def best_time(
             coming.windows(coming.said, state, most), key=lambda window: window.start_ns
         ),
         never_seen=~week.is_seen,
-        wait_s=_wait_s(near, now, state),
+        wait_s=_wait_s(near, now, state) if week.is_known else None,
     )
 
 
@@ -182,6 +185,8 @@ def best_runs(
         most: How many.
     """
     free, runs = usable.copy(), list[slice]()
+    if free.any():
+        free &= probability >= probability[free].max() - WORTHLESS
     while len(runs) < most and free.any():
         good = free & (probability >= probability[free].max() - ABOUT_THE_SAME)
         edges = np.flatnonzero(np.diff(good, prepend=False, append=False))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -103,12 +105,21 @@ def test_runs_are_cells_about_as_good() -> None:
     """
     Best first, about as good ones in order of time; cells that may not be used cut them.
     """
-    probability = np.array([0.9, 0.91, 0.5, 0.93, 0.93, 0.2, 0.52])
+    probability = np.array([0.9, 0.91, 0.7, 0.93, 0.93, 0.2, 0.72])
     usable = np.array([True, True, True, True, False, True, True])
 
     runs = best_runs(probability, usable, most=4)
 
     assert [slice(0, 2), slice(3, 4), slice(2, 3), slice(6, 7)] == runs
+
+
+def test_hours_far_below_the_best_are_no_good() -> None:
+    """
+    However many runs are asked for: an hour of .2 is not when to go where there is one of .9.
+    """
+    runs = best_runs(np.array([0.2, 0.9, 0.6, 0.7]), np.ones(4, bool), most=9)
+
+    assert [slice(1, 2), slice(3, 4)] == runs
 
 
 def test_where_nothing_may_be_used_there_is_no_run() -> None:
@@ -117,3 +128,15 @@ def test_where_nothing_may_be_used_there_is_no_run() -> None:
     """
     assert [] == best_runs(np.ones(3), np.zeros(3, bool), most=5)
     assert [slice(0, 3)] == best_runs(np.ones(3), np.ones(3, bool), most=5)
+
+
+def test_of_a_door_that_was_hardly_seen_nothing_is_said_either() -> None:
+    """
+    A day in the office is too little for a week: no windows, and no wait, made of nothing.
+    """
+    office = Path(__file__).parents[2] / "recordings" / "office"
+
+    found = best_time(sl.read(office), "main_door")
+
+    assert not found.is_known
+    assert ([], [], None) == (found.of_the_week, found.next_ones, found.wait_s)
