@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,10 @@ class Beliefs:
         self.evidence = evidence or Evidence()
         self._learnt: tuple[Learnt, int, int] | None = None
         """What was learnt, of how many words, and up to when."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs; what was learnt it learns again."""
+        return self.__dict__ | {"_learnt": None}
 
     @property
     def door_ids(self) -> list[DoorId]:

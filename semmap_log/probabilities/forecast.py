@@ -18,6 +18,8 @@ INTERVAL = 0.9
 
 _Z = 1.6449
 """Standard deviations to each end of `INTERVAL` of a normal."""
+_CANTELLI = (2 / (1 - INTERVAL) - 1) ** 0.5
+"""Of any distribution at most a half of what `INTERVAL` leaves lies farther off on one side."""
 _LEAST_VARIANCE = 1e-9
 _FEWEST = 1e-6
 """Days that count as none."""
@@ -91,7 +93,9 @@ class Forecast:
     ) -> Forecast:
         """Return a forecast with an interval for P(open) being known with that variance.
 
-        It is Wilson's, of as many observations as give a share of that variance.
+        It is Wilson's, of as many observations as give a share of that variance. Where not even
+        one gives so much, Cantelli's inequality bounds it: whatever the distribution, no more lies
+        beyond so many standard deviations.
 
         Args:
             p_open: (n,).
@@ -104,6 +108,8 @@ class Forecast:
         # 1 / n; a share of n observations has the variance p (1 - p) / (n + 1), by Laplace's rule.
         few = variance / np.maximum(most - variance, _LEAST_VARIANCE)
         low, high = _wilson(p_open, few)
+        farthest = np.where(few > 1, _CANTELLI * np.sqrt(np.maximum(variance, 0)), 1.0)
+        low, high = np.maximum(low, p_open - farthest), np.minimum(high, p_open + farthest)
         return cls.of(p_open, low, high, is_known, effective_days)
 
     def __len__(self) -> int:
