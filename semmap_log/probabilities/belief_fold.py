@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
 from semmap_log.probabilities.estimator import Estimator, GoingOn, Learnt, Preparing
 from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.evidence.evidence import Evidence
+from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 
@@ -79,20 +79,22 @@ class Beliefs:
             until_ns: Default: the latest event's time.
         """
         wanted_ns = self.evidence.latest_ns if until_ns is None else until_ns
-        evidence = self.evidence.up_to(wanted_ns)
-        if self._learnt is None:
-            learnt = self.estimator.learn(evidence, self.clock)
-        else:
+        if self._learnt is not None:
             learnt, words, until_then_ns = self._learnt
             if words == len(self.evidence) and wanted_ns <= until_then_ns:
                 return learnt
-            if isinstance(learnt, GoingOn):
-                unmoved_ns = min(self.evidence.unmoved_until_ns(words), until_then_ns)
-                learnt = learnt.gone_on(evidence, unmoved_ns)
-            else:
-                learnt = self.estimator.learn(evidence, self.clock)
+        learnt = self._learn(self.evidence.up_to(wanted_ns))
         self._learnt = learnt, len(self.evidence), wanted_ns
         return learnt
+
+    def _learn(self, evidence: Mapping[DoorId, DoorEvidence]) -> Learnt:
+        """Return what the evidence teaches, gone on from what was learnt before, if that goes."""
+        if self._learnt is not None:
+            learnt, words, until_then_ns = self._learnt
+            if isinstance(learnt, GoingOn):
+                unmoved_ns = min(self.evidence.unmoved_until_ns(words), until_then_ns)
+                return learnt.gone_on(evidence, unmoved_ns)
+        return self.estimator.learn(evidence, self.clock)
 
 
 class BeliefProjection:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,8 @@ Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
 
 HOURS = 24
+SIDE_BY_SIDE = 20_000
+"""So many looks, about, are learnt from at once: what fits a processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +71,29 @@ def forgettings_of(doors: Sequence[Looks]) -> list[Forgetting]:
     Many doors take little longer than one: they are learnt side by side.
     """
     found = [START] * len(doors)
-    seen = [place for place, looks in enumerate(doors) if np.any(looks.llr)]
-    if not seen:
-        return found
-    nodes = Nodes.joined([doors[place].nodes() for place in seen], HOURS)
-    overall = learn_rates(nodes.with_bins(nodes.bin // HOURS), len(seen))
-    rates = learn_rates(nodes, len(seen), bins=HOURS, prior=overall)
-    per_s = 2 * overall.opening * overall.closing / overall.relaxation
-    for door, place in enumerate(seen):
-        own = slice(door * HOURS, (door + 1) * HOURS)
-        times_ns = doors[place].times_ns
-        looked_s = int(times_ns[-1] - times_ns[0]) / SECOND_NS
-        own_rates = Rates(rates.opening[own], rates.closing[own])
-        found[place] = Forgetting(own_rates, float(per_s[door] * looked_s))
+    group: list[int] = []
+    many = 0
+    for place, looks in enumerate(doors):
+        if np.any(looks.llr):
+            group.append(place)
+            many += len(looks)
+        if group and (many > SIDE_BY_SIDE or place == len(doors) - 1):
+            for learnt, forgetting in zip(group, _learnt([doors[p] for p in group]), strict=True):
+                found[learnt] = forgetting
+            group, many = [], 0
     return found
+
+
+def _learnt(doors: Sequence[Looks]) -> Iterator[Forgetting]:
+    """Yield what the looks at each door teach; all of them have some."""
+    seen = [looks.only(looks.llr != 0).nodes() for looks in doors]
+    nodes = Nodes.joined(seen, HOURS)
+    overall = learn_rates(nodes.with_bins(nodes.bin // HOURS), len(doors))
+    nodes = Nodes.joined([looks.nodes() for looks in doors], HOURS)
+    rates = learn_rates(nodes, len(doors), bins=HOURS, prior=overall)
+    per_s = 2 * overall.opening * overall.closing / overall.relaxation
+    for door, looks in enumerate(doors):
+        own = slice(door * HOURS, (door + 1) * HOURS)
+        looked_s = int(looks.times_ns[-1] - looks.times_ns[0]) / SECOND_NS
+        own_rates = Rates(rates.opening[own], rates.closing[own])
+        yield Forgetting(own_rates, float(per_s[door] * looked_s))

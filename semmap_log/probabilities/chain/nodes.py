@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,29 @@ class Looks:
         """Return them as one sequence, with a bin for each hour of the day."""
         gap_s = np.diff(self.times_ns, prepend=self.times_ns[:1]) / SECOND_NS
         return Nodes(gap_s, self.llr, self.hour, np.arange(len(self)) == 0)
+
+    def only(self, chosen: NDArray[np.bool_]) -> Looks:
+        """Return some of them."""
+        return Looks(self.times_ns[chosen], self.llr[chosen], self.hour[chosen])
+
+
+def lessons(evidence: DoorEvidence, clock: LocalClock, from_ns: int, until_ns: int) -> Looks:
+    """Return the looks that rates are learnt from: of a visit one, its last.
+
+    Args:
+        evidence: Of the door.
+        clock: Whose hours.
+        from_ns: As `looks`.
+        until_ns: As `looks`.
+    """
+    visits = np.bincount(evidence.visit, evidence.llr).astype(np.float64)
+    last = np.zeros(len(visits), np.intp)
+    last[evidence.visit] = np.arange(len(evidence.visit))
+    order = np.argsort(last, kind="stable")
+    visited = replace(evidence, seen_ns=evidence.seen_ns[last[order]], llr=visits[order])
+    found = looks(visited, clock, from_ns, until_ns)
+    changes_hour = np.append(True, np.diff(found.hour) != 0)[: len(found)]
+    return found.only(changes_hour | (found.llr != 0))
 
 
 def looks(evidence: DoorEvidence, clock: LocalClock, from_ns: int, until_ns: int) -> Looks:

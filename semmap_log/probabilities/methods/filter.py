@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from semmap_log.doors import DoorId
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of
-from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, looks
+from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, lessons, looks
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
 from semmap_log.probabilities.local_clock import LocalClock
@@ -146,7 +146,7 @@ class DoorFilter:
         """Return the looks before an epoch, which teach its rates; in the first there are none."""
         first_ns = self.learnt_ns(number)
         back_ns = self._midnight_ns(_learnt_on(number) - LEARNT_FROM_D)
-        return looks(self._evidence.up_to(first_ns - 1), self._clock, back_ns, first_ns - 1)
+        return lessons(self._evidence.up_to(first_ns - 1), self._clock, back_ns, first_ns - 1)
 
     def _epoch(self, number: int) -> Epoch:
         if number not in self._epochs:
