@@ -220,7 +220,7 @@ class _Test:
             unit = "samples of a known state" if self.is_truth else "visits"
             raise EstimatorError(
                 f"{where}: nothing to evaluate: expected a door with at least {least[0]} {unit} "
-                f"to learn from and {least[1]} to forecast; {len(self.left_out)} doors have fewer."
+                f"to learn from and {least[1]} to forecast; doors with fewer: {len(self.left_out)}."
             )
 
     def forecast(self, door_id: DoorId, name: str, learnt: Learnt) -> None:

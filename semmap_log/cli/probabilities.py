@@ -22,6 +22,7 @@ from semmap_log.cli.common import (
 if TYPE_CHECKING:
     from semmap_log.beliefs.applying import Applied
     from semmap_log.beliefs.typical_week import TypicalWeek
+    from semmap_log.door_log import DoorLog
     from semmap_log.door_log_writer import About
 
 
@@ -128,8 +129,18 @@ def run(
         )
         return
     console().print(belief_table(beliefs, tz=zone))
+    if at is not None and all(belief.evidence.is_empty for belief in beliefs):
+        _tell_of_later(sl.read(log), at)
     if applied is not None:
         _tell(applied)
+
+
+def _tell_of_later(log: DoorLog, at: str) -> None:
+    """Say so if what had happened by then was recorded later, as what was imported is."""
+    moment = log.instant(at)
+    if moment is not None and any(len(batch) for batch in log.batches(until=moment)):
+        say("--at counts only what had been recorded by then; what the log tells of that time was "
+            "recorded later, as by an import.")  # fmt: skip
 
 
 def _refuse_useless(about: About, *, horizon: str, typical: bool, apply: bool) -> None:
@@ -222,7 +233,8 @@ def _tell(applied: Applied) -> None:
         say(f"stored before, from event {appended.first_event} on; nothing was written now.")
     else:
         last = appended.first_event + appended.count - 1
-        say(f"events {appended.first_event}..{last}: {appended.count} doors have their "
+        doors = "door has" if appended.count == 1 else "doors have"
+        say(f"events {appended.first_event}..{last}: {appended.count} {doors} now both "
             "probabilities in the map.")  # fmt: skip
     if applied.unknown:
         say(f"left alone, UNKNOWN: {named([belief.door for belief in applied.unknown])}")

@@ -267,7 +267,7 @@ def test_nothing_to_evaluate_is_said(tmp_path: Path) -> None:
     """
     log = log_of(tmp_path, {1: [(0.0, "OPEN"), (1, "UNKNOWN")]})
 
-    with pytest.raises(EstimatorError, match=r"at least 200 samples .* 1 doors have fewer"):
+    with pytest.raises(EstimatorError, match=r"at least 200 samples .* doors with fewer: 1"):
         evaluate(log, [CONSTANT])
 
 

@@ -247,3 +247,28 @@ def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> No
 
     assert all(name in out for name in ("main_door", "coe_door", "hardware_door"))
     assert "never seen: Tue-Sun" in out
+
+
+def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    What a CSV tells of last year was recorded today: as of last year nobody knew it.
+    """
+    monkeypatch.chdir(tmp_path)
+    Path("doors.csv").write_text(
+        "timestamp,door,state\n2024-05-01T08:00,front,OPEN\n2024-05-20T08:00,front,CLOSED\n"
+    )
+    assert 0 == run("init", "log", "--tz", "UTC")
+    assert 0 == run("import", "log", "doors.csv")
+    capsys.readouterr()
+
+    code = run("probabilities", "log", "--at", "2024-05-19")
+    told = capsys.readouterr()
+    assert 0 == run("probabilities", "log")
+    now = capsys.readouterr()
+
+    assert 0 == code
+    assert "No door is in the map then" in told.out
+    assert "recorded later" in told.err
+    assert "recorded later" not in now.err

@@ -53,7 +53,8 @@ class Coverage:
 
 def _hours(evidence: DoorEvidence, clock: LocalClock) -> NDArray[np.int64]:
     """Return the local hours, counted from a Monday's midnight, in which something was known."""
-    first, seen = (_hour(clock.wall_s(at)) for at in (evidence.start_ns, evidence.seen_ns))
+    tells = evidence.accuracy_open + evidence.accuracy_closed > 1  # more than a coin does
+    first, seen = (_hour(clock.wall_s(at)) for at in (evidence.start_ns, evidence.seen_ns[tells]))
     end = -_hour(-clock.wall_s(evidence.end_ns))  # an hour of which nothing is left is not touched
     counts = np.maximum(end - first, 1)
     # Each stretch's hours in a row: a counter that starts anew at each stretch.

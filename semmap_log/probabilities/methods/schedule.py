@@ -25,6 +25,8 @@ from semmap_log.probabilities.methods.habits import DAYS_IN_WEEK, habits
 Times = NDArray[np.int64]
 Table = NDArray[np.float64]
 
+STALE_D = 365
+"""A schedule of which nothing was confirmed for so many days is UNKNOWN, too."""
 LEAST_H = 3.0
 """Known hours at that time of day, an hour more or less: with fewer the schedule is UNKNOWN.
 
@@ -80,10 +82,11 @@ class DoorSchedule:
             nothing = np.zeros(len(times_ns))
             return Expected(nothing + PRIOR_P, nothing + PRIOR_P**2, nothing > 0, nothing)
         row, _, _, hour = self._places(self._clock.wall_s(times_ns), known_ns)
+        age_d = self._clock.hour_of(known_ns) // 24 - (self._first_day + row)
         return Expected(
             self._between_hours(self._p_open, times_ns, known_ns),
             self._between_hours(self._variance, times_ns, known_ns),
-            is_known=self._seen_h[row, hour] >= LEAST_H,
+            is_known=(self._seen_h[row, hour] >= LEAST_H) & (age_d <= STALE_D),
             effective_days=self._between_hours(self._days, times_ns, known_ns),
         )
 

@@ -221,3 +221,16 @@ def test_later_evidence_moves_nothing(seed: int) -> None:
     expected = DoorSchedule(told.up_to(cut_ns), UTC).predict(asked, known)
     np.testing.assert_allclose(found.p_open, expected.p_open, rtol=1e-9)
     np.testing.assert_allclose(found.low, expected.low, rtol=1e-9)
+
+
+def test_a_schedule_that_nobody_confirmed_for_a_year_is_unknown() -> None:
+    """
+    Eight weeks were seen; half a year later their habits are still said to be known, not for ever.
+    """
+    learnt = DoorSchedule(working_hours(8), UTC)
+    end = 24.0 * 7 * 8
+    known = at([end + 24 * 180.0, end + 24 * 400.0])
+
+    found = learnt.predict(known, known)
+
+    assert [True, False] == found.is_known.tolist()
