@@ -35,6 +35,9 @@ class Forgetting:
         """Return what is left of a deviation: 1 of a fresh one, 0 in the long run."""
         from_s, to_s = clock.wall_s(from_ns), clock.wall_s(to_ns)
         through = self._through(to_s) - self._through(from_s)
+        # An hour that comes twice passes twice, and one that is skipped not at all.
+        unseen_s = (to_ns - from_ns) / SECOND_NS - (to_s - from_s)
+        through += self.rates.relaxation.mean() * unseen_s
         kept: Reals = np.exp(-np.maximum(through, 0.0))
         return kept
 

@@ -37,6 +37,8 @@ class Belief(NamedTuple):
     """When that was."""
     seen_ns: Times
     """When the door was really seen, at that look or before."""
+    is_held: NDArray[np.bool_]
+    """Where it is no belief: the state was known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,8 @@ class Epoch:
         sees = np.maximum.accumulate(np.where(self.looks.llr != 0, np.arange(len(self.looks)), -1))
         seen_ns = np.where(sees >= 0, self.looks.times_ns[sees], NEVER)
         told_ns = self.looks.times_ns[place]
-        return Belief(self.believed[place], self.spread[place], told_ns, seen_ns[place])
+        nowhere = np.zeros(len(place), np.bool_)
+        return Belief(self.believed[place], self.spread[place], told_ns, seen_ns[place], nowhere)
 
 
 def believed(

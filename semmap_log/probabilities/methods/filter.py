@@ -87,7 +87,7 @@ class DoorFilter:
             kept = epoch.forgetting.kept(belief.told_ns, times, self._clock)
             deviation = belief.p_open - self.schedule.p_open(belief.told_ns, known)
             p_open[asked] += kept * deviation
-            held = belief.told_ns == known
+            held = belief.is_held
             if held.any():
                 where = np.flatnonzero(asked)[held]
                 p_open[where] += self._memory.correction(
@@ -132,6 +132,7 @@ class DoorFilter:
             np.where(held, 0.0, found.spread),
             np.where(held, known_ns, found.told_ns),
             np.where(held, known_ns, found.seen_ns),
+            held,
         )
 
     def epoch_at(self, known_ns: int) -> int:

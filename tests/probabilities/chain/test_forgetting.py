@@ -10,7 +10,7 @@ from semmap_log.probabilities.chain.forgetting import START, Forgetting, forgett
 from semmap_log.probabilities.chain.nodes import Looks, looks
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.chains import HOUR_S, looked_at, states_at
-from tests.probabilities.known import evidence, hours_ns
+from tests.probabilities.known import HOUR_NS, evidence, hours_ns
 
 UTC = LocalClock("UTC")
 BY_HOUR = Forgetting(
@@ -134,3 +134,16 @@ def test_many_doors_learn_what_each_learns_alone() -> None:
         np.testing.assert_allclose(one.rates.opening, expected.rates.opening, rtol=1e-3)
         np.testing.assert_allclose(one.rates.closing, expected.rates.closing, rtol=1e-3)
         assert one.changes == pytest.approx(expected.changes, rel=1e-3)
+
+
+@pytest.mark.parametrize("day", ["2026-03-29", "2026-10-25"])
+def test_an_hour_is_an_hour_when_the_clocks_change(day: str) -> None:
+    """
+    From half past to half past in the night of the change, real time passes, not that of clocks.
+    """
+    rates = Rates(np.full(24, 1 / 7200), np.full(24, 1 / 9000))
+    from_ns = np.array([f"{day}T00:30"], "M8[ns]").astype(np.int64)
+
+    found = Forgetting(rates, 9.0).kept(from_ns, from_ns + HOUR_NS, LocalClock("Europe/Vienna"))
+
+    assert np.exp(-3600 * (1 / 7200 + 1 / 9000)) == pytest.approx(found[0])
