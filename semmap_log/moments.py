@@ -18,7 +18,8 @@ from semmap_log.errors import MomentError
 from semmap_log.events import MAX_EVENT, MAX_TIME_NS
 
 SECOND_NS = 1_000_000_000
-DAY_NS = 86_400 * SECOND_NS
+HOUR_NS = 3_600 * SECOND_NS
+DAY_NS = 24 * HOUR_NS
 FIRST_NANOSECONDS = 10**14
 """`@n` counts nanoseconds from here on, and seconds below."""
 

@@ -64,11 +64,8 @@ def test_without_arguments_all_estimators_are_judged() -> None:
     """
     The eight that the document promises are there.
     """
-    missing = set(ESTIMATORS) - set(KNOWN)
-
     assert 8 == len(ESTIMATORS)
-    if missing:
-        pytest.skip(f"not there yet: {', '.join(sorted(missing))}")
+    assert set(ESTIMATORS) <= set(KNOWN)
 
 
 def test_tables_say_when_and_how(tmp_path: Path) -> None:

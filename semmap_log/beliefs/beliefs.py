@@ -14,8 +14,8 @@ from semmap_log.doors import Door, DoorId
 from semmap_log.errors import MomentError
 from semmap_log.events import MAX_TIME_NS
 from semmap_log.log.reading.passage import Progress
+from semmap_log.moments import HOUR_NS
 
-HOUR_NS = 3_600 * 10**9
 NEAR_NS = 24 * HOUR_NS
 """So far ahead the last sightings still tell something; beyond, only habits do."""
 

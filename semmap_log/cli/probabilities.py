@@ -115,14 +115,14 @@ def run(
         _show_typical(log, asked, by, plot, as_json=as_json)
         return
     asked["horizon_ns"] = parse_duration(horizon) if horizon else 0
-    applied = None
+    opened, applied = sl.read(log), None
     with progress("Reading") as told:
         if apply:
             applied = _apply(log, asked, about, told)
             beliefs = applied.beliefs
         else:
-            beliefs = probabilities(sl.read(log), **asked, progress=told)
-    zone = tz or sl.read(log).info.timezone
+            beliefs = probabilities(opened, **asked, progress=told)
+    zone = tz or opened.info.timezone
     if as_json:
         print_json(
             beliefs_to_json(beliefs, tz=zone) | (_applied_to_json(applied) if applied else {})
@@ -130,7 +130,7 @@ def run(
         return
     console().print(belief_table(beliefs, tz=zone))
     if at is not None and all(belief.evidence.is_empty for belief in beliefs):
-        _tell_of_later(sl.read(log), at)
+        _tell_of_later(opened, at)
     if applied is not None:
         _tell(applied)
 

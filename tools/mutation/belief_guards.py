@@ -155,7 +155,7 @@ METHODS = (
     _put("visits of an hour are its mean", "methods/count.py",
          "np.unique(clock.hour_of(evidence.seen_ns[first]), return_inverse=True)",
          "np.unique(evidence.seen_ns[first], return_inverse=True)", COUNT),
-    _put("a count is by time", "methods/count.py",
+    _put("a count is by time", "evidence/stretches.py",
          "np.cumsum(end_ns - start_ns)", "np.cumsum(end_ns - start_ns > 0)", COUNT),
     _put("a last word that is not yet said", "methods/last.py",
          "np.minimum(times_ns, known_ns)", "times_ns", NO_PEEKING),

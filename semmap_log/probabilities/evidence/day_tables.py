@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.moments import HOUR_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.stretches import Times, covered_ns
 from semmap_log.probabilities.local_clock import Hours, LocalClock
 
-HOUR_NS = 3_600_000_000_000
 Table = NDArray[np.float64]
 
 
@@ -63,10 +64,9 @@ def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
         evidence: Of a door.
         clock: Whose days and hours.
     """
-    firsts_ns = [int(times[0]) for times in (evidence.start_ns, evidence.seen_ns) if len(times)]
-    if not firsts_ns:
+    if evidence.is_empty:
         return DayTables(0, np.zeros((0, 24)), np.zeros((0, 24)))
-    span_ns = np.array([min(firsts_ns), evidence.until_ns], np.int64)
+    span_ns = np.array([evidence.first_ns, evidence.until_ns], np.int64)
     first_day, last_day = (clock.hour_of(span_ns) // 24).tolist()
     first, end = 24 * first_day, 24 * (last_day + 1)
     hours = clock.hours(first, end)
@@ -86,20 +86,10 @@ def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
     return DayTables(first_day, known.reshape(-1, 24), is_open.reshape(-1, 24))
 
 
-def _covered_ns(
-    start_ns: NDArray[np.int64], end_ns: NDArray[np.int64], hours: Hours
-) -> NDArray[np.int64]:
-    """Return how much of each piece of time lies in stretches that do not overlap."""
-    if not len(start_ns):
-        return np.zeros(len(hours.start_ns), np.int64)
-    before_ns = np.append(0, np.cumsum(end_ns - start_ns))
-
-    def covered_by(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        last = np.searchsorted(start_ns, times_ns, "right") - 1
-        inside_ns = np.minimum(times_ns, end_ns[last]) - start_ns[last]
-        return np.where(last < 0, 0, before_ns[last] + inside_ns)
-
-    return covered_by(hours.end_ns) - covered_by(hours.start_ns)
+def _covered_ns(start_ns: Times, end_ns: Times, hours: Hours) -> Times:
+    """Return how much of each piece of time lies in stretches."""
+    ends, starts = (covered_ns(start_ns, end_ns, ns) for ns in (hours.end_ns, hours.start_ns))
+    return ends - starts
 
 
 class _Readings(NamedTuple):

@@ -56,6 +56,17 @@ class DoorEvidence:
         """Return what is known of a door that nobody ever told of."""
         return _evidence_of(door_id, Words().about(door_id), Words().sensors()).up_to(until_ns)
 
+    @property
+    def is_empty(self) -> bool:
+        """Nothing is known of the door."""
+        return not (len(self.start_ns) or len(self.seen_ns))
+
+    @property
+    def first_ns(self) -> int:
+        """When the first of it begins; `until_ns` where there is none."""
+        firsts = [int(times[0]) for times in (self.start_ns, self.seen_ns) if len(times)]
+        return min(firsts, default=self.until_ns)
+
     def up_to(self, until_ns: int) -> DoorEvidence:
         """Return what was known at an earlier time: the same as without the events after it."""
         held = slice(int(np.searchsorted(self.start_ns, until_ns, "right")))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.stretches import covered_ns
 
 Times = NDArray[np.int64]
 Seconds = NDArray[np.float64]
@@ -28,16 +29,12 @@ class KnownTime:
     seen_ns: Times
     """(k,), of the visits."""
     reads_open: NDArray[np.bool_]
-    _open_s: Seconds
-    """(m + 1,), seconds open in the stretches before each."""
-    _known_s: Seconds
     _visits_open: NDArray[np.int64]
     """(k + 1,), visits that read open before each."""
 
     @classmethod
     def of(cls, evidence: DoorEvidence) -> KnownTime:
         """Return what is known of a door; the first sighting of a visit stands for it."""
-        known_s = (evidence.end_ns - evidence.start_ns) / SECOND_NS
         visits = evidence.is_visit
         reads_open = evidence.reads_open[visits]
         return cls(
@@ -46,8 +43,6 @@ class KnownTime:
             evidence.is_open,
             evidence.seen_ns[visits],
             reads_open,
-            np.concatenate([[0.0], np.cumsum(known_s * evidence.is_open)]),
-            np.concatenate([[0.0], np.cumsum(known_s)]),
             np.concatenate([[0], np.cumsum(reads_open)]),
         )
 
@@ -65,13 +60,8 @@ class KnownTime:
 
     def until(self, times_ns: Times) -> tuple[Seconds, Seconds]:
         """Return (seconds open, seconds known) before or at each time."""
-        stretch = np.searchsorted(self.start_ns, times_ns, "right")
-        open_s, known_s = self._open_s[stretch], self._known_s[stretch]
-        if len(self.start_ns):
-            last = np.maximum(stretch - 1, 0)
-            is_inside = stretch > 0
-            to_come_s = np.maximum(self.end_ns[last] - times_ns, 0) / SECOND_NS * is_inside
-            open_s = open_s - to_come_s * self.is_open[last]
-            known_s = known_s - to_come_s
+        starts, ends, is_open = self.start_ns, self.end_ns, self.is_open
+        known_s = covered_ns(starts, ends, times_ns) / SECOND_NS
+        open_s = covered_ns(starts[is_open], ends[is_open], times_ns) / SECOND_NS
         visit = np.searchsorted(self.seen_ns, times_ns, "right")
         return open_s + SAMPLE_S * self._visits_open[visit], known_s + SAMPLE_S * visit

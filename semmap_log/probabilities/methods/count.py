@@ -14,18 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
-from semmap_log.moments import SECOND_NS
+from semmap_log.moments import HOUR_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.evidence.stretches import covered_ns
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast
-from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
+from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.by_door import LearntByDoor
 from semmap_log.probabilities.methods.habits import PRIOR_DAYS
 from semmap_log.probabilities.methods.schedule import LEAST_H
 
 Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
-
-HOUR_NS = HOUR_S * SECOND_NS
 
 
 class DoorCount:
@@ -46,9 +45,10 @@ class DoorCount:
             self._evidence.start_ns, self._evidence.end_ns, self._evidence.is_open,
         )  # fmt: skip
         visit = np.searchsorted(self._visits_ns, until_ns, "right")
-        known_h = self._visits_h[visit] + _covered_h(start_ns, end_ns, until_ns)
-        open_h = self._visits_open_h[visit]
-        open_h = open_h + _covered_h(start_ns[is_open], end_ns[is_open], until_ns)
+        known_ns = covered_ns(start_ns, end_ns, until_ns)
+        open_ns = covered_ns(start_ns[is_open], end_ns[is_open], until_ns)
+        known_h = self._visits_h[visit] + known_ns / HOUR_NS
+        open_h = self._visits_open_h[visit] + open_ns / HOUR_NS
         days = known_h / 24
         p_open = (open_h / 24 + PRIOR_DAYS * PRIOR_P) / (days + PRIOR_DAYS)
         p_open = np.where(known_h >= LEAST_H, open_h / np.maximum(known_h, LEAST_H), p_open)
@@ -68,18 +68,6 @@ class Count:
     ) -> LearntByDoor[DoorCount]:
         """Return what the evidence teaches."""
         return LearntByDoor(evidence, lambda of_door: DoorCount(of_door, clock))
-
-
-def _covered_h(start_ns: Times, end_ns: Times, until_ns: Times) -> Reals:
-    """Return how many hours of stretches lie before each time."""
-    if not len(start_ns):
-        return np.zeros(len(until_ns))
-    before_ns = np.append(0, np.cumsum(end_ns - start_ns))
-    place = np.searchsorted(start_ns, until_ns, "right")
-    last = np.maximum(place - 1, 0)
-    inside_ns = np.minimum(until_ns, end_ns[last]) - start_ns[last]
-    found: Reals = np.where(place > 0, before_ns[last] + inside_ns, 0) / HOUR_NS
-    return found
 
 
 def _of_visits(evidence: DoorEvidence, clock: LocalClock) -> tuple[Reals, Reals]:

@@ -62,7 +62,7 @@ class DoorFilter:
         self._evidence = evidence
         self._clock = clock
         self._rates = rates
-        self._first_day = int(self._days(_first_ns(evidence))[0])
+        self._first_day = int(self._days(np.array([evidence.first_ns]))[0])
         self._epochs: dict[int, Epoch] = {}
 
     @cached_property
@@ -259,9 +259,3 @@ def _learnt_on(epoch: int) -> int:
     if epoch <= len(LEARNT_ON):
         return (0, *LEARNT_ON)[epoch]
     return LEARNT_ON[-1] + (epoch - len(LEARNT_ON)) * LEARNT_EVERY_D
-
-
-def _first_ns(evidence: DoorEvidence) -> Times:
-    """Return when the door was first told of, as an array of one."""
-    firsts = [times[:1] for times in (evidence.start_ns, evidence.seen_ns)]
-    return np.array([np.concatenate(firsts).min(initial=evidence.until_ns)], np.int64)

@@ -8,6 +8,7 @@ Old days count less, by several half-lives at once; which table is right, `avera
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,10 +118,12 @@ def _shrunk(sums: Tables, prior: Tables) -> tuple[Tables, Tables]:
     shape = opened.shape
     p_open = (mean[:, None, None], hour[0][:, None], per_weekday[0], weekday)
     days = (known_days[:, None, None], hour[1][:, None], per_weekday[1], per_weekday[1])
-    return tuple(  # type: ignore[return-value]  # of two
-        np.stack([np.broadcast_to(table, shape) for table in part], axis=1)
-        for part in (p_open, days)
-    )
+    return _stacked(p_open, shape), _stacked(days, shape)
+
+
+def _stacked(kinds: Sequence[Tables], shape: tuple[int, ...]) -> Tables:
+    """Return (rows, kinds, 7, 24) of tables that may be the same for all days or hours."""
+    return np.stack([np.broadcast_to(table, shape) for table in kinds], axis=1)
 
 
 def _level(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,9 @@ from semmap_log.probabilities.local_clock import LocalClock
 VIENNA = "Europe/Vienna"
 
 
-def evidence(*, stretches: list[tuple[str, str]] = [], seen: list[str] = []) -> DoorEvidence:  # noqa: B006
+def evidence(
+    *, stretches: Sequence[tuple[str, str]] = (), seen: Sequence[str] = ()
+) -> DoorEvidence:
     """What is known of a door whose state was known for some stretches, and sighted at times."""
     edges = np.array([[parse_instant(t, tz=VIENNA) for t in both] for both in stretches], np.int64)
     edges = edges.reshape(-1, 2)
