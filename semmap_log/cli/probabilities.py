@@ -83,8 +83,9 @@ def run(
     """Show how likely each door is open, how sure that is, and on what evidence.
 
     Nothing counts but what had happened and been recorded by the moment asked from. A door of
-    which too little is known is UNKNOWN. In brackets: where the true share lies, nine times in
-    ten. --by shows typical times instead, in cells of which never-seen ones are left empty.
+    which too little is known is UNKNOWN. In brackets: a 90 % interval of P(open), somewhat
+    narrow where little was seen. --by shows typical times instead, in cells of which never-seen
+    ones are left empty.
 
     --apply writes P(open) and P(closed) into the log, one commit, for doors that are known and
     whose numbers differ: replay, costmap --by belief and the thesis's YAML have them then. They
