@@ -215,6 +215,29 @@ def test_info_counts(run) -> None:
     )
 
 
+def test_info_draws_a_day(run) -> None:
+    """
+    The last, or the one asked for; of a single file, which knows not all of it, none.
+    """
+    run("observe", "office", "front", "open", "--at", "2026-02-27T12:00")
+    run("observe", "office", "front", "closed", "--at", "2026-02-27T18:00")
+
+    told = run("info", "office", "--json").json["day"]
+    drawn = run("info", "office")
+    asked = run("info", "office", "--day", "2026-02-27T08:00")
+    never = run("info", "office", "--day", "2001-01-01")
+    file = run("info", "office/office_000000.mcap", "--json").json
+
+    assert ["front"] == [door["name"] for door in told["doors"]]
+    assert len(told["edges"]) - 1 == len(told["doors"][0]["open"]) == 48
+    assert told["date"] in drawn.out
+    assert "\x1b" not in drawn.out
+    assert all(len(line) <= 80 for line in drawn.out.splitlines())
+    assert (0, 0) == (asked.code, never.code)
+    assert "no door was in the map on that day" in never.err
+    assert file["day"] is None
+
+
 def test_warnings_of_info(run) -> None:
     """
     Probabilities above 1 together, and times from the future, are named.
