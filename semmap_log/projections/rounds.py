@@ -31,6 +31,11 @@ class Round:
         """What people call it."""
         return self.name or f"round {self.patrol}"
 
+    def overlaps(self, since_ns: int, until_ns: int) -> bool:
+        """Tell whether some of it lies between two times, as far as anybody knows."""
+        begun = self.start_ns is None or self.start_ns < until_ns
+        return begun and (self.end_ns is None or self.end_ns >= since_ns)
+
 
 def rounds(entries: Iterable[HistoryEntry]) -> list[Round]:
     """Return the rounds, in the order in which they were first heard of.

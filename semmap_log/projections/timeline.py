@@ -81,6 +81,22 @@ class Timeline:
         """Return how long the door was in a state, all in all, nanoseconds."""
         return int(self.duration_ns[self.state == state].sum())
 
+    def spent_ns(self, state: DoorState, edges_ns: Times) -> Times:
+        """Return how much of each slot of time the door was in a state, nanoseconds.
+
+        Args:
+            state: The state.
+            edges_ns: (slots + 1,), ascending: where each slot begins, and the last one ends.
+        """
+        start_ns, end_ns = self.start_ns[self.state == state], self.end_ns[self.state == state]
+        before_ns = np.concatenate([np.zeros(1, np.int64), np.cumsum(end_ns - start_ns)])
+        begun = np.searchsorted(start_ns, edges_ns, "right")
+        # Of all that began by an edge, only the last interval may reach beyond it.
+        last_end_ns = np.concatenate([edges_ns[:1], end_ns])[begun]
+        beyond_ns = np.where(begun, np.maximum(last_end_ns - edges_ns, 0), 0)
+        spent: Times = np.diff(before_ns[begun] - beyond_ns)
+        return spent
+
     def between(self, since_ns: int | None = None, until_ns: int | None = None) -> Timeline:
         """Return what lies between two times: intervals are cut there, and keep their events."""
         start, end, removed = self.start_ns, self.end_ns, self.removed

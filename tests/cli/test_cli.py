@@ -215,6 +215,29 @@ def test_info_counts(run) -> None:
     )
 
 
+def test_history_as_a_picture(run, tmp_path: Path) -> None:
+    """
+    Lanes of all doors or of one; what is about events does not go with it.
+    """
+    pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
+    run("add", "office", "--name", "back")
+
+    everything = run("history", "office", "--plot", "all.svg")
+    one = run("history", "office", "front", "--plot", "one.png", "--palette", "colour-blind")
+    wrong = run("history", "office", "--plot", "all.pdf")
+    both = run("history", "office", "--plot", "all.svg", "--json")
+    nothing = run("history", "office", "--until", "2001-01-01", "--plot", "none.svg")
+
+    assert (0, 0, 1, 2, 1) == tuple(r.code for r in (everything, one, wrong, both, nothing))
+    assert "doors: 2, rounds: 0" in everything.err
+    assert "front" in (tmp_path / "all.svg").read_text()
+    assert b"\x89PNG" == (tmp_path / "one.png").read_bytes()[:4]
+    assert "expected a name that ends in .png or .svg" in wrong.err
+    assert "--plot" in both.err
+    assert "no door was in the map then" in nothing.err
+    assert not (tmp_path / "none.svg").exists()
+
+
 def test_info_draws_a_day(run) -> None:
     """
     The last, or the one asked for; of a single file, which knows not all of it, none.
