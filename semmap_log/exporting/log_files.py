@@ -25,7 +25,7 @@ from semmap_log.replay import Scope, visible_batches
 
 WRITABLE = (
     ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun), "
-    ".pgm (a costmap, with its .yaml)"
+    ".pgm (a costmap, with its .yaml), .mcap or .bag with --markers (a bag for players)"
 )
 
 

@@ -44,5 +44,7 @@ class _Ros1Bag:
         }
 
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
-        data = self._types.serialize_ros1(message, topic.ros_type)
+        self.write_encoded(topic, at_ns, bytes(self._types.serialize_ros1(message, topic.ros_type)))
+
+    def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         self._writer.write(self._connections[topic], at_ns, data)
