@@ -43,7 +43,7 @@ from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.projections.projection import Projection
 from semmap_log.projections.retraction import Retractions
-from semmap_log.projections.timeline import Timeline, timeline
+from semmap_log.projections.timeline import Timeline, timelines
 from semmap_log.replay import Scope, replay, visible_batches
 
 if TYPE_CHECKING:
@@ -370,16 +370,43 @@ class DoorLog:
             MomentError: `since` comes after `until`.
         """
         door_id = self.resolve_ever(door) if isinstance(door, str) else DoorId(int(door))
+        found = self.timelines([door_id], at, known_at, since=since, until=until, progress=progress)
+        if door_id not in found:
+            self.resolve_ever(door_id)
+            return Timeline.empty(door_id)
+        return found[door_id]
+
+    def timelines(
+        self,
+        doors: Collection[DoorId] | None = None,
+        at: Time = None,
+        known_at: Time = None,
+        *,
+        since: Time = None,
+        until: Time = None,
+        progress: Progress | None = None,
+    ) -> dict[DoorId, Timeline]:
+        """Return when doors were in which state, ids ascending; `timeline` of many in one reading.
+
+        Args:
+            doors: Only these; None: all that were ever added.
+            at: As for `timeline`, like the rest.
+            known_at: Only what had been recorded by then, whole commits.
+            since: Only from then on: an interval is cut there.
+            until: Only before then.
+            progress: Told how far the reading is.
+
+        Raises:
+            MomentError: `since` comes after `until`.
+        """
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
         if since_ns is not None and until_ns is not None and since_ns > until_ns:
             raise MomentError("the first moment lies after the second; swap them.")
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         batches = visible_batches(self.reader, scope, progress=progress)
-        found = timeline(batches, door_id, end_ns=asked_ns)
-        if not len(found):
-            self.resolve_ever(door_id)
-        return found.between(since_ns, until_ns)
+        found = timelines(batches, doors, end_ns=asked_ns)
+        return {i: each.between(since_ns, until_ns) for i, each in found.items()}
 
     def instant(self, time: Time) -> int | None:
         """Return a time in nanoseconds; of an event, the time from which it counts."""

@@ -30,7 +30,7 @@ ORDER = [
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},
-    {"opening", "summary", "costmaps", "beliefs"},
+    {"opening", "summary", "day", "costmaps", "beliefs"},
     {"formats"},
     {"views"},
     {"importing", "exporting", "live"},

@@ -56,6 +56,17 @@ class MapServer(str, Enum):
     noetic = "noetic"
 
 
+class PaletteName(str, Enum):
+    """The keys of `views.palette.PALETTES`, as typer wants its choices."""
+
+    default = "default"
+    colour_blind = "colour-blind"
+
+
+PaletteChoice = Annotated[
+    PaletteName, typer.Option("--palette", help="Colours of states; one for every eye.")
+]
+
 PROGRESS_AFTER_S = 1.0
 """Shorter work needs no bar."""
 
@@ -105,7 +116,7 @@ def progress(doing: str, unit: str = "bytes") -> Iterator[Progress | None]:
 
     Args:
         doing: What is going on, such as `Reading`.
-        unit: Of the numbers; `bytes` are shown as MB.
+        unit: Of the numbers; `bytes` are shown as MB, `ns` as how much of the log's time.
     """
     if not sys.stderr.isatty():
         yield None
@@ -137,18 +148,35 @@ def _bar(unit: str) -> Any:
         DownloadColumn,
         MofNCompleteColumn,
         Progress,
+        ProgressColumn,
+        Task,
+        TaskProgressColumn,
         TextColumn,
         TimeRemainingColumn,
         TransferSpeedColumn,
     )
+    from rich.text import Text
 
-    amount = (
-        [DownloadColumn(), TransferSpeedColumn()] if unit == "bytes" else [MofNCompleteColumn()]
-    )
+    from semmap_log.views.timeline_table import duration
+
+    class RateColumn(ProgressColumn):
+        """How much a second, as `TransferSpeedColumn` tells of bytes."""
+
+        def render(self, task: Task) -> Text:
+            speed = task.finished_speed or task.speed or 0
+            if not speed:
+                return Text()
+            done = f"{duration(int(speed))} of the log" if unit == "ns" else f"{speed:,.0f} {unit}"
+            return Text(f"{done}/s")
+
+    amount: dict[str, list[ProgressColumn]] = {
+        "bytes": [DownloadColumn(), TransferSpeedColumn()],
+        "ns": [TaskProgressColumn(), RateColumn()],
+    }
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        *amount,
+        *amount.get(unit, [MofNCompleteColumn(), RateColumn()]),
         TimeRemainingColumn(),
         console=Console(stderr=True),
         transient=True,

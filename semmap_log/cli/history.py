@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import chain
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import (
     AsJson,
     LogPath,
+    PaletteChoice,
+    PaletteName,
     Since,
     Until,
     console,
     print_json_list,
+    progress,
     say,
 )
+
+if TYPE_CHECKING:
+    from semmap_log.views.plots.lanes import Lanes
 
 
 def run(
@@ -38,6 +45,11 @@ def run(
         int | None, typer.Option("--last", "-n", min=1, metavar="N", help="Only the last N.")
     ] = None,
     poses: Annotated[bool, typer.Option("--poses", help="Show the robot's poses, too.")] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="X.png|svg", help="Draw the states as lanes instead."),
+    ] = None,
+    palette: PaletteChoice = PaletteName.default,
     as_json: AsJson = False,
 ) -> None:
     """Show the events of the log, or of one door: what, when, who, why.
@@ -45,6 +57,8 @@ def run(
     The table leaves out robot poses unless asked for; times are in the log's zone.
 
     The range is half-open: since <= time < until. Retracted events are shown, and marked.
+    --plot draws when each door was open, closed or unknown, and the patrol rounds, as far as
+    that is known today.
 
     \b
     Examples:
@@ -52,6 +66,7 @@ def run(
       semmap-log history office --since yesterday --kind DoorUpdated
       semmap-log history office --since 2026-03-02T08:00..2026-03-02T12:00
       semmap-log history office -n 20 --json
+      semmap-log history office --since yesterday --plot lanes.svg
     """
     import semmap_log as sl
     from semmap_log.events import KIND_BY_NAME, KINDS, RobotPose
@@ -64,11 +79,25 @@ def run(
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
     opened = sl.read(log)
     start, end = opened.span(since) if since and ".." in since else (since, until)
+    door_id = None if door is None else opened.resolve_ever(door)
+    if plot is not None:
+        if recorded or kind or last or poses or as_json:
+            raise typer.BadParameter(
+                "draws the states; it goes with DOOR, --since, --until and --palette only",
+                param_hint="--plot",
+            )
+        from semmap_log.views.plots.lanes import Lanes  # needs matplotlib
+
+        doors = None if door_id is None else [door_id]
+        with progress("Reading") as told:
+            lanes = Lanes.of(opened, doors, start, end, progress=told)
+        _draw(lanes, plot, palette)
+        return
     kinds = [KIND_BY_NAME[name] for name in kind] if kind else list(KINDS)
     if not (kind or poses or as_json):
         kinds.remove(RobotPose)
     entries = opened.history(
-        None if door is None else opened.resolve_ever(door),
+        door_id,
         start,
         end,
         recorded=recorded,
@@ -88,3 +117,14 @@ def run(
     entries = chain([first], entries)
     for page in history_pages(entries, tz=opened.info.timezone, names=names):
         out.print(page)
+
+
+def _draw(lanes: Lanes, path: Path, palette: PaletteName) -> None:
+    from semmap_log.views.palette import PALETTES
+    from semmap_log.views.plots.lanes import plot_lanes
+
+    if not lanes.doors and not lanes.rounds:
+        say("no door was in the map then; nothing is drawn.")
+        raise typer.Exit(1)
+    plot_lanes(lanes, path, PALETTES[palette.value])
+    say(f"{path}: doors: {len(lanes.doors)}, rounds: {len(lanes.rounds)}.")

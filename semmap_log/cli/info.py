@@ -7,7 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, console, print_json, progress
+from semmap_log.cli.common import AsJson, console, print_json, progress, say
+
+MOST_DOORS = 16
+"""Of a day, unless all are asked for."""
 
 
 def run(
@@ -15,26 +18,51 @@ def run(
         Path, typer.Argument(metavar="LOG", help="The log's folder, or one of its .mcap files.")
     ],
     *,
+    day: Annotated[
+        str | None,
+        typer.Option(
+            "--day", metavar="TIME", help="The day whose states are drawn; default: the last."
+        ),
+    ] = None,
+    all_doors: Annotated[
+        bool, typer.Option("--all-doors", help="Draw every door, not only the liveliest.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Show what a log holds: doors, events by kind, time spans, files, and what looks wrong.
 
+    And a day of the doors, half hour by half hour: the higher a bar, the longer it was open.
+
     \b
     Examples:
       semmap-log info office
+      semmap-log info office --day yesterday --all-doors
       semmap-log info office/office_000000.mcap --json
     """
+    import semmap_log as sl
+    from semmap_log.day import day_of_doors
+    from semmap_log.formats.day_json import day_to_json
     from semmap_log.summary import open_any, summarize
+    from semmap_log.views.day_chart import day_chart
     from semmap_log.views.health import head_hint
     from semmap_log.views.tables import summary_table
 
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)
+    # A single file knows no day: what the files before it told is not there.
+    drawn = day_of_doors(sl.read(log), day) if log.is_dir() and summary.events else None
     if as_json:
-        print_json(_to_json(summary))
-    else:
-        console().print(summary_table(summary))
-        console().print(head_hint(str(log)))
+        print_json({**_to_json(summary), "day": None if drawn is None else day_to_json(drawn)})
+        return
+    out = console()
+    out.print(summary_table(summary))
+    if drawn is not None and drawn.doors:
+        out.print()
+        out.print(day_chart(drawn, None if all_doors else MOST_DOORS))
+        out.print()
+    elif day is not None:
+        say(f"--day {day}: no door was in the map on that day, or the file is not a whole log.")
+    out.print(head_hint(str(log)))
 
 
 def _to_json(summary: Any) -> dict[str, Any]:

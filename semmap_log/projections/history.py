@@ -32,6 +32,11 @@ class HistoryEntry:
     """What it changed in the map when it was recorded, where that was asked for."""
 
     @property
+    def folds_ns(self) -> int:
+        """When it counts: one that says it happened later than recorded counts as recorded."""
+        return min(self.happened_ns, self.recorded_ns)
+
+    @property
     def recorded(self) -> RecordedEvent:
         """The event without who and why."""
         return RecordedEvent(self.number, self.recorded_ns, self.event)

@@ -1,8 +1,8 @@
-"""When a door was in which state: intervals as numpy columns."""
+"""When doors were in which state: intervals as numpy columns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -57,6 +57,12 @@ class Timeline:
     removed: bool = False
     """The last interval ends because the door was removed."""
 
+    @classmethod
+    def empty(cls, door_id: DoorId) -> Timeline:
+        """Return that of a door that was never there."""
+        none = np.empty(0, np.int64)
+        return cls(door_id, none, none, np.empty(0, np.uint8), none, none)
+
     def __len__(self) -> int:
         return len(self.start_ns)
 
@@ -74,6 +80,22 @@ class Timeline:
     def total_ns(self, state: DoorState) -> int:
         """Return how long the door was in a state, all in all, nanoseconds."""
         return int(self.duration_ns[self.state == state].sum())
+
+    def spent_ns(self, state: DoorState, edges_ns: Times) -> Times:
+        """Return how much of each slot of time the door was in a state, nanoseconds.
+
+        Args:
+            state: The state.
+            edges_ns: (slots + 1,), ascending: where each slot begins, and the last one ends.
+        """
+        start_ns, end_ns = self.start_ns[self.state == state], self.end_ns[self.state == state]
+        before_ns = np.concatenate([np.zeros(1, np.int64), np.cumsum(end_ns - start_ns)])
+        begun = np.searchsorted(start_ns, edges_ns, "right")
+        # Of all that began by an edge, only the last interval may reach beyond it.
+        last_end_ns = np.concatenate([edges_ns[:1], end_ns])[begun]
+        beyond_ns = np.where(begun, np.maximum(last_end_ns - edges_ns, 0), 0)
+        spent: Times = np.diff(before_ns[begun] - beyond_ns)
+        return spent
 
     def between(self, since_ns: int | None = None, until_ns: int | None = None) -> Timeline:
         """Return what lies between two times: intervals are cut there, and keep their events."""
@@ -114,78 +136,119 @@ class Timeline:
 def timeline(
     batches: Iterable[EventBatch], door_id: DoorId, *, end_ns: int | None = None
 ) -> Timeline:
-    """Return the states of a door; no intervals where its adding is not among the events.
+    """Return the states of one door, as `timelines` does of many; empty where it was never added.
+
+    Args:
+        batches: As for `timelines`.
+        door_id: The door.
+        end_ns: As for `timelines`.
+    """
+    found = timelines(batches, [door_id], end_ns=end_ns)
+    return found[door_id] if found else Timeline.empty(door_id)
+
+
+def timelines(
+    batches: Iterable[EventBatch],
+    doors: Collection[DoorId] | None = None,
+    *,
+    end_ns: int | None = None,
+) -> dict[DoorId, Timeline]:
+    """Return the states of doors, ids ascending; only of those whose adding is among the events.
+
+    Some 22 bytes an event that tells a state are kept until the end.
 
     Args:
         batches: Events in any order, retracted ones left out, none later than `end_ns`.
-        door_id: The door.
+        doors: Only these; None: all.
         end_ns: Where the last interval ends; default, and at the least: the latest event's time.
     """
-    told = _Told(door_id)
+    told = _Told(None if doors is None else np.array(sorted(doors), np.int64))
     for batch in batches:
         told.take(batch)
-    return _intervals(told, max(told.latest_ns, end_ns or 0))
+    end_ns = max(told.latest_ns, end_ns or 0)
+    return {words.door_id: _intervals(words, end_ns) for words in told.doors()}
+
+
+WORD = np.dtype([
+    ("door_id", "u4"), ("ns", "i8"), ("number", "i8"), ("kind", "u1"), ("state", "u1")
+])  # fmt: skip
+Words = NDArray[np.void]
+"""Rows of `WORD`: what an event says of a door's state."""
 
 
 class _Told:
-    """What the events say about one door: its adding, its removal, and its states, in any order."""
+    """What the events say about the states of doors, in any order."""
 
-    def __init__(self, door_id: DoorId) -> None:
-        self.door_id = door_id
-        self.added: tuple[int, int] | None = None
-        """(time, event number)."""
-        self._removed: tuple[int, int] | None = None
+    def __init__(self, doors: NDArray[np.int64] | None) -> None:
+        self._doors = doors
+        self._parts: list[Words] = []
         self.latest_ns = 0
         """Of all events, whatever they are about."""
-        self._parts: list[tuple[Times, NDArray[np.int64], NDArray[np.uint8]]] = []
 
     def take(self, batch: EventBatch) -> None:
         """Read a batch."""
-        times = batch.folds_ns
-        self.latest_ns = max(self.latest_ns, int(times.max(initial=0)))
-        for kind in STATE_WORDS:
-            if kind not in batch:
-                continue
-            rows = batch[kind]
-            chosen = sets_state(kind, rows) & (rows["door_id"] == self.door_id)
-            if chosen.any():
-                where = batch.where(kind)[chosen]
-                self._note(kind, rows[chosen], times[where], batch.number[where])
+        self.latest_ns = max(self.latest_ns, int(batch.folds_ns.max(initial=0)))
+        self._parts += [self._words(kind, batch) for kind in STATE_WORDS if kind in batch]
 
-    def _note(
-        self, kind: type[Event], rows: NDArray[np.void], times: Times, numbers: Times
-    ) -> None:
-        if kind is DoorRemoved:
-            self._removed = int(times[0]), int(numbers[0])
-            return
-        if kind is DoorAdded:
-            self.added = int(times[0]), int(numbers[0])
-        self._parts.append((times, numbers, states_of(kind, rows)))
+    def _words(self, kind: type[Event], batch: EventBatch) -> Words:
+        rows = batch[kind]
+        chosen = sets_state(kind, rows)
+        if self._doors is not None:
+            chosen = chosen & np.isin(rows["door_id"], self._doors)
+        where = batch.where(kind)[chosen]
+        words = np.empty(len(where), WORD)
+        words["door_id"], words["kind"] = rows["door_id"][chosen], kind.kind
+        words["ns"], words["number"] = batch.folds_ns[where], batch.number[where]
+        words["state"] = states_of(kind, rows[chosen])
+        return words
 
-    @property
-    def removed_ns(self) -> int | None:
-        """When it was removed; a removal before the adding was of no door, and does not count."""
-        if self._removed is None or (self.added is not None and self._removed < self.added):
+    def doors(self) -> Iterator[_Life]:
+        """Yield what was said of each door that was added, ids ascending."""
+        words = np.concatenate([np.empty(0, WORD), *self._parts])
+        words = words[np.lexsort((words["number"], words["ns"], words["door_id"]))]
+        starts = np.flatnonzero(np.diff(words["door_id"].astype(np.int64), prepend=-1))
+        for rows in np.split(words, starts[1:]) if len(words) else []:
+            life = _Life(DoorId(int(rows["door_id"][0])), rows)
+            if life.added is not None:
+                yield life
+
+
+class _Life:
+    """What was said about one door, in the order of the fold."""
+
+    def __init__(self, door_id: DoorId, words: Words) -> None:
+        self.door_id = door_id
+        self._words = words
+        self.added = self._stamp(DoorAdded)
+        """(time, event number)."""
+        removed = self._stamp(DoorRemoved)
+        # A removal before the adding was of no door, and does not count.
+        counts = removed is not None and (self.added is None or removed >= self.added)
+        self.removed_ns = removed[0] if removed is not None and counts else None
+
+    def _stamp(self, kind: type[Event]) -> tuple[int, int] | None:
+        found = np.flatnonzero(self._words["kind"] == kind.kind)
+        if not len(found):
             return None
-        return self._removed[0]
+        first = self._words[found[0]]
+        return int(first["ns"]), int(first["number"])
 
-    def states(self) -> tuple[Times, NDArray[np.int64], NDArray[np.uint8]]:
-        """Return (time, event number, state) from the adding on, in the order of the fold."""
-        if self.added is None:
-            return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, np.uint8)
-        times, numbers, states = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+    def states(self) -> Words:
+        """Return what counts: from the adding on, before the removal."""
+        assert self.added is not None
+        words = self._words[self._words["kind"] != DoorRemoved.kind]
         added_ns, added = self.added
-        counts = (times > added_ns) | ((times == added_ns) & (numbers >= added))
+        counts = (words["ns"] > added_ns) | ((words["ns"] == added_ns) & (words["number"] >= added))
         if self.removed_ns is not None:
-            counts &= times < self.removed_ns
-        times, numbers, states = times[counts], numbers[counts], states[counts]
-        order = np.lexsort((numbers, times))
-        return times[order], numbers[order], states[order]
+            counts &= words["ns"] < self.removed_ns
+        found: Words = words[counts]
+        return found
 
 
-def _intervals(told: _Told, end_ns: int) -> Timeline:
+def _intervals(told: _Life, end_ns: int) -> Timeline:
     """Join neighbours of one state; of events at the same time only the last one's state holds."""
-    times, numbers, states = told.states()
+    words = told.states()
+    times, states = words["ns"], words["state"]
     held = np.ones(len(times), np.bool_)
     held[:-1] = times[1:] != times[:-1]
     held_states = states[held]
@@ -203,7 +266,7 @@ def _intervals(told: _Told, end_ns: int) -> Timeline:
         start_ns=start,
         end_ns=np.append(start, last_ns)[1:],
         state=state,
-        event=numbers[first],
+        event=words["number"][first],
         sightings=np.bincount(interval[agrees], minlength=len(state)),
         removed=told.removed_ns is not None,
     )

@@ -215,6 +215,52 @@ def test_info_counts(run) -> None:
     )
 
 
+def test_history_as_a_picture(run, tmp_path: Path) -> None:
+    """
+    Lanes of all doors or of one; what is about events does not go with it.
+    """
+    pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
+    run("add", "office", "--name", "back")
+
+    everything = run("history", "office", "--plot", "all.svg")
+    one = run("history", "office", "front", "--plot", "one.png", "--palette", "colour-blind")
+    wrong = run("history", "office", "--plot", "all.pdf")
+    both = run("history", "office", "--plot", "all.svg", "--json")
+    nothing = run("history", "office", "--until", "2001-01-01", "--plot", "none.svg")
+
+    assert (0, 0, 1, 2, 1) == tuple(r.code for r in (everything, one, wrong, both, nothing))
+    assert "doors: 2, rounds: 0" in everything.err
+    assert "front" in (tmp_path / "all.svg").read_text()
+    assert b"\x89PNG" == (tmp_path / "one.png").read_bytes()[:4]
+    assert "expected a name that ends in .png or .svg" in wrong.err
+    assert "--plot" in both.err
+    assert "no door was in the map then" in nothing.err
+    assert not (tmp_path / "none.svg").exists()
+
+
+def test_info_draws_a_day(run) -> None:
+    """
+    The last, or the one asked for; of a single file, which knows not all of it, none.
+    """
+    run("observe", "office", "front", "open", "--at", "2026-02-27T12:00")
+    run("observe", "office", "front", "closed", "--at", "2026-02-27T18:00")
+
+    told = run("info", "office", "--json").json["day"]
+    drawn = run("info", "office")
+    asked = run("info", "office", "--day", "2026-02-27T08:00")
+    never = run("info", "office", "--day", "2001-01-01")
+    file = run("info", "office/office_000000.mcap", "--json").json
+
+    assert ["front"] == [door["name"] for door in told["doors"]]
+    assert len(told["edges"]) - 1 == len(told["doors"][0]["open"]) == 48
+    assert told["date"] in drawn.out
+    assert "\x1b" not in drawn.out
+    assert all(len(line) <= 80 for line in drawn.out.splitlines())
+    assert (0, 0) == (asked.code, never.code)
+    assert "no door was in the map on that day" in never.err
+    assert file["day"] is None
+
+
 def test_warnings_of_info(run) -> None:
     """
     Probabilities above 1 together, and times from the future, are named.

@@ -98,6 +98,31 @@ def test_at_every_moment_the_interval_is_what_a_replay_says(seed: int) -> None:
                     assert expected == (doors[door].state if door in doors else None)
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32))
+def test_all_doors_at_once_are_each_as_alone(seed: int) -> None:
+    """
+    One reading for all doors gives what a reading for each would, and of no door less.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        told = random_log(Path(folder) / "log", random.Random(seed), commits=25)
+        log = sl.read(Path(folder) / "log")
+        added = sorted({e.door_id for *_, e in told if isinstance(e, DoorAdded)})
+
+        together = log.timelines()
+        some = log.timelines(added[::2])
+
+        alone = {door: repr(log.timeline(door)) for door in together}
+        assert alone == {door: repr(found) for door, found in together.items()}
+        assert {i: said for i, said in alone.items() if i in added[::2]} == {
+            i: repr(found) for i, found in some.items()
+        }
+        visible = {e.door_id for *_, e in told if isinstance(e, DoorAdded)} & set(
+            log.replay().doors
+        )
+        assert visible <= set(together)
+
+
 stamps = st.integers(0, 6)
 states = st.sampled_from([UNKNOWN, OPEN, CLOSED])
 of_the_door = st.one_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,13 @@ from semmap_log.log.disk import whole_file
 
 try:
     import matplotlib as mpl
+    from matplotlib import dates, patches
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 except ImportError:
     raise MissingExtraError("matplotlib", "plots") from None
 
-__all__ = ["Figure", "mpl", "new_figure", "save_figure"]
+__all__ = ["Figure", "dates", "mpl", "new_figure", "patches", "save_figure"]
 
 FORMATS = (".png", ".svg")
 DPI = 120
@@ -41,7 +43,9 @@ def save_figure(figure: Any, path: Path) -> None:
         raise FormatError(path, f"expected a name that ends in {' or '.join(FORMATS)}")
     metadata = {"Date": None} if path.suffix == ".svg" else {}
     try:
-        with whole_file(path) as temporary, mpl.rc_context(SVG_STYLE):
+        with whole_file(path) as temporary, mpl.rc_context(SVG_STYLE), warnings.catch_warnings():
+            # A letter that the font lacks is a box in the picture; in an .svg it stays a letter.
+            warnings.filterwarnings("ignore", "Glyph .* missing from font")
             figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}.") from None

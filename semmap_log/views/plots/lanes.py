@@ -1,0 +1,216 @@
+"""State lanes as a picture: when each door was open, closed, unknown; the patrol rounds above.
+
+The height of a bar says the same as its colour, for whoever prints it or does not see colours.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.doors import DoorId, DoorState, reduced
+from semmap_log.moments import DAY_NS, format_local, zone
+from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
+from semmap_log.projections.timeline import Timeline, Times
+from semmap_log.views.event_words import printable
+from semmap_log.views.palette import DEFAULT, Palette, Rgb
+from semmap_log.views.plots.sdk import dates, new_figure, patches, save_figure
+
+if TYPE_CHECKING:
+    from semmap_log.door_log import DoorLog, Time
+    from semmap_log.log.reading.passage import Progress
+
+WIDE_IN = 10.0
+TALL_LANE_IN, LOW_LANE_IN = 0.28, 0.15
+MANY_LANES = 40
+"""From here on lanes are low, and their names small."""
+HEAD_IN, FOOT_IN = 0.5, 0.75
+MOST_INTERVALS = 3_000
+"""Of one lane; it has some thousand pixels. Of more, each column shows what held longest in it."""
+HEIGHTS = {DoorState.OPEN: 0.8, DoorState.CLOSED: 0.4, DoorState.UNKNOWN: 0.12}
+"""Share of its lane that a bar fills."""
+ROUND_HEIGHT = 0.5
+LANE_FLOOR = 0.4
+"""Below the middle of its lane, where a bar stands."""
+NAME_LETTERS = 34
+MINUTES = len("2026-03-02 08:00")
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """What there is to draw."""
+
+    doors: Mapping[DoorId, Timeline]
+    """A lane each, from the top in this order."""
+    names: Mapping[DoorId, str]
+    """What people call them; others are shown by their ids."""
+    rounds: Sequence[Round]
+    start_ns: int
+    end_ns: int
+    tz: str
+    """IANA zone of the axis."""
+
+    @classmethod
+    def of(
+        cls,
+        log: DoorLog,
+        doors: Collection[DoorId] | None = None,
+        since: Time = None,
+        until: Time = None,
+        *,
+        progress: Progress | None = None,
+    ) -> Lanes:
+        """Return what a log tells, as it is known today.
+
+        Args:
+            log: The log.
+            doors: Only these; None: all that were in the map.
+            since: From then on; default: the first event.
+            until: Before then; default: the last.
+            progress: Told how far the reading is.
+
+        Raises:
+            MomentError: `since` comes after `until`.
+        """
+        found = log.timelines(doors, since=since, until=until, progress=progress)
+        there = {door_id: each for door_id, each in found.items() if len(each)}
+        driven = rounds(log.history(kinds=ROUND_KINDS))
+        times = [ns for each in there.values() for ns in (each.start_ns[0], each.end_ns[-1])]
+        times += [ns for each in driven for ns in (each.start_ns, each.end_ns) if ns is not None]
+        since_ns, until_ns = log.instant(since), log.instant(until)
+        start_ns = min(times, default=0) if since_ns is None else since_ns
+        end_ns = max(times, default=0) if until_ns is None else until_ns
+        return cls(
+            there,
+            log.door_names(),
+            [each for each in driven if each.overlaps(start_ns, end_ns)],
+            int(start_ns),
+            int(end_ns),
+            log.info.timezone,
+        )
+
+
+def plot_lanes(lanes: Lanes, path: Path, palette: Palette = DEFAULT) -> None:
+    """Draw a lane for each door, and one for each robot's rounds, into a .png or .svg.
+
+    Args:
+        lanes: With at least one door or round.
+        path: The file; what is there is replaced once the new one is whole.
+        palette: Colours.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+        FormatError: The name ends in neither .png nor .svg.
+        OutputError: The file cannot be written; what was there stays.
+    """
+    save_figure(draw_lanes(lanes, palette), path)
+
+
+def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT) -> Any:
+    """Return the figure."""
+    robots = sorted({each.actor for each in lanes.rounds})
+    count = len(robots) + len(lanes.doors)
+    lane_in = LOW_LANE_IN if count >= MANY_LANES else TALL_LANE_IN
+    figure = new_figure(WIDE_IN, count * lane_in + HEAD_IN + FOOT_IN, layout="constrained")
+    panel = figure.subplots()
+    for place, robot in enumerate(robots):
+        own = [each for each in lanes.rounds if each.actor == robot]
+        _draw_rounds(panel, place, own, lanes, palette)
+    for place, timeline in enumerate(lanes.doors.values(), len(robots)):
+        _draw_door(panel, place, timeline, lanes, palette)
+    labels = [f"rounds of {robot}" if robot else "rounds" for robot in robots]
+    labels += [lanes.names.get(door_id, str(door_id)) for door_id in lanes.doors]
+    small = "xx-small" if count >= MANY_LANES else "small"
+    panel.set_yticks(np.arange(count), [_short(label) for label in labels], fontsize=small)
+    panel.set_ylim(count - 0.5, -0.5)
+    panel.tick_params(axis="y", length=0)
+    _time_along(panel, lanes)
+    _explain(figure, panel, lanes, palette, has_rounds=bool(robots))
+    return figure
+
+
+def _draw_door(panel: Any, place: int, timeline: Timeline, lanes: Lanes, palette: Palette) -> None:
+    start_ns, end_ns, state = _as_seen(timeline, lanes)
+    shown = np.array([int(reduced(DoorState(value))) for value in DoorState])[state]
+    for value, height in HEIGHTS.items():
+        chosen = shown == int(value)
+        spans = _spans(start_ns[chosen], end_ns[chosen])
+        _bars(panel, place, spans, height, palette.of_state(value))
+
+
+def _draw_rounds(
+    panel: Any, place: int, rounds: Sequence[Round], lanes: Lanes, palette: Palette
+) -> None:
+    starts = [lanes.start_ns if each.start_ns is None else each.start_ns for each in rounds]
+    ends = [lanes.end_ns if each.end_ns is None else each.end_ns for each in rounds]
+    edges = np.clip(np.array([starts, ends]), lanes.start_ns, lanes.end_ns)
+    _bars(panel, place, _spans(*edges), ROUND_HEIGHT, palette.robot)
+
+
+def _bars(
+    panel: Any, place: int, spans: list[tuple[float, float]], height: float, colour: Rgb
+) -> None:
+    """Draw bars that stand on the floor of their lane."""
+    floor = place + LANE_FLOOR
+    panel.broken_barh(spans, (floor - height, height), color=np.array(colour) / 255, linewidth=0)
+
+
+def _spans(start_ns: Times, end_ns: Times) -> list[tuple[float, float]]:
+    """Return starts and lengths, in days as matplotlib counts them."""
+    return list(zip(_days(start_ns).tolist(), _days(end_ns - start_ns).tolist(), strict=True))
+
+
+def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np.uint8]]:
+    """Return start, end and state of what can be told apart in a lane."""
+    if len(timeline) <= MOST_INTERVALS:
+        return timeline.start_ns, timeline.end_ns, timeline.state
+    edges = np.linspace(lanes.start_ns, lanes.end_ns, MOST_INTERVALS + 1).astype(np.int64)
+    spent = np.stack([timeline.spent_ns(state, edges) for state in DoorState])
+    there = spent.any(axis=0)
+    return edges[:-1][there], edges[1:][there], spent.argmax(axis=0).astype(np.uint8)[there]
+
+
+def _time_along(panel: Any, lanes: Lanes) -> None:
+    """Let the axis show the building's clocks; a log of one moment is a minute wide."""
+    wide_ns = max(lanes.end_ns - lanes.start_ns, 60 * 10**9)
+    panel.set_xlim(*_days(np.array([lanes.start_ns, lanes.start_ns + wide_ns])))
+    tz = zone(lanes.tz)
+    locator = dates.AutoDateLocator(tz=tz)
+    panel.xaxis.set_major_locator(locator)
+    panel.xaxis.set_major_formatter(dates.ConciseDateFormatter(locator, tz=tz, show_offset=False))
+    panel.grid(axis="x", linewidth=0.4, color="#cccccc")
+    panel.set_axisbelow(True)
+    for side in ("top", "right", "left"):
+        panel.spines[side].set_visible(False)
+
+
+def _explain(figure: Any, panel: Any, lanes: Lanes, palette: Palette, *, has_rounds: bool) -> None:
+    start, end = (format_local(ns, lanes.tz)[:MINUTES] for ns in (lanes.start_ns, lanes.end_ns))
+    panel.set_title(f"{start} to {end} ({lanes.tz})", fontsize="medium", loc="left")
+    colours = {
+        "open": palette.open, "closed (half as high)": palette.closed,
+        "unknown (a line)": palette.unknown,
+    } | ({"patrol round": palette.robot} if has_rounds else {})  # fmt: skip
+    handles = [
+        patches.Patch(color=np.array(colour) / 255, label=label)
+        for label, colour in colours.items()
+    ]
+    figure.legend(
+        handles=handles, loc="outside lower left", ncols=len(handles), fontsize="small",
+        frameon=False,
+    )  # fmt: skip
+
+
+def _days(ns: Times) -> NDArray[np.float64]:
+    """Return times as matplotlib counts them: days since 1970, UTC."""
+    return np.asarray(ns / DAY_NS, np.float64)
+
+
+def _short(name: str) -> str:
+    return textwrap.shorten(printable(name).replace("$", r"\$"), NAME_LETTERS, placeholder="…")

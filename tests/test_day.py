@@ -1,0 +1,86 @@
+"""A day of the doors: the building's own midnights, and the states that replays show."""
+
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import semmap_log as sl
+from semmap_log.day import SLOT_NS, day_of_doors
+from semmap_log.doors import DoorState
+from tests.conftest import SteadyClock
+from tests.test_replay import random_log
+
+OFFICE = Path(__file__).parents[1] / "recordings" / "office"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_half_hour_all_open_is_open_in_replays(seed: int, tmp_path: Path) -> None:
+    """
+    At moments drawn from each half hour in which a door was all the time open, or closed.
+    """
+    dice = random.Random(seed)
+    log = sl.read(OFFICE) if seed == 0 else _random(tmp_path / "log", dice)
+    checked = 0
+
+    day = day_of_doors(log)
+
+    for slot, (start, end) in enumerate(pairwise(day.edges_ns.tolist())):
+        moment = dice.randrange(start, end)
+        if moment > log.end_ns():
+            break
+        doors = log.replay(at=f"@{moment}").doors
+        for door in day.doors:
+            if door.shares.known[slot] == 1 and door.shares.opened[slot] in {0, 1}:
+                expected = DoorState.OPEN if door.shares.opened[slot] else DoorState.CLOSED
+                assert expected == doors[door.door_id].state
+                checked += 1
+            assert (door.shares.there[slot] > 0) or door.door_id not in doors
+    assert checked > 0 or seed
+
+
+def _random(folder: Path, dice: random.Random) -> sl.DoorLog:
+    random_log(folder, dice, commits=40)
+    return sl.read(folder)
+
+
+@pytest.mark.parametrize(
+    ("date", "slots"), [("2026-03-28", 48), ("2026-03-29", 46), ("2026-10-25", 50)]
+)
+def test_a_day_is_as_long_as_its_clocks_say(
+    date: str, slots: int, tmp_path: Path, clock: SteadyClock
+) -> None:
+    """
+    From midnight to midnight: 23 hours when the clocks go forward, 25 when they go back.
+    """
+    with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:
+        door = log.add_door(state="open", at="2026-03-01T12:00+01:00")
+        log.observe(door, "closed", at="2026-03-02T12:00+01:00")
+
+        day = day_of_doors(log, f"{date}T12:00")
+
+    assert date == day.date
+    assert slots == len(day.edges_ns) - 1
+    assert [SLOT_NS] * slots == np.diff(day.edges_ns).tolist()
+
+
+def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    Before its adding and after the log's end a door is not there; on an empty day there is none.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        door = log.add_door(state="unknown", at="2026-02-27T06:00")
+        log.observe(door, "open", at="2026-02-27T12:15")
+        log.observe(door, "closed", at="2026-02-27T18:00")
+        early, day = day_of_doors(log, "2026-02-26T12:00"), day_of_doors(log, "2026-02-27T12:00")
+
+    (only,) = day.doors
+    assert () == tuple(early.doors)
+    assert [0] * 12 + [1] * 24 == only.shares.there.tolist()[:36]
+    assert [0.5] + [1] * 11 == only.shares.known.tolist()[24:36]
+    assert [1] * 12 == only.shares.opened.tolist()[24:36]
+    assert 2 == only.changes

@@ -1,0 +1,151 @@
+"""State lanes: what is drawn, asked of matplotlib itself."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
+
+import semmap_log as sl
+from semmap_log.commits import Note
+from semmap_log.doors import DoorId, DoorState, reduced
+from semmap_log.events import PatrolFinished, PatrolStarted
+from semmap_log.moments import DAY_NS, HOUR_NS
+from semmap_log.projections.timeline import Timeline
+from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
+from semmap_log.views.plots.lanes import MOST_INTERVALS, Lanes, draw_lanes, plot_lanes
+from tests.conftest import SteadyClock
+
+OFFICE = Path(__file__).parents[3] / "recordings" / "office"
+
+
+@pytest.fixture(scope="module")
+def office() -> sl.DoorLog:
+    return sl.read(OFFICE)
+
+
+def bars(figure: Any) -> list[tuple[Rgb, float, float, float, float]]:
+    """Return colour, begin (days), end, and the lane's upper and lower edge of each bar."""
+    found = []
+    for collection in figure.axes[0].collections:
+        (colour,) = np.round(collection.get_facecolor()[:, :3] * 255).astype(int).tolist()
+        for path in collection.get_paths():
+            box = path.get_extents()
+            found.append((tuple(colour), box.x0, box.x1, box.y0, box.y1))
+    return found
+
+
+def drawn_at(figure: Any, lane: int, ns: int) -> list[Rgb]:
+    """Return the colours of the bars that stand in a lane at a time."""
+    return [
+        colour for colour, begin, end, *sides in bars(figure)
+        if begin <= ns / DAY_NS < end and round(np.mean(sides)) == lane
+    ]  # fmt: skip
+
+
+def test_at_any_moment_a_lane_has_the_colour_that_a_replay_shows(office: sl.DoorLog) -> None:
+    """
+    A lane a door below that of the rounds, in the order of their ids.
+    """
+    dice = random.Random(7)
+    lanes = Lanes.of(office)
+
+    figure = draw_lanes(lanes)
+
+    labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert ["rounds of tinyRobot1", "main_door", "coe_door", "hardware_door"] == labels
+    for _ in range(60):
+        ns = dice.randrange(lanes.start_ns, lanes.end_ns)
+        doors = office.replay(at=f"@{ns}").doors
+        for lane, door_id in enumerate(lanes.doors, 1):
+            expected = [DEFAULT.of_state(doors[door_id].state)] if door_id in doors else []
+            assert expected == drawn_at(figure, lane, ns), (lane, ns)
+
+
+def test_a_round_is_drawn_from_its_start_to_its_end(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    A lane a robot; what goes on reaches the right edge, what nobody saw begin the left one.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        begin_ns = clock.now_ns - DAY_NS
+        log.add_door(at=f"@{begin_ns}")
+        for patrol, kind, hours, robot in (
+            (1, PatrolStarted, 1, "a"), (1, PatrolFinished, 2, "a"),
+            (2, PatrolFinished, 3, "b"), (3, PatrolStarted, 9, "b"),
+        ):  # fmt: skip
+            event = kind(patrol=patrol, happened_ns=begin_ns + hours * HOUR_NS)
+            log.append([event], note=Note(actor=robot))
+        lanes = Lanes.of(log, until=f"@{begin_ns + 12 * HOUR_NS}")
+
+    figure = draw_lanes(lanes)
+
+    hours = [
+        (lane, round((begin - begin_ns / DAY_NS) * 24), round((end - begin_ns / DAY_NS) * 24))
+        for colour, begin, end, *sides in bars(figure)
+        for lane in [round(np.mean(sides))]
+        if colour == DEFAULT.robot
+    ]
+    assert [(0, 1, 2), (1, 0, 3), (1, 9, 12)] == sorted(hours)
+
+
+def test_heights_say_the_same_as_colours(office: sl.DoorLog) -> None:
+    """
+    Open is highest, unknown a line; in the colour-blind palette as well.
+    """
+    for palette in (DEFAULT, COLOUR_BLIND):
+        found = bars(draw_lanes(Lanes.of(office), palette))
+
+        heights = {colour: round(high - low, 2) for colour, _, _, low, high in found}
+        assert {palette.open: 0.8, palette.closed: 0.4, palette.unknown: 0.12} == {
+            palette.of_state(state): heights[palette.of_state(state)]
+            for state in (DoorState.OPEN, DoorState.CLOSED, DoorState.UNKNOWN)
+        }
+
+
+def test_of_very_many_intervals_each_column_shows_the_longest() -> None:
+    """
+    A door that is open for 9 s of every 10 s, for a month, is drawn in some thousand bars: open.
+    """
+    start = np.arange(250_000, dtype=np.int64) * 10 * 10**9
+    start = np.stack([start, start + 9 * 10**9], -1).ravel()
+    state = np.tile(np.array([DoorState.OPEN, DoorState.CLOSED], np.uint8), 250_000)
+    count = np.arange(len(start))
+    busy = Timeline(DoorId(1), start, np.append(start[1:], start[-1] + 10**9), state, count, count)
+    lanes = Lanes({DoorId(1): busy}, {}, [], int(start[0]), int(start[-1]), "UTC")
+
+    found = bars(draw_lanes(lanes))
+
+    assert {DEFAULT.of_state(reduced(DoorState.OPEN))} == {colour for colour, *_ in found}
+    assert len(found) <= MOST_INTERVALS
+
+
+@pytest.mark.parametrize("name", ["a.svg", "a.png"])
+def test_the_same_lanes_are_the_same_file(name: str, office: sl.DoorLog, tmp_path: Path) -> None:
+    """
+    No time of making, no random names in it.
+    """
+    plot_lanes(Lanes.of(office), tmp_path / name)
+    first = (tmp_path / name).read_bytes()
+
+    plot_lanes(Lanes.of(office), tmp_path / name)
+
+    assert first == (tmp_path / name).read_bytes()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_log_of_one_moment_has_a_picture(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    A door that was only just added; its name in letters that mean something to matplotlib.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.annotate(log.add_door(), "name", "a$b$ 門")
+        lanes = Lanes.of(log)
+
+    plot_lanes(lanes, tmp_path / "x.svg")
+
+    assert "a$b$ 門" in (tmp_path / "x.svg").read_text()

@@ -1,0 +1,88 @@
+"""The day's chart: bars of the right height, in 80 columns, readable without colours."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import numpy as np
+from rich.console import Console
+
+from semmap_log.day import SLOT_NS, Day, DoorDay
+from semmap_log.doors import DoorId
+from semmap_log.projections.time_shares import TimeShares
+from semmap_log.views.day_chart import day_chart
+
+MIDNIGHT_NS = 1_772_406_000 * 10**9
+"""2026-03-02T00:00 in Vienna."""
+
+
+def day_of(*doors: tuple[str, list[float]]) -> Day:
+    """Return a day of doors, each with its shares of the first half hours; 9: not there."""
+    made = []
+    for number, (label, given) in enumerate(doors):
+        opened = np.array([*given, *[9.0] * (48 - len(given))])
+        there = opened != 9
+        shares = TimeShares(np.where(there, opened, np.nan), 1.0 * there, 1.0 * there)
+        made.append(DoorDay(DoorId(number + 1), label, len(given), shares))
+    return Day("Europe/Vienna", MIDNIGHT_NS + SLOT_NS * np.arange(49), made)
+
+
+def printed(day: Day, most: int | None = None, *, colours: bool = False) -> list[str]:
+    """Return the lines as an 80-column terminal has them."""
+    out = io.StringIO()
+    system = "standard" if colours else None
+    Console(file=out, width=80, force_terminal=colours, color_system=system).print(
+        day_chart(day, most)
+    )
+    return out.getvalue().splitlines()
+
+
+def test_the_higher_the_bar_the_longer_it_was_open() -> None:
+    """
+    The lowest and the highest bar stand for all of the half hour, and for nothing else.
+    """
+    day = day_of(("front", [0.0, 0.001, 0.5, 0.999, 1.0, np.nan]))
+
+    head, row, legend = printed(day)
+
+    assert "front ▁▂▅▇█·" == " ".join(row.split())
+    assert ["2026-03-02", "00", "03", "06", "09", "12", "15", "18", "21"] == head.split()
+    assert 6 == head.index(" 03 ") - head.index(" 00 ")
+    assert row.index("▁") == head.index(" 00 ") + 1
+    assert legend.startswith("▁ closed")
+
+
+def test_the_liveliest_doors_are_drawn_and_the_others_counted() -> None:
+    """
+    In the order of their ids; the rest is not hidden.
+    """
+    day = day_of(("a", [1.0]), ("b", [1.0, 0.0, 1.0]), ("c", []), ("d", [0.0, 1.0]))
+
+    lines = printed(day, 2)
+
+    assert ["b", "d"] == [line.split()[0] for line in lines[1:3]]
+    assert "2 doors that changed less: --all-doors" in lines[-1]
+    assert 4 == len(printed(day)[1:-1])
+
+
+def test_it_fits_a_terminal_whatever_doors_are_called() -> None:
+    """
+    Long names and names of wide letters go on in the next line; control characters do no harm.
+    """
+    day = day_of(("L1_" + "x" * 90, [1.0] * 48), ("門" * 40, [0.0]), ("\x1b[31mred", [0.5]))
+
+    lines = printed(day)
+
+    assert all(len(line) + sum(c == "門" for c in line) <= 80 for line in lines)
+    assert not any("\x1b" in line for line in lines)
+    assert any("█" * 48 in line for line in lines)
+
+
+def test_colours_say_the_same() -> None:
+    """
+    Mostly open is green, mostly closed red, unknown yellow.
+    """
+    _, row, _ = printed(day_of(("front", [0.9, 0.1, np.nan])), colours=True)
+
+    assert [("32", "▇"), ("31", "▂"), ("33", "·")] == re.findall("\x1b\\[(3.)m(.)", row)
