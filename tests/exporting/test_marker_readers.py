@@ -86,6 +86,26 @@ def test_ros_1_knows_the_thesis_messages_by_their_digests() -> None:
     } == digests
 
 
+def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
+    """
+    It makes classes of the definitions in the bag, and checks their digests.
+    """
+    python = Path("/usr/bin/python3")
+    has_rosbag = subprocess.run([python, "-c", "import rosbag"], capture_output=True, check=False)
+    if has_rosbag.returncode:
+        pytest.skip("ROS 1's rosbag is not installed (Debian: python3-rosbag)")
+    done = record_markers(lively_log(tmp_path / "log", seed=1), tmp_path / "x.bag")
+    code = (
+        "import rosbag, sys\nfor topic, *_ in rosbag.Bag(sys.argv[1]).read_messages(): print(topic)"
+    )
+
+    read = subprocess.run([python, "-c", code, tmp_path / "x.bag"], capture_output=True, text=True,
+                          check=False)  # fmt: skip
+
+    assert (0, "") == (read.returncode, read.stderr)
+    assert done.messages == Counter(read.stdout.split())
+
+
 @pytest.mark.viewer
 def test_rerun_finds_nothing_wrong(tmp_path: Path) -> None:
     """
