@@ -26,6 +26,8 @@ class Palette:
     """Around the plan, and where it is unknown; set, so that the light theme keeps it dark."""
     floor: Rgb = (41, 46, 57)
     wall: Rgb = (150, 160, 176)
+    label: Rgb = (255, 255, 255)
+    """Of names on the plan: in the viewer, on a chip that is dark or grey, as the theme has it."""
     plain_text: Rgb = (0x8A, 0x90, 0x9C)
     """Of a line about no state: grey enough for white and for black."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -195,7 +194,7 @@ def _is_alive(pid: int) -> bool:
 
 def _listening(pid: int) -> list[str]:
     """The addresses, as in /proc/net/tcp, on which a process takes connections."""
-    sockets = {os.readlink(each.path) for each in os.scandir(f"/proc/{pid}/fd")}
+    sockets = {str(each.readlink()) for each in Path(f"/proc/{pid}/fd").iterdir()}
     rows = [line.split() for name in ("tcp", "tcp6")
             for line in Path(f"/proc/{pid}/net/{name}").read_text().splitlines()[1:]]  # fmt: skip
     return [row[1] for row in rows if row[3] == LISTENS and f"socket:[{row[9]}]" in sockets]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
 from semmap_log.events import DoorRemoved
-from semmap_log.views.palette import Palette
+from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.costmap import CostmapWriter
 from semmap_log.views.rerun.costmap_doors import DoorRows, slim
 from semmap_log.views.rerun.door_rows import (
@@ -99,6 +99,7 @@ class _DoorTrack:
         self.rows_waiting = 0
         self._waiting: list[Changes] = []
         self._writer = writer
+        self._label_colour = palette.label
         self._colours = rgba([palette.of_state(state) for state in DoorState])
         self._fold = DoorFold(door.life, repeats=door.has_late_events)
         self._last_point: Changes = np.empty(0, CHANGE)
@@ -135,13 +136,19 @@ class _DoorTrack:
         """Write what holds at all times: label, colours of the states, look of the curves."""
         label = self.door.short_label if doors_beside <= MOST_NAMES else str(self.door.door_id)
         line = rr.LineStrips2D.from_fields(
-            radii=rr.Radius.ui_points(LINE_UI_POINTS),
+            radii=rr.Radius.ui_points(LINE_UI_POINTS), draw_order=10.0
+        )
+        # A label has the colour of what it belongs to. On its grey chip that of a state could not
+        # be read in the light theme; so it belongs to a point that is too small to be seen.
+        name = rr.Points2D.from_fields(
+            radii=0.0,
+            colors=packed(self._label_colour),
             labels=[label],
             show_labels=doors_beside <= MOST_IDS,
-            draw_order=10.0,
+            draw_order=20.0,
         )
         for path in self.door.lines.values():
-            self._writer.static(path, line)
+            self._writer.static(path, line, name)
         self._writer.static(
             self.door.path,
             rr.StateConfiguration(
@@ -219,7 +226,9 @@ class _DoorTrack:
 
 
 def _line(part: Changes) -> Sequence[Any]:
-    return list(rr.LineStrips2D.columns(strips=strips_of(part)))
+    strips = strips_of(part)
+    line = rr.LineStrips2D.columns(strips=strips)
+    return [*line, *rr.Points2D.columns(positions=strips.mean(axis=1))]
 
 
 def _points(part: Changes) -> Sequence[Any]:
@@ -228,5 +237,6 @@ def _points(part: Changes) -> Sequence[Any]:
 
 
 def _no_line(part: Changes) -> Sequence[Any]:
-    nothing = rr.LineStrips2D.from_fields(strips=[]).as_component_batches()
-    return [batch.partition([0] * len(part)) for batch in nothing]
+    line = rr.LineStrips2D.from_fields(strips=[]).as_component_batches()
+    name = rr.Points2D.from_fields(positions=[]).as_component_batches()
+    return [batch.partition([0] * len(part)) for batch in (*line, *name)]

@@ -28,7 +28,7 @@ UNKNOWN_CELL, NO_CELL = 101, 102
 """Beside 0..100, percent."""
 UNKNOWN_RGB: Rgb = (70, 74, 82)
 NAMES_RGB: Rgb = (255, 255, 255)
-AXES_RGB: Rgb = (150, 160, 176)
+AXES_RGB: Rgb = (225, 228, 233)
 
 ASPECT = 4.2
 """Width of the doors' part of the view over its height."""
