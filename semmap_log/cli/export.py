@@ -83,6 +83,7 @@ def run(
       .parquet every event, retracted ones marked, with who and why: for pandas,
                DuckDB, polars (needs semmap-log[arrow])
       .rrd     a recording for the rerun viewer
+      .html    a page for any browser; `semmap-log report` has more choices
       .pgm     a costmap with its .yaml; `semmap-log costmap` has levels and more
       .mcap    with --markers: what was true, over time, for players; .bag: of ROS 1;
                without an extension: a rosbag2 folder. Its topics:
