@@ -92,7 +92,7 @@ def run(
                  /semmap/robot_pose         PoseStamped
                  /semmap/events             Log: who, what and why
                  /lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
-               With several levels /semmap/doors/1, /map/1 and so on; 0 has no number
+               With several levels: /semmap/doors/1, /map/1, …; 0 has no number
 
     \b
     Examples:
