@@ -168,9 +168,7 @@ def _check_together(given: set[str]) -> None:
                 raise typer.BadParameter(f"{option} does not go with {other}", param_hint=option)
     for option, other in NEEDS.items():
         if option in given and other not in given:
-            raise typer.BadParameter(
-                f"{option} is for {other}, which is missing", param_hint=option
-            )
+            raise typer.BadParameter(f"{option} is of use with {other} alone", param_hint=option)
 
 
 def _check_ending(option: str, path: Path | None, ending: str) -> None:

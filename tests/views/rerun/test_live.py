@@ -13,6 +13,8 @@ import pytest
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
+from rerun.experimental import ViewerClient
+
 import semmap_log as sl
 from semmap_log.doors import DoorId
 from semmap_log.events import RobotPose
@@ -71,14 +73,21 @@ def _followed(log: sl.DoorLogWriter, *, is_empty: bool = False, **shown: Any) ->
 def _becomes(viewer: Viewer, colour: Rgb, *, gone: Rgb | None = None, view: str) -> float:
     """Return after how many seconds the view has a colour, and another one not any more."""
     started = time.monotonic()
-    while time.monotonic() - started < ARRIVES_S:
-        view_id = next((v.view_id for v in viewer.state().views if v.name == view), None)
-        if view_id is not None:
-            asked = time.monotonic()
-            picture = viewer.ask(lambda client, view_id=view_id: client.take_screenshot(view_id))
-            if has_colour(picture, colour) and not (gone and has_colour(picture, gone)):
-                return asked - started
+    while (asked_s := time.monotonic() - started) < ARRIVES_S:
+        picture = _picture(viewer, view)
+        if picture and has_colour(picture, colour) and not (gone and has_colour(picture, gone)):
+            return asked_s
     pytest.fail(f"{colour} did not come into {view!r} within {ARRIVES_S:.0f} s")
+
+
+def _picture(viewer: Viewer, view: str) -> bytes | None:
+    """Return what a view shows at this moment; None: it is being replaced."""
+    ids = {each.name: each.view_id for each in viewer.state().views}
+    try:
+        client = ViewerClient.connect(viewer.url)
+        return client.take_screenshot(ids[view]) if view in ids else None
+    except (OSError, RuntimeError):
+        return None
 
 
 def _until(viewer: Viewer, number: int) -> None:
