@@ -85,14 +85,14 @@ def run(
       .rrd     a recording for the rerun viewer
       .html    a page for any browser; `semmap-log report` has more choices
       .pgm     a costmap with its .yaml; `semmap-log costmap` has levels and more
-      .mcap    with --markers: what was true, over time, for players; .bag: of ROS 1;
-               without an extension: a rosbag2 folder. Its topics:
+      .mcap    with --markers: what was true, over time, for players; .bag: the
+               same for ROS 1; without an extension: a rosbag2 folder. Topics:
                  /semmap/doors              MarkerArray: all doors and their names
                  /map                       OccupancyGrid: the floor plan
                  /semmap/robot_pose         PoseStamped
                  /semmap/events             Log: who, what and why
                  /lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
-               With several levels the first two end in the level's number, but for 0.
+               With several levels: /semmap/doors/1, /map/1, …; 0 has no number
 
     \b
     Examples:

@@ -123,14 +123,14 @@ class _Stream:
         ]
         self._of_thesis = WholeTopic(bag, THESIS, every_ns, self._thesis.message)
         self._names = log.door_names()
+        self._new_floors = set(self._floors)
+        """Levels of which the plan is another than the last that was sent, or lies elsewhere."""
         self._last_ns = 0
         for door_id in self._table.doors:
             self._show(door_id)
 
     def begin(self, at_ns: int) -> None:
         """Write what there is before the first event."""
-        for level in self._floors:
-            self._send_floor(at_ns, level)
         self._send_due(at_ns)
 
     def take(self, at_ns: int, entries: Sequence[HistoryEntry]) -> None:
@@ -156,11 +156,11 @@ class _Stream:
         has_changed = self._table.take(event)
         if isinstance(event, FloorMap):
             self._floors[event.level] = event
-            self._send_floor(at_ns, event.level)
+            self._new_floors.add(event.level)
         elif has_changed and isinstance(event, DoorEvent):
             self._show(event.door_id)
         elif isinstance(event, LevelAdded):
-            self._raise_levels(at_ns)
+            self._raise_levels()
 
     def _show(self, door_id: DoorId) -> None:
         door = self._table.doors.get(door_id)
@@ -168,12 +168,10 @@ class _Stream:
             topic.has_changed |= shown.show(door_id, door, self._heights[shown.level])
         self._of_thesis.has_changed |= self._thesis.show(door_id, door)
 
-    def _raise_levels(self, at_ns: int) -> None:
+    def _raise_levels(self) -> None:
         """Put levels of which the height became known where they belong."""
         before, self._heights = self._heights, heights_of(self._table, self._plan.levels)
-        for level in self._floors:
-            if self._heights[level] != before[level]:
-                self._send_floor(at_ns, level)
+        self._new_floors |= {n for n in self._floors if self._heights[n] != before[n]}
         if self._heights != before:
             for door_id in self._table.doors:
                 self._show(door_id)
@@ -186,6 +184,9 @@ class _Stream:
             topic.send(due_ns)
 
     def _send_due(self, at_ns: int) -> None:
+        for level in sorted(self._new_floors):
+            self._send_floor(at_ns, level)
+        self._new_floors.clear()
         for topic in self._arrays():
             topic.send_if_due(at_ns)
         self._last_ns = at_ns

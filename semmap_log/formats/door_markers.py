@@ -29,8 +29,10 @@ LEAVES, NAMES = "doors", "names"
 LEAF_HEIGHT_M = 2.0
 LEAF_THICKNESS_M = 0.1
 NAME_HEIGHT_M = 0.3
-NAME_BELOW_M = 0.35
-"""A name stands south of its door: seen from above, it never lies on it."""
+NAME_GAP_M = 0.35
+"""From the door to the middle of a name south of it, or to the beginning of one east of it."""
+LETTER_SHARE = 0.6
+"""How wide a letter is, of its height: as in Foxglove's font; RViz's is a little narrower."""
 
 _CUBE: Final = 1
 _TEXT: Final = 9
@@ -88,10 +90,10 @@ class DoorMarkers:
             scale=(max(look.width, LEAF_THICKNESS_M), LEAF_THICKNESS_M, LEAF_HEIGHT_M),
             colour=look.colour,
         )  # fmt: skip
-        south = middle[1] - abs(along[1]) - NAME_BELOW_M
+        name_at = _name_place(middle, along, look.label)
         yield self._marker(
             NAMES, marker_id, _TEXT,
-            pose=self._messages.pose(middle[0], south, look.z + LEAF_HEIGHT_M),
+            pose=self._messages.pose(*name_at, look.z + LEAF_HEIGHT_M),
             scale=(0.0, 0.0, NAME_HEIGHT_M),
             colour=look.text_colour,
             text=look.label,
@@ -147,6 +149,26 @@ class DoorMarkers:
             "uv_coordinates": [],
             "mesh_file": new("visualization_msgs/msg/MeshFile", filename="", data=nothing),
         }
+
+
+def _name_place(
+    middle: tuple[float, float], along: tuple[float, float], label: str
+) -> tuple[float, float]:
+    """Return where the middle of a name is, so that from above it lies on no door and no wall.
+
+    It stands south of a door that rather lies from west to east, else east of it: the wall goes on
+    in the door's direction.
+
+    Args:
+        middle: The door's, metres.
+        along: From there to the door's end, metres.
+        label: The name.
+    """
+    (x, y), (east, north) = middle, along
+    if abs(east) >= abs(north):
+        return x, y - abs(north) - NAME_GAP_M
+    half = len(label) * LETTER_SHARE * NAME_HEIGHT_M / 2
+    return x + abs(east) + NAME_GAP_M + half, y
 
 
 def marker_id_of(door_id: DoorId) -> int:

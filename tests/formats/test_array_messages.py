@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.doors import DoorId
@@ -26,6 +26,7 @@ def serialized(version: RosVersion, message: Any, name: str) -> bytes:
 
 
 @pytest.mark.parametrize("version", [1, 2])
+@settings(deadline=None)
 @given(labels=labels)
 def test_texts_of_any_length_leave_the_others_where_they_belong(
     version: RosVersion, labels: list[str]
@@ -46,6 +47,7 @@ def test_texts_of_any_length_leave_the_others_where_they_belong(
 
 
 @pytest.mark.parametrize("version", [1, 2])
+@settings(deadline=None)
 @given(labels=labels)
 def test_markers_survive_a_round_through_rosbags(version: RosVersion, labels: list[str]) -> None:
     """
