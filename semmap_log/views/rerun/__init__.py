@@ -2,5 +2,8 @@
 
 `recording` writes the file: `survey` goes over the `excerpt` first and finds the `scene`, then
 `file` converts batch by batch into `floor`, `doors`, `costmap`, `robot` and `events`; `blueprint`
-lays them out. `sdk` is the only place that imports rerun; `viewer` runs its binary.
+lays them out. `sdk` is the only place that imports rerun.
+
+`process` runs its binary: `viewer` as a window or without one, `web` for browsers. `live` goes on
+where `recording` would end, with each commit that comes, as long as it is `fitting`.
 """
