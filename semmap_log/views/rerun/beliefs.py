@@ -130,7 +130,7 @@ def _write_curve(writer: RowWriter, path: EntityPath, points: Points, palette: P
     writer.static(path, look)
     # Each chunk begins with the last point of the one before: see `DoorsWriter`.
     for first in range(0, max(len(points) - 1, 1), MOST_ROWS - 1):
-        writer.rows(path, points[first : first + MOST_ROWS], _scalars, timelines=[HAPPENED])
+        writer.rows(path, points[first : first + MOST_ROWS], _scalars, [HAPPENED])
 
 
 def _scalars(part: Points) -> Sequence[Any]:

@@ -16,6 +16,7 @@ from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.beliefs import BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
 from semmap_log.views.rerun.robot import track_path
+from semmap_log.views.rerun.rounds import ROUNDS, Lane
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.sdk import rr, rrb
@@ -24,6 +25,11 @@ from semmap_log.views.rerun.weeks import Sheet, weeks_on, weeks_path
 MOST_CURVES = 8
 MOST_LANES = 16
 """With more doors than this, a tab of the liveliest stands before that of all doors."""
+
+MOST_ON_A_PAGE = 100
+"""Lanes of all doors come in pages of so many."""
+ROUNDS_SHARE = 0.6
+"""Height of a robot's lane of rounds, where all doors have 3."""
 
 DAY_NS = 86_400 * 10**9
 WHOLE_SPAN_NS = 2 * DAY_NS
@@ -48,6 +54,8 @@ def layout(
     level: int | None,
     costmap: bool,
     beliefs: BeliefsShown | None,
+    rounds: Sequence[Lane],
+    tz: str,
 ) -> Any:
     """Return the blueprint of a recording.
 
@@ -58,11 +66,14 @@ def layout(
         level: The level whose plan is in front; None: the one with most doors.
         costmap: Each level's costmap has a tab behind the plans.
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
+        rounds: Lanes over those of the doors.
+        tz: In which the event log tells times.
     """
     plans = _plans(scene, palette, level, costmap=costmap)
     left = _column([(plans, 7), (_weeks(scene, palette, beliefs), 3)])
     curves = _curves(scene, chosen, beliefs)
-    right = _column([(_lanes(scene), 3), (curves, 2), (_event_log(), 2)])
+    lanes = [(_rounds(scene, rounds), ROUNDS_SHARE * len(rounds)), (_lanes(scene, chosen), 3.0)]
+    right = _column([*lanes, (curves, 2), (_event_log(tz), 2)])
     return rrb.Blueprint(
         right if left is None else rrb.Horizontal(left, right, column_shares=[5, 3]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -76,7 +87,7 @@ def layout(
     )
 
 
-def _column(parts: list[tuple[View | None, int]]) -> View | None:
+def _column(parts: Sequence[tuple[View | None, float]]) -> View | None:
     """Return the views that there are, one above the other, each with its share of the height."""
     there = [(view, share) for view, share in parts if view is not None]
     if len(there) < 2:
@@ -194,14 +205,37 @@ def _curve(door: SceneDoor, scene: Scene) -> View:
     )
 
 
-def _lanes(scene: Scene) -> View:
-    everything = _lane_view(scene, "Door states", [f"+ /{ROOT}/**"])
-    if len(scene.doors) <= MOST_LANES:
+def _rounds(scene: Scene, rounds: Sequence[Lane]) -> View | None:
+    if not rounds:
+        return None
+    return rrb.StateTimelineView(
+        origin=f"/{ROUNDS}", name="Rounds (UTC)", time_view=_time_axis(scene)
+    )
+
+
+def _lanes(scene: Scene, chosen: Sequence[DoorId] | None) -> View:
+    """Return the lanes of all doors; where these are many, those to look at first before."""
+    everything = _lane_view(scene, "Door states (UTC)", [f"+ /{ROOT}/**"])
+    if chosen is not None or len(scene.doors) <= MOST_LANES:
         return everything
-    paths = [f"+ {entity(door.path)}" for door in scene.liveliest()[:MOST_LANES]]
-    few = _lane_view(scene, f"{MOST_LANES} liveliest doors", paths)
-    every = _lane_view(scene, f"All {len(scene.doors)} doors", [f"+ /{ROOT}/**"])
-    return rrb.Tabs(few, every, active_tab=0)
+    few = scene.liveliest()[:MOST_LANES]
+    paths = [f"+ {entity(door.path)}" for door in few]
+    tabs = [_lane_view(scene, f"{MOST_LANES} liveliest doors (UTC)", paths)]
+    tabs += _pages(scene)
+    return rrb.Tabs(*tabs, active_tab=0)
+
+
+def _pages(scene: Scene) -> list[View]:
+    """Return views of all doors, level by level, at most so many at once."""
+    views = []
+    for level in scene.levels.values():
+        here = [door for door in scene.doors.values() if door.path[:-2] == level.path]
+        pages = [here[i : i + MOST_ON_A_PAGE] for i in range(0, len(here), MOST_ON_A_PAGE)]
+        name = "All doors" if level.path == (ROOT,) else level.name
+        for number, page in enumerate(pages, start=1):
+            title = name if len(pages) == 1 else f"{name} {number}/{len(pages)}"
+            views.append(_lane_view(scene, title, [f"+ {entity(door.path)}" for door in page]))
+    return views
 
 
 def _lane_view(scene: Scene, name: str, contents: list[str]) -> View:
@@ -223,10 +257,10 @@ def _time_axis(scene: Scene) -> Any:
     return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
-def _event_log() -> View:
+def _event_log(tz: str) -> View:
     return rrb.TextLogView(
         origin=f"/{EVENTS}",
-        name="Event log (UTC)",
+        name=f"Event log ({tz})",
         # The time is in the text: a column for it cannot be made wide enough to be read.
         columns=rrb.TextLogColumns(
             timeline_columns=[rrb.encodings.TimelineColumn(HAPPENED, visible=False)],

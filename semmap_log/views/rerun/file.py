@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,11 @@ from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.floor import write_floors
 from semmap_log.views.rerun.pump import pumped
 from semmap_log.views.rerun.robot import RobotWriter
+from semmap_log.views.rerun.rounds import Lane, write_rounds
 from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.rerun.sdk import rr
+from semmap_log.views.rerun.thinning import LeftOut
 
 APPLICATION_ID = "semmap_log"
 """Dots and other odd characters would be rewritten by rerun."""
@@ -36,25 +38,29 @@ def write_recording(
     palette: Palette,
     costmap: bool,
     beliefs: BeliefsShown | None,
+    rounds: Sequence[Lane],
     progress: Callable[[int, int], None] | None = None,
-) -> None:
+) -> LeftOut:
     """Convert the excerpt, batch by batch; each part writes as soon as it has a chunk.
 
     Raises:
         OSError: The file cannot be written, or not all of it.
     """
     with pumped(path) as pump, _recording(excerpt, pump.inlet, blueprint) as recording:
-        writer = RowWriter(recording)
+        writer = RowWriter(recording, excerpt, scene.commits)
         write_floors(writer, scene, palette)
+        write_rounds(writer, rounds, palette)
         layers = CostmapWriter(writer, scene, palette) if costmap else None
-        doors = DoorsWriter(writer, scene, palette, layers)
+        doors = DoorsWriter(writer, excerpt, scene, palette, layers)
         robot = RobotWriter(writer, scene, palette)
-        events = EventsWriter(writer, EventLines(scene, excerpt.log.commits()), palette)
+        lines = EventLines(scene, excerpt)
+        events = EventsWriter(writer, lines, palette)
         for batch in excerpt.batches(progress):
             pump.check()
-            doors.take(changes_of(batch))
+            changes = changes_of(batch)
+            doors.take(changes)
             robot.take(batch)
-            events.take(batch)
+            events.take(batch, changes)
         doors.finish()
         if layers is not None:
             layers.finish()
@@ -62,6 +68,7 @@ def write_recording(
             write_beliefs(writer, beliefs, scene, palette)
         robot.finish()
         events.finish()
+    return LeftOut(lines.left_out, robot.left_out)
 
 
 @contextmanager

@@ -30,6 +30,7 @@ from semmap_log.events import (
     RobotPose,
 )
 from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.rerun.door_rows import changes_of
 from semmap_log.views.rerun.event_lines import EventLine, EventLines
 from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.survey import survey
@@ -89,8 +90,8 @@ def lines_of(tmp_path: Path, *commits: Event) -> list[EventLine]:
             clock.now_ns += 60 * SECOND
             log.append([event], note=sl.Note(actor="rover", reason="round 1"))
     excerpt = Excerpt(sl.read(tmp_path / "log"))
-    lines = EventLines(survey(excerpt), excerpt.log.commits())
-    return [line for batch in excerpt.batches() for line in lines.of(batch)]
+    lines = EventLines(survey(excerpt), excerpt)
+    return [line for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
 
 
 def test_what_changes_the_map_stands_out_from_what_repeats_it(tmp_path: Path) -> None:
