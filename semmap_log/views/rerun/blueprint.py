@@ -13,7 +13,7 @@ from typing import Any
 from semmap_log.beliefs.typical_week import TypicalWeek
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.beliefs import BeliefsShown
+from semmap_log.views.rerun.beliefs import MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
 from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rounds import ROUNDS, Lane
@@ -28,8 +28,9 @@ MOST_LANES = 16
 
 MOST_ON_A_PAGE = 100
 """Lanes of all doors come in pages of so many."""
-ROUNDS_SHARE = 0.6
-"""Height of a robot's lane of rounds, where all doors have 3."""
+ROUNDS_SHARE, MORE_ROUNDS_SHARE, MOST_ROUNDS_SHARE = 0.9, 0.35, 2.0
+"""Height of the first robot's lane of rounds, of each further one, and of all, where all doors
+have 3."""
 
 DAY_NS = 86_400 * 10**9
 WHOLE_SPAN_NS = 2 * DAY_NS
@@ -70,9 +71,10 @@ def layout(
         tz: In which the event log tells times.
     """
     plans = _plans(scene, palette, level, costmap=costmap)
-    left = _column([(plans, 7), (_weeks(scene, palette, beliefs), 3)])
+    left = _column([(plans, 7), (_weeks(scene, palette, level, beliefs), 3)])
     curves = _curves(scene, chosen, beliefs)
-    lanes = [(_rounds(scene, rounds), ROUNDS_SHARE * len(rounds)), (_lanes(scene, chosen), 3.0)]
+    share = min(ROUNDS_SHARE + MORE_ROUNDS_SHARE * (len(rounds) - 1), MOST_ROUNDS_SHARE)
+    lanes = [(_rounds(scene, rounds), share), (_lanes(scene, chosen), 3.0)]
     right = _column([*lanes, (curves, 2), (_event_log(tz), 2)])
     return rrb.Blueprint(
         right if left is None else rrb.Horizontal(left, right, column_shares=[5, 3]),
@@ -153,22 +155,26 @@ def _recent_track() -> Any:
     )
 
 
-def _weeks(scene: Scene, palette: Palette, beliefs: BeliefsShown | None) -> View | None:
+def _weeks(
+    scene: Scene, palette: Palette, front: int | None, beliefs: BeliefsShown | None
+) -> View | None:
     """Return a tab of typical weeks a level; None where nothing is known."""
     weeks = [] if beliefs is None else beliefs.weeks
-    views = [
-        _week(level, here, palette)
+    views = {
+        level.level: _week(level, here, palette)
         for level in scene.levels.values()
         if (here := weeks_on(weeks, scene, level))
-    ]
+    }
     if len(views) < 2:
-        return views[0] if views else None
-    return rrb.Tabs(*views, active_tab=0)
+        return next(iter(views.values()), None)
+    return rrb.Tabs(*views.values(), active_tab=list(views).index(front) if front in views else 0)
 
 
 def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], palette: Palette) -> View:
     sheet = Sheet.of(len(weeks))
     name = "Typical week" if level.path == (ROOT,) else f"{level.name} typical week"
+    if len(weeks) == MOST_WEEKS < level.doors:
+        name += f" of the {MOST_WEEKS} liveliest doors"
     return rrb.Spatial2DView(
         origin=entity(weeks_path(level)),
         # The axis of time is in UTC, habits are not.
