@@ -11,7 +11,7 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import DoorAdded, DoorObserved, LevelAdded
+from semmap_log.events import DoorAdded, DoorObserved, LevelAdded, RobotPose
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, room, small_log
@@ -109,3 +109,36 @@ def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:
 
     expected = ["Costmap", "Door states (UTC)", "Event log (UTC)", "Floor plan", "Rounds (UTC)"]
     assert expected == names
+
+
+def test_the_level_of_a_chosen_door_is_in_front(tmp_path: Path) -> None:
+    """
+    Not that of the robot, which is elsewhere.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([LevelAdded(level=n, name=name) for n, name in enumerate("AB", start=1)])
+        log.append([DoorAdded(door_id=DoorId(n), level=n, x=0, y=0, theta=0, width=1)
+                    for n in (1, 2)])  # fmt: skip
+        log.append([RobotPose(level=1, x=0.0, y=0.0, theta=0.0)])
+    read = sl.read(tmp_path / "log")
+
+    assert ["A", "B"] == [plan_in_front(read, tmp_path, doors=doors) for doors in (None, [2])]
+
+
+def plan_in_front(log: sl.DoorLog, tmp_path: Path, **how: Any) -> str:
+    """Return the name of the view that is on top of the tabs of plans."""
+    import rerun as rr
+
+    save_rrd(log, tmp_path / "x.rrd", **how)
+    reader = rr.chunk.RrdReader(tmp_path / "x.rrd")
+    (store,) = reader.blueprints()
+    names, tops = {}, []
+    for chunk in reader.stream(store=store):
+        batch = chunk.to_record_batch()
+        if "ViewBlueprint:display_name" in batch.schema.names:
+            ((name,),) = batch.column("ViewBlueprint:display_name").to_pylist()
+            names[chunk.entity_path.lstrip("/")] = name
+        if "ContainerBlueprint:active_tab" in batch.schema.names:
+            tops += [path.lstrip("/") for (path,)
+                     in batch.column("ContainerBlueprint:active_tab").to_pylist()]  # fmt: skip
+    return next(names[top] for top in tops if names.get(top) in ("A", "B"))

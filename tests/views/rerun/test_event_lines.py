@@ -143,3 +143,21 @@ def test_poses_are_not_told(tmp_path: Path) -> None:
     They would drown everything else.
     """
     assert [] == lines_of(tmp_path, RobotPose(x=0, y=0, theta=0))
+
+
+def test_times_are_those_of_the_building(tmp_path: Path) -> None:
+    """
+    Also over the night in which the clocks change: 03:00 follows 01:59.
+    """
+    change_ns = 1_774_746_000 * SECOND  # 2026-03-29T01:00Z
+    clock = SteadyClock(change_ns - 60 * SECOND)
+    with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:
+        log.append([DoorAdded(door_id=ONE)])
+        clock.now_ns = change_ns
+        log.append([DoorObserved(door_id=ONE, state=DoorState.OPEN)])
+    excerpt = Excerpt(sl.read(tmp_path / "log"))
+
+    lines = EventLines(survey(excerpt), excerpt)
+
+    told = [line.text for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
+    assert ["03-29 01:59", "03-29 03:00"] == [text[:11] for text in told]
