@@ -28,6 +28,7 @@ from semmap_log.cli import (
     recover,
     remove,
     replay,
+    report,
     retract,
     show,
     tail,
@@ -105,4 +106,5 @@ app.command("info", short_help="Show what a log holds.")(info.run)
 app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
 app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)
 app.command("compact", short_help="Make a log smaller.")(compact.run)
+app.command("report", short_help="Write the history as one page for any browser.")(report.run)
 app.command("view", short_help="Look at the history in rerun.")(view.run)

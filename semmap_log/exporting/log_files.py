@@ -25,7 +25,8 @@ from semmap_log.replay import Scope, visible_batches
 
 WRITABLE = (
     ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun), "
-    ".pgm (a costmap, with its .yaml)"
+    ".html (a page), .pgm (a costmap, with its .yaml), .mcap or .bag with --markers (a bag for "
+    "players)"
 )
 
 
@@ -69,6 +70,7 @@ def export(
         ".jsonl": lambda path: _event_lines(log, path, scope, progress),
         ".parquet": lambda path: _parquet(log, path, scope, progress),
         ".rrd": lambda path: _rrd(log, path, scope),
+        ".html": lambda path: _html(log, path, scope, progress),
     }
     if out.parent.resolve() == log.path.resolve():
         raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
@@ -176,3 +178,14 @@ def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
     until = None if scope.at_ns is None else scope.at_ns + 1
     summary = save_rrd(log, path, until=until)
     return Exported(f"{summary.events} events")
+
+
+def _html(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
+    from semmap_log.views.report.report import report
+
+    if scope.known_at_ns is not None or scope.event is not None:
+        raise CommandError("a page shows all that is known: leave --known-at and --event out.")
+    until = None if scope.at_ns is None else scope.at_ns + 1
+    made = report(log, until=until, progress=progress)
+    path.write_text(made.html, encoding="utf-8")
+    return Exported(f"{made.doors} doors, {made.events} events")

@@ -38,6 +38,10 @@ WHOLE_SPAN_NS = 2 * DAY_NS
 WINDOW_BEFORE_NS = 7 * DAY_NS // 4
 WINDOW_AFTER_NS = DAY_NS // 4
 
+SHORTEST_LIVE_NS, LONGEST_LIVE_NS = 10 * 60 * 10**9, DAY_NS // 2
+"""What lanes and curves show before the cursor while a log is followed."""
+ROOM_AHEAD = 0.04
+
 TRACK_NS = 30 * 60 * 10**9
 TRACK_EVENTS = 400
 PLAYBACK_SPEED = 600.0
@@ -57,6 +61,7 @@ def layout(
     beliefs: BeliefsShown | None,
     rounds: Sequence[Lane],
     tz: str,
+    goes_on: bool = False,
 ) -> Any:
     """Return the blueprint of a recording.
 
@@ -69,12 +74,14 @@ def layout(
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
         rounds: Lanes over those of the doors.
         tz: In which the event log tells times.
+        goes_on: More will come: lanes and curves move along with the cursor.
     """
+    axis = _time_axis(scene, goes_on=goes_on)
     plans = _plans(scene, palette, level, costmap=costmap)
     left = _column([(plans, 7), (_weeks(scene, palette, level, beliefs), 3)])
-    curves = _curves(scene, chosen, beliefs)
+    curves = _curves(scene, chosen, beliefs, axis)
     share = min(ROUNDS_SHARE + MORE_ROUNDS_SHARE * (len(rounds) - 1), MOST_ROUNDS_SHARE)
-    lanes = [(_rounds(scene, rounds), share), (_lanes(scene, chosen), 3.0)]
+    lanes = [(_rounds(rounds, axis), share), (_lanes(scene, chosen, axis), 3.0)]
     right = _column([*lanes, (curves, 2), (_event_log(tz), 2)])
     return rrb.Blueprint(
         right if left is None else rrb.Horizontal(left, right, column_shares=[5, 3]),
@@ -185,7 +192,10 @@ def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], palette: Palette) -> 
 
 
 def _curves(
-    scene: Scene, chosen: Sequence[DoorId] | None, beliefs: BeliefsShown | None
+    scene: Scene,
+    chosen: Sequence[DoorId] | None,
+    beliefs: BeliefsShown | None,
+    axis: Any,
 ) -> View | None:
     """Return a tab of curves a door; None where no door has probabilities, given or believed."""
     if chosen is None:
@@ -196,42 +206,40 @@ def _curves(
     drawn = [door for door in doors if door.has_probabilities or door.door_id in believed]
     if not drawn:
         return None
-    curves = [_curve(door, scene) for door in drawn[:MOST_CURVES]]
+    curves = [_curve(door, axis) for door in drawn[:MOST_CURVES]]
     return rrb.Tabs(*curves, name="Probabilities", active_tab=0)
 
 
-def _curve(door: SceneDoor, scene: Scene) -> View:
+def _curve(door: SceneDoor, axis: Any) -> View:
     return rrb.TimeSeriesView(
         origin=entity(door.path),
         contents=["$origin/**"],
         name=door.label,
-        axis_x=_time_axis(scene),
+        axis_x=axis,
         axis_y=rrb.ScalarAxis(range=(-0.03, 1.03), zoom_lock=True),
         plot_legend=rrb.PlotLegend(corner="LeftTop"),
     )
 
 
-def _rounds(scene: Scene, rounds: Sequence[Lane]) -> View | None:
+def _rounds(rounds: Sequence[Lane], axis: Any) -> View | None:
     if not rounds:
         return None
-    return rrb.StateTimelineView(
-        origin=f"/{ROUNDS}", name="Rounds (UTC)", time_view=_time_axis(scene)
-    )
+    return rrb.StateTimelineView(origin=f"/{ROUNDS}", name="Rounds (UTC)", time_view=axis)
 
 
-def _lanes(scene: Scene, chosen: Sequence[DoorId] | None) -> View:
+def _lanes(scene: Scene, chosen: Sequence[DoorId] | None, axis: Any) -> View:
     """Return the lanes of all doors; where these are many, those to look at first before."""
-    everything = _lane_view(scene, "Door states (UTC)", [f"+ /{ROOT}/**"])
+    everything = _lane_view(axis, "Door states (UTC)", [f"+ /{ROOT}/**"])
     if chosen is not None or len(scene.doors) <= MOST_LANES:
         return everything
     few = scene.liveliest()[:MOST_LANES]
     paths = [f"+ {entity(door.path)}" for door in few]
-    tabs = [_lane_view(scene, f"{MOST_LANES} liveliest doors (UTC)", paths)]
-    tabs += _pages(scene)
+    tabs = [_lane_view(axis, f"{MOST_LANES} liveliest doors (UTC)", paths)]
+    tabs += _pages(scene, axis)
     return rrb.Tabs(*tabs, active_tab=0)
 
 
-def _pages(scene: Scene) -> list[View]:
+def _pages(scene: Scene, axis: Any) -> list[View]:
     """Return views of all doors, level by level, at most so many at once."""
     views = []
     for level in scene.levels.values():
@@ -240,20 +248,22 @@ def _pages(scene: Scene) -> list[View]:
         name = "All doors" if level.path == (ROOT,) else level.name
         for number, page in enumerate(pages, start=1):
             title = name if len(pages) == 1 else f"{name} {number}/{len(pages)}"
-            views.append(_lane_view(scene, title, [f"+ {entity(door.path)}" for door in page]))
+            views.append(_lane_view(axis, title, [f"+ {entity(door.path)}" for door in page]))
     return views
 
 
-def _lane_view(scene: Scene, name: str, contents: list[str]) -> View:
-    return rrb.StateTimelineView(
-        origin=f"/{ROOT}", name=name, contents=contents, time_view=_time_axis(scene)
-    )
+def _lane_view(axis: Any, name: str, contents: list[str]) -> View:
+    return rrb.StateTimelineView(origin=f"/{ROOT}", name=name, contents=contents, time_view=axis)
 
 
-def _time_axis(scene: Scene) -> Any:
+def _time_axis(scene: Scene, *, goes_on: bool) -> Any:
     """Return the axis that lanes and curves share."""
     edge = rrb.TimeRangeBoundary
-    if scene.span_ns <= WHOLE_SPAN_NS:
+    if goes_on:
+        before_ns = min(max(scene.span_ns, SHORTEST_LIVE_NS), LONGEST_LIVE_NS)
+        start = edge.cursor_relative(seconds=-before_ns / 1e9)
+        end = edge.cursor_relative(seconds=before_ns / 1e9 * ROOM_AHEAD)
+    elif scene.span_ns <= WHOLE_SPAN_NS:
         room_ns = max(scene.span_ns // 50, 10**9)
         start = edge.absolute(time=scene.begin.folds_ns - room_ns)
         end = edge.absolute(time=scene.end.folds_ns + room_ns)

@@ -31,11 +31,15 @@ from semmap_log.views.rerun.sdk import rr
 
 COSTMAP = "costmap"
 
+NOTHING_WRITTEN = -2
+"""Less than any event's number; -1 is what a recording begins with."""
+
 
 class CostmapWriter:
-    """Takes what happens to doors, and writes the layers of all levels at the end.
+    """Takes what happens to doors, and writes the layers of all levels when told that it is all.
 
-    A level whose floor map is turned against its grid has no costmap.
+    More may come behind it, if none of it is late. A level whose floor map is turned against its
+    grid has no costmap.
     """
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
@@ -43,28 +47,47 @@ class CostmapWriter:
         self._scene = scene
         self._palette = palette
         self._pieces: dict[str, dict[DoorId, list[DoorRows]]] = {HAPPENED: {}, RECORDED: {}}
+        self._has_news = False
+        self._written = NOTHING_WRITTEN
 
     def take(self, door: DoorId, rows: DoorRows, timelines: Sequence[str]) -> None:
         """Take a door's next rows along these timelines; `event` goes with `recorded`."""
         for timeline, pieces in self._pieces.items():
-            if timeline in timelines:
+            if timeline in timelines and len(rows):
                 pieces.setdefault(door, []).append(rows)
+                self._has_news = True
 
     def finish(self) -> None:
-        """Write all layers."""
+        """Write what is new of all layers."""
+        if not self._has_news:
+            return
+        joined = {
+            timeline: {door: DoorRows.joined(rows) for door, rows in sorted(pieces.items())}
+            for timeline, pieces in self._pieces.items()
+        }
+        self._write(joined[HAPPENED], joined[RECORDED])
+        told = [rows for doors in joined.values() for rows in doors.values()]
+        self._written = max(rows.last_number for rows in told)
+        self._pieces = {
+            timeline: {door: [rows.last()] for door, rows in doors.items()}
+            for timeline, doors in joined.items()
+        }
+        self._has_news = False
+
+    def _write(self, happened: dict[DoorId, DoorRows], recorded: dict[DoorId, DoorRows]) -> None:
         for level in self._scene.levels.values():
             if not has_costmap(self._scene, level):
                 continue
-            happened, recorded = (self._on(level, timeline) for timeline in (HAPPENED, RECORDED))
-            geometry = _geometry(level, [*happened.values(), *recorded.values()])
+            here = [self._on(level, doors) for doors in (happened, recorded)]
+            geometry = _geometry(level, [rows for doors in here for rows in doors.values()])
             if geometry is not None:
-                self._write_level(level, geometry, happened, recorded)
+                self._write_level(level, geometry, *here)
 
-    def _on(self, level: SceneLevel, timeline: str) -> dict[DoorId, DoorRows]:
+    def _on(self, level: SceneLevel, doors: dict[DoorId, DoorRows]) -> dict[DoorId, DoorRows]:
         """Return the rows of the doors that are on a level at some time."""
         return {
-            door: DoorRows.joined(pieces)
-            for door, pieces in sorted(self._pieces[timeline].items())
+            door: rows
+            for door, rows in doors.items()
             if level.level in self._scene.doors[door].lines
         }
 
@@ -75,12 +98,14 @@ class CostmapWriter:
         happened: dict[DoorId, DoorRows],
         recorded: dict[DoorId, DoorRows],
     ) -> None:
-        self._writer.static((*level.path, COSTMAP), colours_of_costs(self._palette))
+        if self._written == NOTHING_WRITTEN:
+            self._writer.static((*level.path, COSTMAP), colours_of_costs(self._palette))
         one = dict(patches_along(happened, level.level, geometry, recorded=False))
         other = dict(patches_along(recorded, level.level, geometry, recorded=True))
         for door in sorted(one.keys() | other.keys()):
             path = (*level.path, COSTMAP, self._scene.doors[door].path[-1])
-            self._write_door(path, geometry, one.pop(door, _NOTHING), other.pop(door, _NOTHING))
+            along = (patches.pop(door, _NOTHING).behind(self._written) for patches in (one, other))
+            self._write_door(path, geometry, *along)
 
     def _write_door(
         self, path: EntityPath, geometry: GridGeometry, happened: DoorPatches, recorded: DoorPatches
@@ -91,12 +116,12 @@ class CostmapWriter:
         if happened.patches == recorded.patches and np.array_equal(
             happened.pictures, recorded.pictures
         ):
-            self._write(path, happened, geometry, EVERYWHERE)
+            self._write_pictures(path, happened, geometry, EVERYWHERE)
         else:
-            self._write(path, happened, geometry, [HAPPENED])
-            self._write(path, recorded, geometry, [RECORDED, EVENT])
+            self._write_pictures(path, happened, geometry, [HAPPENED])
+            self._write_pictures(path, recorded, geometry, [RECORDED, EVENT])
 
-    def _write(
+    def _write_pictures(
         self,
         path: EntityPath,
         door: DoorPatches,

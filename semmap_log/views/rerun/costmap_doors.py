@@ -31,11 +31,25 @@ class DoorRows:
         """Return what is needed of a picture."""
         return cls(slim(picture.states), picture.placements, picture.removals)
 
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.states) + len(self.placements) + len(self.removals)
+
+    @property
+    def last_number(self) -> int:
+        """Of the event that was recorded last."""
+        parts = (self.states, self.placements, self.removals)
+        return max(int(part["number"].max()) for part in parts if len(part))
+
     @classmethod
     def joined(cls, pieces: Sequence[DoorRows]) -> DoorRows:
         """Return all of a door's rows, of which these are the pieces."""
         fields = ((one.states, one.placements, one.removals) for one in pieces)
         return cls(*(np.concatenate(parts) for parts in zip(*fields, strict=True)))
+
+    def last(self) -> DoorRows:
+        """Return what counts at the end: all that later rows need to go on from."""
+        return DoorRows(self.states[-1:], self.placements[-1:], self.removals[-1:])
 
 
 def slim(changes: Changes) -> Changes:

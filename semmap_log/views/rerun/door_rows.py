@@ -151,6 +151,17 @@ class Life:
     added: Stamp = NEVER
     removed: Stamp = NEVER
 
+    def covers(self, changes: Changes) -> NDArray[np.bool_]:
+        """Tell for each row whether the door was there; the adding counts in, the removal out."""
+        return ~_is_before(changes, self.added) & _is_before(changes, self.removed)
+
+
+def _is_before(changes: Changes, stamp: Stamp) -> NDArray[np.bool_]:
+    folds_ns, number = stamp
+    ties = (changes["folds_ns"] == folds_ns) & (changes["number"] < number)
+    earlier: NDArray[np.bool_] = (changes["folds_ns"] < folds_ns) | ties
+    return earlier
+
 
 def strips_of(placements: Changes) -> NDArray[np.float32]:
     """Return the doors' lines, float32 (rows, 2 ends, x and y), metres, frame `map`."""

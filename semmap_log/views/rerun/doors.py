@@ -47,6 +47,8 @@ class DoorsWriter:
         self._pens = (writer, palette, costmap)
         self._plain: dict[DoorId, _PlainDoor] = {}
         self._others: dict[DoorId, list[Changes]] = {}
+        self._finished: dict[DoorId, list[DoorPen]] = {}
+        """Of the others, once all that is late has come."""
         for door_id, door in scene.doors.items():
             beside = max(scene.levels[level].doors for level in door.lines)
             write_style(writer, door, palette, doors_beside=beside)
@@ -63,17 +65,25 @@ class DoorsWriter:
             for door in self._plain.values():
                 door.write()
 
+    def flush(self) -> None:
+        """Write what waits; more will come, and none of it late."""
+        for door in self._plain.values():
+            if door.rows_waiting:
+                door.write()
+        for door_id, pens in self._finished.items():
+            if changes := self._others[door_id]:
+                for pen in pens:
+                    pen.draw(np.concatenate(changes))
+                self._others[door_id] = []
+
     def finish(self) -> None:
         """Write what still waits, and let the curves go on to the end."""
         for door in self._plain.values():
             door.write(self._scene.end)
-        changes = {
-            door_id: np.concatenate([np.empty(0, CHANGE), *parts])
-            for door_id, parts in self._others.items()
-        }
-        self._others.clear()
-        for door_id in list(changes):
-            self._write_both(self._scene.doors[door_id], changes.pop(door_id))
+        for door_id, parts in self._others.items():
+            changes = np.concatenate([np.empty(0, CHANGE), *parts])
+            self._others[door_id] = []
+            self._finished[door_id] = self._write_both(self._scene.doors[door_id], changes)
 
     def _take(self, changes: Changes) -> None:
         for rows in by_door(changes):
@@ -88,16 +98,16 @@ class DoorsWriter:
         there = [door.before for door in doors if door.is_plain and door.before is not None]
         return opening_changes(there, self._scene.begin)
 
-    def _write_both(self, door: SceneDoor, changes: Changes) -> None:
+    def _write_both(self, door: SceneDoor, changes: Changes) -> list[DoorPen]:
         """Write a door with late events, or ones that were taken back: their order is known now."""
         numbers = changes["number"]
         happened = changes[self._excerpt.has_happened(numbers, changes["folds_ns"])]
         opening = opening_changes([door.before] if door.before else [], self._scene.begin)
         recorded = changes[self._excerpt.was_recorded(numbers, changes["recorded_ns"])]
-        pen = DoorPen(*self._pens, door, [HAPPENED])
-        pen.draw(np.concatenate([opening, sorted_by_stamp(happened)]), self._scene.end)
-        pen = DoorPen(*self._pens, door, [RECORDED, EVENT])
-        pen.draw(as_recorded(recorded, door.known), self._scene.end)
+        along = [DoorPen(*self._pens, door, lines) for lines in ([HAPPENED], [RECORDED, EVENT])]
+        along[0].draw(np.concatenate([opening, sorted_by_stamp(happened)]), self._scene.end)
+        along[1].draw(as_recorded(recorded, door.known), self._scene.end)
+        return along
 
 
 class _PlainDoor:

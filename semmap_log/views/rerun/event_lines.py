@@ -59,11 +59,11 @@ class EventLine:
 class EventLines:
     """Puts events into words; remembers each door's state, to tell changes from repeats."""
 
-    def __init__(self, scene: Scene, excerpt: Excerpt) -> None:
+    def __init__(self, scene: Scene, excerpt: Excerpt, commits: Iterable[Commit]) -> None:
         self._scene = scene
         self._excerpt = excerpt
         self._repeats = Repeats(scene.doors) if is_long(scene) else None
-        self._notes = _Notes(excerpt.log.commits())
+        self._notes = _Notes(commits)
         self._clock = LocalClock(excerpt.log.info.timezone)
         edges = self._shown(np.array([scene.begin.folds_ns, scene.end.folds_ns]))
         self._time_from = len("2026-") if edges[0][:4] == edges[1][:4] else 0

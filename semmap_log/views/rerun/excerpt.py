@@ -74,6 +74,13 @@ class Excerpt:
             if len(chosen):
                 yield chosen
 
+    def happened(self, progress: Callable[[int, int], None] | None = None) -> Iterator[EventBatch]:
+        """Yield those of `batches` that stand on the timeline `happened`."""
+        for batch in self.batches(progress):
+            standing = batch.select(self.has_happened(batch.number, batch.folds_ns))
+            if len(standing):
+                yield standing
+
     @property
     def retractions(self) -> Retractions:
         """What was taken back, as known today."""
@@ -104,6 +111,13 @@ class Excerpt:
         if self.until_ns is not None:
             recorded &= recorded_ns < self.until_ns
         return recorded
+
+    def part_of(self, batch: EventBatch) -> EventBatch:
+        """Return those of a batch's events that belong to it; `until` is not asked for."""
+        recorded = batch
+        if self.since_ns is not None:
+            recorded = batch.select(batch.recorded_ns >= self.since_ns)
+        return self.chosen(recorded)
 
     def before(self) -> DoorMap:
         """Return the map just before the first event; empty where the excerpt starts the log."""

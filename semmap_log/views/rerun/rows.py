@@ -44,6 +44,16 @@ class RowWriter:
         self._recording = recording
         self._excerpt = excerpt
         self._commits = commits
+        self._last_commit = np.full(1, -1)
+
+    def note_commits(self, numbers: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> None:
+        """Take in where commits begin that have come since, from events in order."""
+        bases = recorded_ns - numbers  # the same in all of a commit, and in no other
+        starts = numbers[np.append(self._last_commit, bases)[:-1] != bases]
+        known = int(self._commits[-1]) if len(self._commits) else -1
+        if len(starts) and starts[-1] > known:
+            self._commits = np.append(self._commits, starts[starts > known])
+        self._last_commit = bases[-1:]
 
     def static(self, path: EntityPath, *archetypes: Any) -> None:
         """Write what holds at all times."""

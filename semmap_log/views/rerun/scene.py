@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ class SceneDoor:
     life: Life
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""
-    known: Sequence[Known]
+    known: Sequence[Known] = field(compare=False)
     """From where it goes on along `recorded`: at the beginning, if that is in midst of the log, and
     behind each retraction of one of its events."""
     state_changes: int
@@ -51,7 +51,7 @@ class SceneDoor:
     is_plain: bool
     """All its events came in the order in which they count, and none was taken back: along every
     timeline it is the same."""
-    disturbed_ns: NDArray[np.int64]
+    disturbed_ns: NDArray[np.int64] = field(compare=False)
     """When late events and ones that were taken back set its state, ascending."""
 
 
@@ -132,6 +132,17 @@ class Bounds:
         return Bounds(
             self.low_x - grow_x, self.low_y - grow_y, self.high_x + grow_x, self.high_y + grow_y
         )
+
+    def without_margin(self) -> Bounds:
+        """Return what `framed` put its margin around, or somewhat more."""
+        return Bounds(
+            self.low_x + MARGIN_M, self.low_y + MARGIN_M,
+            self.high_x - MARGIN_M, self.high_y - MARGIN_M,
+        )  # fmt: skip
+
+    def holds(self, other: Bounds) -> bool:
+        """Tell whether another rectangle lies in this one; the empty one does."""
+        return self.including(other) == self
 
     @property
     def is_empty(self) -> bool:

@@ -26,6 +26,7 @@ from semmap_log.views.rerun.door_rows import (
     Edge,
     Life,
     Stamp,
+    by_door,
     changes_of,
     opening_changes,
     strips_of,
@@ -49,21 +50,48 @@ NOWHERE = Edge(-1, -1, -1)
 
 def survey(excerpt: Excerpt) -> Scene:
     """Return what a recording of that part of a log has to show."""
-    pass_ = _Pass(excerpt)
+    taken = Survey(excerpt)
     for batch in excerpt.read():
-        pass_.take(batch)
-    for one in taken_back(excerpt):
-        pass_.take_back(one)
-    levels = _levels(excerpt, pass_)
-    return Scene(
-        doors=_doors(pass_, levels),
-        levels=levels,
-        robot_level=pass_.robot_last[1],
-        events=pass_.events,
-        commits=np.concatenate([np.empty(0, np.int64), *pass_.commits]),
-        begin=pass_.begin,
-        end=pass_.end,
-    )
+        taken.take(batch)
+    return taken.scene()
+
+
+class Survey:
+    """What a recording has to show of the events taken so far."""
+
+    def __init__(self, excerpt: Excerpt) -> None:
+        self._excerpt = excerpt
+        self._pass = _Pass(excerpt)
+        self._is_whole = False
+
+    def take(self, batch: EventBatch) -> None:
+        """Take the next events, in order of their numbers."""
+        self._pass.take(batch)
+
+    def is_late(self, batch: EventBatch) -> bool:
+        """Tell whether an event about a door counts before one that was taken, or is before it."""
+        return any(
+            not self._pass.doors.get(DoorId(int(rows["door_id"][0])), NEW).goes_on(rows)
+            for rows in by_door(changes_of(batch))
+        )
+
+    def scene(self) -> Scene:
+        """Return it, once all was taken; names and floor plans are those that the log has now."""
+        pass_ = self._pass
+        if not self._is_whole:
+            self._is_whole = True  # behind this, nothing is taken back any more
+            for one in taken_back(self._excerpt):
+                pass_.take_back(one)
+        levels = _levels(self._excerpt, pass_)
+        return Scene(
+            doors=_doors(pass_, levels),
+            levels=levels,
+            robot_level=pass_.robot_last[1],
+            events=pass_.events,
+            commits=np.concatenate([np.empty(0, np.int64), *pass_.commits]),
+            begin=pass_.begin,
+            end=pass_.end,
+        )
 
 
 @dataclass(slots=True)
@@ -128,6 +156,11 @@ class _Found:
             else:
                 self.removed = stamp
 
+    def goes_on(self, changes: Changes) -> bool:
+        """Tell whether all of this door's next rows count behind those taken, in their order."""
+        first = int(changes["folds_ns"][0]), int(changes["number"][0])
+        return first >= self.latest and bool((np.diff(changes["folds_ns"]) >= 0).all())
+
     def _count_states(self, states: np.ndarray) -> None:
         if len(states):
             self.state_changes += int(self.state is not None and states[0] != self.state)
@@ -152,6 +185,10 @@ class _Found:
 
 def _stamps(changes: Changes) -> Iterable[Stamp]:
     return zip(changes["folds_ns"].tolist(), changes["number"].tolist(), strict=True)
+
+
+NEW = _Found()
+"""A door that nothing was heard of yet."""
 
 
 class _Pass:

@@ -90,7 +90,7 @@ def lines_of(tmp_path: Path, *commits: Event) -> list[EventLine]:
             clock.now_ns += 60 * SECOND
             log.append([event], note=sl.Note(actor="rover", reason="round 1"))
     excerpt = Excerpt(sl.read(tmp_path / "log"))
-    lines = EventLines(survey(excerpt), excerpt)
+    lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
     return [line for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
 
 
@@ -157,7 +157,7 @@ def test_times_are_those_of_the_building(tmp_path: Path) -> None:
         log.append([DoorObserved(door_id=ONE, state=DoorState.OPEN)])
     excerpt = Excerpt(sl.read(tmp_path / "log"))
 
-    lines = EventLines(survey(excerpt), excerpt)
+    lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
 
     told = [line.text for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
     assert ["03-29 01:59", "03-29 03:00"] == [text[:11] for text in told]

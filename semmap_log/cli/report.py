@@ -1,0 +1,61 @@
+"""`report`: the history as one page, for who installs nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say
+
+
+def run(
+    log: LogPath,
+    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.")],
+    *,
+    since: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="From then on.")
+    ] = None,
+    until: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Before then.")] = None,
+    door: Annotated[
+        list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
+    ] = None,
+    tz: Annotated[
+        str | None, typer.Option("--tz", metavar="ZONE", help="Of all times; default: the log's.")
+    ] = None,
+    palette: PaletteChoice = PaletteName.default,
+) -> None:
+    """Write the history as one page for any browser, nothing else needed.
+
+    A floor plan with a time slider, state lanes, a table of the doors, typical weeks, the last
+    changes, the health of the log. The page needs no network, and prints. At each moment its
+    doors are those of `semmap-log replay --at`. The same log makes the same page, byte for byte;
+    an old file of that name is replaced at once. Retracted events are left out.
+
+    \b
+    Examples:
+      semmap-log report office office.html
+      semmap-log report office monday.html --from 2026-03-02 --to 2026-03-03
+      semmap-log report office two.html --door front --door back --palette colour-blind
+    """
+    import semmap_log as sl
+    from semmap_log.exporting.report import write_report
+    from semmap_log.views.health import count
+    from semmap_log.views.palette import PALETTES
+
+    opened = sl.read(log)
+    doors = [opened.resolve_ever(name) for name in door] if door else None
+    with progress("Reading") as told:
+        done = write_report(
+            opened,
+            out,
+            since=since,
+            until=until,
+            doors=doors,
+            tz=tz,
+            palette=PALETTES[palette.value],
+            progress=told,
+        )
+    size = f"{done.bytes / 1e6:.1f} MB" if done.bytes >= 1e6 else f"{done.bytes / 1e3:.0f} kB"
+    say(f"{out}: {count(done.doors, 'door')}, {count(done.events, 'event')}, {size}.")

@@ -1,0 +1,139 @@
+"""One pass over a log's events: what the page needs of them, in a few columns.
+
+Of each word about a state 21 bytes are kept, of each pose 18; the rest is rare.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.event_batch import EventBatch
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    Retracted,
+    RobotPose,
+)
+from semmap_log.views.rerun.door_rows import CHANGE, changes_of
+from semmap_log.views.rerun.excerpt import Excerpt
+
+WORD = np.dtype([("door_id", "u4"), ("folds_ns", "i8"), ("number", "i8"), ("state", "u1")])
+"""An event that says what state a door is in."""
+POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4")])
+STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
+
+MOST_CHANGES = 200
+"""So many of the last changes are told in words."""
+TOLD = (DoorAdded, DoorUpdated, DoorRemoved, DoorRequested, DoorAnnotated,
+        LevelAdded, FloorMap, LogExported, Retracted)  # fmt: skip
+"""Kinds that are told whatever they say; sightings are where they tell of another state."""
+
+Rows = NDArray[Any]
+
+
+@dataclass(slots=True)
+class Gathered:
+    """What was found, in the order in which it counts: by (folds_ns, number)."""
+
+    words: Rows
+    """Rows of `WORD`, by door first."""
+    rest: Rows
+    """Rows of `CHANGE` that add, place or remove a door, or set its probabilities."""
+    poses: Rows
+    """Rows of `POSE`."""
+    told: Rows
+    """Rows of `STAMP`: the latest events of the kinds `TOLD`, and passages that failed."""
+    events: int
+    first_ns: int | None
+    """When the first of the events happened; None: there are none."""
+    last_ns: int | None
+
+
+def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None) -> Gathered:
+    """Read the events of an excerpt."""
+    reading = _Reading()
+    for batch in excerpt.happened(progress):
+        reading.take(batch)
+    return reading.gathered()
+
+
+@dataclass(slots=True)
+class _Reading:
+    words: list[Rows] = field(default_factory=lambda: [np.empty(0, WORD)])
+    rest: list[Rows] = field(default_factory=lambda: [np.empty(0, CHANGE)])
+    poses: list[Rows] = field(default_factory=lambda: [np.empty(0, POSE)])
+    told: Rows = field(default_factory=lambda: np.empty(0, STAMP))
+    events: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+    def take(self, batch: EventBatch) -> None:
+        folds_ns = batch.folds_ns
+        first_ns, last_ns = int(folds_ns.min()), int(folds_ns.max())
+        self.first_ns = first_ns if self.first_ns is None else min(self.first_ns, first_ns)
+        self.last_ns = last_ns if self.last_ns is None else max(self.last_ns, last_ns)
+        self.events += len(batch)
+        changes = changes_of(batch)
+        self.words.append(_copied(changes[(changes["sets"] & int(Changed.STATE)) != 0], WORD))
+        more = (changes["sets"] & ~np.uint8(int(Changed.STATE))) != 0
+        self.rest.append(changes[more | (changes["kind"] == DoorRemoved.kind)])
+        if RobotPose in batch:
+            self.poses.append(_poses(batch))
+        self._tell(batch)
+
+    def gathered(self) -> Gathered:
+        words, rest = np.concatenate(self.words), np.concatenate(self.rest)
+        poses = np.concatenate(self.poses)
+        return Gathered(
+            words=words[np.lexsort((words["number"], words["folds_ns"], words["door_id"]))],
+            rest=in_order(rest),
+            poses=poses[np.argsort(poses["folds_ns"], kind="stable")],
+            told=self.told,
+            events=self.events,
+            first_ns=self.first_ns,
+            last_ns=self.last_ns,
+        )
+
+    def _tell(self, batch: EventBatch) -> None:
+        told = np.isin(batch.kind, [kind.kind for kind in TOLD])
+        if DoorPassed in batch:
+            told[batch.where(DoorPassed)[~batch[DoorPassed]["passed"].astype(bool)]] = True
+        stamps = np.empty(int(np.count_nonzero(told)), STAMP)
+        stamps["folds_ns"], stamps["number"] = batch.folds_ns[told], batch.number[told]
+        self.told = in_order(np.concatenate([self.told, stamps]))[-MOST_CHANGES:]
+
+
+def in_order(rows: Rows) -> Rows:
+    """Return rows by (folds_ns, number)."""
+    ordered: Rows = rows[np.lexsort((rows["number"], rows["folds_ns"]))]
+    return ordered
+
+
+def _copied(rows: Rows, dtype: np.dtype[Any]) -> Rows:
+    made = np.empty(len(rows), dtype)
+    for name in dtype.names or ():
+        made[name] = rows[name]
+    return made
+
+
+def _poses(batch: EventBatch) -> Rows:
+    poses = np.empty(len(batch.where(RobotPose)), POSE)
+    poses["folds_ns"] = batch.folds_ns[batch.where(RobotPose)]
+    with np.errstate(over="ignore"):  # what float32 cannot hold is nowhere near a building
+        for name in ("level", "x", "y"):
+            poses[name] = batch[RobotPose][name]
+    finite: Rows = poses[np.isfinite(poses["x"]) & np.isfinite(poses["y"])]
+    return finite

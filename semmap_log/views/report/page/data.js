@@ -1,0 +1,170 @@
+// The log as the page holds it, and what is true at a moment. Times: milliseconds after `begin`.
+
+const data = JSON.parse(byId("data").textContent);
+const END = data.end;
+const MINUTE = 60_000, HOUR = 60 * MINUTE, DAY = 24 * HOUR;
+const CLASSES = ["unknown", "open", "closed", "unknown", "unknown"];
+const STATE_WORDS = data.states.map((name) => name[0] + name.slice(1).toLowerCase());
+const DAY_NAMES = ["Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"];
+const MONTHS = "Jan Feb Mar Apr May Jun Jul Aug Sep Oct Nov Dec".split(" ");
+
+class Door {
+  constructor(raw) {
+    Object.assign(this, raw);
+    this.times = new Float64Array(raw.t.length);
+    this.states = Uint8Array.from(raw.s, Number);
+    raw.t.reduce((sum, delta, i) => (this.times[i] = sum + delta), 0);
+    const at = [];
+    for (let i = 0; i < this.states.length; i++) {
+      if (i === 0 || this.states[i] !== this.states[i - 1]) at.push(i);
+    }
+    /** When a state began that was not the one before, and which; the first is the oldest known. */
+    this.changedAt = Float64Array.from(at, (i) => this.times[i]);
+    this.changedTo = Uint8Array.from(at, (i) => this.states[i]);
+    this.changes = at.filter((i) => i > 0 && this.times[i] <= END).length;
+    this.placedAt = Float64Array.from(raw.places, (place) => place[0]);
+    this.givenAt = Float64Array.from(raw.probs, (given) => given[0]);
+  }
+
+  isThere(t) {
+    return this.added <= t && (this.removed === null || t < this.removed);
+  }
+
+  /** What a replay of that moment says of the door; null: it is not in the map. */
+  at(t) {
+    const run = lastUpTo(this.changedAt, t);
+    if (!this.isThere(t) || run < 0) return null;
+    const place = this.places[lastUpTo(this.placedAt, t)] || null;
+    const given = this.probs[lastUpTo(this.givenAt, t)] || null;
+    return {
+      state: this.changedTo[run],
+      since: this.changedAt[run],
+      seen: this.times[lastUpTo(this.times, t)],
+      place: place && place.length > 2 ? place : null,
+      level: place ? place[1] : 0,
+      given,
+    };
+  }
+}
+
+const doors = data.doors.map((raw) => new Door(raw));
+const doorOf = new Map(doors.map((door) => [door.id, door]));
+const levelNames = new Map(data.levels.map((level) => [level.level, level.name]));
+
+/** All moments at which a door becomes another, ascending, each once. */
+const momentsOfChange = (() => {
+  const all = [];
+  for (const door of doors) all.push(...momentsOf(door));
+  return Float64Array.from(new Set(all)).sort();
+})();
+
+function momentsOf(door) {
+  const found = [door.added, ...door.placedAt];
+  for (const t of door.changedAt) found.push(t); // may be very many: no spreading
+  if (door.removed !== null) found.push(door.removed);
+  return found.filter((t) => t >= 0 && t <= END);
+}
+
+/** The robot's runs, each with its level and its points; the last point holds until the next run. */
+const runs = data.track.map(([level, ...deltas]) => {
+  const length = deltas.length / 3;
+  const run = { level, t: new Float64Array(length), x: new Float32Array(length), y: new Float32Array(length) };
+  let t = 0, x = 0, y = 0;
+  for (let i = 0; i < length; i++) {
+    run.t[i] = 100 * (t += deltas[3 * i]);
+    run.x[i] = (x += deltas[3 * i + 1]) / 10;
+    run.y[i] = (y += deltas[3 * i + 2]) / 10;
+  }
+  return run;
+});
+const runsBegin = Float64Array.from(runs, (run) => run.t[0]);
+
+/** Where the robot is; null: nobody knows, or nobody has known for a day. */
+function robotAt(t) {
+  const run = runs[lastUpTo(runsBegin, t)];
+  if (!run) return null;
+  const i = lastUpTo(run.t, t), told = run.t[i];
+  if (t - told > DAY) return null;
+  if (i + 1 >= run.t.length) return { level: run.level, x: run.x[i], y: run.y[i], told };
+  const share = (t - told) / (run.t[i + 1] - told);
+  return {
+    level: run.level, told: t,
+    x: run.x[i] + share * (run.x[i + 1] - run.x[i]),
+    y: run.y[i] + share * (run.y[i + 1] - run.y[i]),
+  };
+}
+
+/** The robot's way on a level from one moment to another: lines, each a list of [x, y]. */
+function wayOf(level, from, to) {
+  const lines = [];
+  for (let r = Math.max(lastUpTo(runsBegin, from), 0); r < runs.length && runs[r].t[0] <= to; r++) {
+    const run = runs[r];
+    if (run.level !== level) continue;
+    const line = [];
+    for (let i = Math.max(lastUpTo(run.t, from), 0); i < run.t.length && run.t[i] <= to; i++) {
+      line.push([run.x[i], run.y[i]]);
+    }
+    if (run.t[run.t.length - 1] < from) continue;
+    const now = robotAt(to);
+    if (now && now.level === level && lastUpTo(runsBegin, to) === r) line.push([now.x, now.y]);
+    if (line.length > 1) lines.push(line);
+  }
+  return lines;
+}
+
+/** The round that goes on at a moment; null: none. */
+function roundAt(t) {
+  const found = data.rounds.filter(([from, till]) => (from ?? 0) <= t && t < (till ?? END + 1));
+  return found.length ? found[found.length - 1] : null;
+}
+
+/* Times as the building's clocks show them. */
+
+const offsetAt = (t) =>
+  data.offsets[Math.max(lastUpTo(data.offsets.map(([from]) => from), data.begin + t), 0)][1];
+
+/** A Date whose UTC fields are the wall clock's. */
+const wall = (t) => new Date(data.begin + t + 1000 * offsetAt(t));
+
+const pad = (number, digits = 2) => String(number).padStart(digits, "0");
+
+const weekday = (date) => (date.getUTCDay() + 6) % 7;
+
+function offsetText(t) {
+  const offset = offsetAt(t), minutes = Math.floor(Math.abs(offset) / 60);
+  return `${offset < 0 ? "−" : "+"}${pad(Math.floor(minutes / 60))}:${pad(minutes % 60)}`;
+}
+
+const clockText = (t, seconds = true) => wall(t).toISOString().slice(11, seconds ? 19 : 16);
+
+const dayText = (t) => {
+  const date = wall(t);
+  return `${DAY_NAMES[weekday(date)]} ${date.getUTCDate()} ${MONTHS[date.getUTCMonth()]}`;
+};
+
+const dateText = (t) => `${dayText(t)} ${wall(t).getUTCFullYear()}`;
+
+/** `2 Mar 14:02:11`: short enough for a table; the weekday is told elsewhere. */
+const shortTime = (t) => `${dayText(t).slice(4)} ${clockText(t)}`;
+
+/** With which a link tells the moment, to the millisecond. */
+const isoText = (t) =>
+  wall(t).toISOString().slice(0, -1) + offsetText(t).replace("−", "-");
+
+/** The milliseconds after `begin` at which the local day of a moment began. */
+function midnightBefore(t, days = 0) {
+  const date = wall(t);
+  const local = Date.UTC(date.getUTCFullYear(), date.getUTCMonth(), date.getUTCDate() + days);
+  const first = local - data.begin - 1000 * offsetAt(t);
+  return local - data.begin - 1000 * offsetAt(first); // once more: clocks may have changed between
+}
+
+/** `3 min`, `2 h 05`, `4 days`: how long something is ago. */
+function ageText(ms) {
+  if (ms < 1000) return "now";
+  if (ms < MINUTE) return `${Math.floor(ms / 1000)} s`;
+  if (ms < HOUR) return `${Math.floor(ms / MINUTE)} min`;
+  if (ms < DAY) return `${Math.floor(ms / HOUR)} h ${pad(Math.floor((ms % HOUR) / MINUTE))}`;
+  const days = ms / DAY;
+  return days < 10 ? `${days.toFixed(1)} days` : `${grouped(Math.floor(days))} days`;
+}

@@ -1,0 +1,226 @@
+// A lane for each door: drawn only while it is in sight, so that hundreds stay quick.
+
+const LANE_HEIGHT = 14;
+const HEIGHTS = { open: 1, closed: 0.5, unknown: 0.2 }; // a state is told without colours, too
+const TICK_STEPS = [
+  10_000, 30_000, MINUTE, 5 * MINUTE, 15 * MINUTE, HOUR, 3 * HOUR, 6 * HOUR, 12 * HOUR,
+  DAY, 2 * DAY, 7 * DAY, 14 * DAY, 28 * DAY, 91 * DAY, 364 * DAY,
+];
+const TICK_ROOM_PX = 88;
+
+const view = { name: "all", from: 0, till: Math.max(END, 1) };
+const lanes = [];
+let inSight, stateColours;
+
+function setUpLanes() {
+  const style = getComputedStyle(document.documentElement);
+  stateColours = CLASSES.map((name) => style.getPropertyValue(`--${name}`).trim());
+  stateColours.robot = style.getPropertyValue("--robot").trim();
+  const axis = el("div", { class: "axis" }, el("div", { class: "lane-name" }), el("div", { class: "ticks", id: "ticks" }));
+  const body = el("div", { class: "lanes-body" });
+  if (data.rounds.length) lanes.push(new Lane(null, "Patrol rounds"));
+  for (const door of [...doors].sort((a, b) => byLevel(a, b) || a.id - b.id)) lanes.push(new Lane(door, door.short));
+  const overlay = el("div", { class: "overlay", "aria-hidden": "true" }, el("div", { id: "grid" }), el("div", { id: "now" }));
+  body.append(...withLevels(lanes), overlay);
+  byId("lanes").append(axis, body);
+  inSight = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) target.lane.see(isIntersecting);
+  }, { root: byId("lanes"), rootMargin: "120px 0px" });
+  for (const lane of lanes) inSight.observe(lane.element);
+  setUpWindows();
+  new ResizeObserver(() => {
+    drawTicks();
+    redrawLanes();
+  }).observe(byId("ticks"));
+  clock.follow((t, chosen) => {
+    if (view.name !== "all" && !(view.from <= t && t <= view.till)) setWindow(view.name);
+    byId("now").style.left = `calc((100% - 2px) * ${shareOf(t)})`;
+    byId("now").hidden = false;
+    for (const lane of lanes) lane.element.classList.toggle("chosen", lane.door !== null && lane.door.id === chosen);
+  });
+}
+
+const levelOf = (door) => (door.places.length ? door.places[door.places.length - 1][1] : 0);
+
+const byLevel = (a, b) => levelOf(a) - levelOf(b);
+
+/** The lanes, with a heading where another level begins. */
+function withLevels(all) {
+  if (panels.length === 1) return all.map((lane) => lane.element);
+  let level = null;
+  return all.flatMap((lane) => {
+    if (!lane.door || levelOf(lane.door) === level) return [lane.element];
+    level = levelOf(lane.door);
+    return [el("h3", { class: "lane-level" }, quoted(levelNames.get(level) || `Level ${level}`)), lane.element];
+  });
+}
+
+const shareOf = (t) => (t - view.from) / (view.till - view.from);
+
+class Lane {
+  constructor(door, name) {
+    this.door = door;
+    this.canvas = el("canvas", { role: "img", "aria-label": door ? spanText(door) : count(data.rounds.length, "patrol round") });
+    const label = door
+      ? el("button", { type: "button", title: door.name, onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(name))
+      : el("span", {}, name);
+    this.element = el("div", { class: door ? "lane" : "lane rounds", "data-id": door ? door.id : null },
+      el("div", { class: "lane-name" }, label), el("div", { class: "lane-bar" }, this.canvas));
+    this.element.lane = this;
+    this.isSeen = false;
+    const bar = this.element.lastChild;
+    const momentOf = (event) => {
+      const box = bar.getBoundingClientRect();
+      return view.from + clamp((event.clientX - box.left) / box.width, 0, 1) * (view.till - view.from);
+    };
+    bar.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      clock.set(momentOf(event));
+      if (event.pointerType === "mouse") bar.setPointerCapture(event.pointerId);
+    });
+    bar.addEventListener("pointermove", (event) => {
+      if (bar.hasPointerCapture(event.pointerId)) clock.set(momentOf(event));
+      showHint(this.told(Math.round(momentOf(event))), event.clientX, event.clientY);
+    });
+    bar.addEventListener("pointerleave", hideHint);
+  }
+
+  see(isSeen) {
+    this.isSeen = isSeen;
+    if (isSeen) this.draw();
+    else this.canvas.width = this.canvas.height = 0; // gives back its memory
+  }
+
+  draw() {
+    const scale = Math.min(devicePixelRatio || 1, 2);
+    const width = this.canvas.parentElement.clientWidth * scale, height = LANE_HEIGHT * scale;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    const pen = this.canvas.getContext("2d");
+    if (this.door) this.drawStates(pen, width, height);
+    else this.drawRounds(pen, width, height);
+  }
+
+  drawStates(pen, width, height) {
+    const { changedAt, changedTo, added, removed } = this.door;
+    const last = Math.min(removed ?? END, END);
+    let drawnTo = -1;
+    for (let i = Math.max(lastUpTo(changedAt, view.from), 0); i < changedAt.length; i++) {
+      const from = Math.max(changedAt[i], added, view.from);
+      const till = Math.min(i + 1 < changedAt.length ? changedAt[i + 1] : last, last, view.till);
+      if (from > view.till) break;
+      const x = shareOf(from) * width, end = Math.max(shareOf(till) * width, x + 1);
+      if (till < from || (end <= drawnTo && end - x <= 1)) continue; // no eye sees it
+      const name = CLASSES[changedTo[i]], tall = Math.round(HEIGHTS[name] * height);
+      // Nothing is ever cleared: in print that would wipe the page around the lane, too.
+      pen.fillStyle = stateColours[changedTo[i]];
+      pen.fillRect(x, height - tall, end - x, tall);
+      drawnTo = Math.ceil(end);
+    }
+  }
+
+  drawRounds(pen, width, height) {
+    pen.fillStyle = stateColours.robot;
+    for (const [from, till] of data.rounds) {
+      const x = shareOf(from ?? 0) * width, end = shareOf(till ?? END) * width;
+      pen.globalAlpha = from === null || till === null ? 0.35 : 0.9;
+      pen.fillRect(x, height * 0.2, Math.max(end - x, 1), height * 0.6);
+    }
+  }
+
+  told(t) {
+    const when = `${dateText(t)} ${clockText(t)}`;
+    if (!this.door) {
+      const round = roundAt(t);
+      return [round ? quoted(roundText(round)) : "No patrol", when];
+    }
+    const now = this.door.at(t);
+    const title = el("b", {}, quoted(this.door.name));
+    if (!now) return [title, when, "not in the map"];
+    return [title, when, el("span", {}, dot(now.state), `${STATE_WORDS[now.state]} ${sinceText(now)}`)];
+  }
+}
+
+/** The share of its known time that a door was open, for who cannot see its lane. */
+function spanText(door) {
+  let open = 0, known = 0;
+  door.changedAt.forEach((from, i) => {
+    const till = i + 1 < door.changedAt.length ? door.changedAt[i + 1] : door.removed ?? END;
+    const length = Math.max(Math.min(till, END) - Math.max(from, 0), 0);
+    if (door.changedTo[i] === 1) open += length;
+    if (door.changedTo[i] === 1 || door.changedTo[i] === 2) known += length;
+  });
+  const share = known ? `open ${Math.round((100 * open) / known)} % of the time in which that was known` : "never known";
+  return `${door.name}: ${share}, ${count(door.changes, "change")}`;
+}
+
+function redrawLanes(all = false) {
+  for (const lane of lanes) if (all || lane.isSeen) lane.draw();
+}
+
+/* Which part of the time is shown. */
+
+const LENGTHS = { hour: HOUR, day: DAY, week: 7 * DAY, all: Infinity };
+
+function setUpWindows() {
+  const buttons = Object.entries(LENGTHS).map(([name, length]) => el("button", {
+    type: "button", "data-window": name, disabled: name !== "all" && length >= END, onclick: () => setWindow(name),
+  }, name[0].toUpperCase() + name.slice(1)));
+  const shift = (direction) => view.name !== "all" && clock.set(clock.t + direction * LENGTHS[view.name]);
+  byId("windows").append(
+    el("button", { type: "button", class: "turn", "aria-label": "Earlier", title: "Earlier", onclick: () => shift(-1) }, "‹"),
+    ...buttons,
+    el("button", { type: "button", class: "turn", "aria-label": "Later", title: "Later", onclick: () => shift(1) }, "›"));
+  setWindow("all");
+}
+
+/** Show the hour, day or week of the moment, or all. */
+function setWindow(name) {
+  view.name = name;
+  view.from = { hour: Math.floor(clock.t / HOUR) * HOUR, day: midnightBefore(clock.t),
+    week: midnightBefore(clock.t, -weekday(wall(clock.t))), all: 0 }[name];
+  view.till = { hour: view.from + HOUR, day: midnightBefore(view.from + DAY / 2, 1),
+    week: midnightBefore(view.from + DAY / 2, 7), all: Math.max(END, 1) }[name];
+  for (const button of byId("windows").querySelectorAll("button")) {
+    if (button.dataset.window) button.setAttribute("aria-pressed", String(button.dataset.window === name));
+    else button.disabled = name === "all";
+  }
+  drawTicks();
+  redrawLanes();
+  byId("now").style.left = `calc((100% - 2px) * ${shareOf(clock.t)})`;
+}
+
+function drawTicks() {
+  const width = byId("ticks").clientWidth || 800;
+  const length = view.till - view.from;
+  const step = TICK_STEPS.find((ms) => (ms / length) * width >= TICK_ROOM_PX) || length;
+  const marks = ticksOf(step).map((t) => [100 * shareOf(t), t]);
+  const place = (element, left) => {
+    element.style.left = `${left}%`;
+    return element;
+  };
+  byId("ticks").replaceChildren(...marks.filter(([left]) => left < 99 - 6000 / width).map(([left, t]) =>
+    place(el("span", {}, tickText(t, step)), left)));
+  byId("grid").replaceChildren(...marks.map(([left, t]) =>
+    place(el("i", { class: clockText(t) === "00:00:00" ? "midnight" : null }), left)));
+}
+
+/** The moments that a step marks: local midnights, or whole steps after one. */
+function ticksOf(step) {
+  const ticks = [];
+  let day = midnightBefore(view.from);
+  while (day <= view.till && ticks.length < 500) {
+    const next = midnightBefore(day + DAY / 2, Math.max(1, Math.round(step / DAY)));
+    for (let t = day; t < next && t <= view.till; t += Math.min(step, next - day)) {
+      if (t >= view.from) ticks.push(t);
+    }
+    day = next;
+  }
+  return ticks;
+}
+
+function tickText(t, step) {
+  if (step >= DAY) return step > 60 * DAY ? `${dayText(t).slice(4)} ${wall(t).getUTCFullYear()}` : dayText(t);
+  const isMidnight = clockText(t) === "00:00:00";
+  return isMidnight ? dayText(t) : clockText(t, step < MINUTE);
+}

@@ -1,0 +1,282 @@
+// The floor plan: a panel a level, doors as lines coloured by their state, the robot and its track.
+
+const TRACK_MS = 30 * MINUTE;
+const MOST_ZOOM = 24;
+const MOST_NAMES = 24;
+
+class LevelPanel {
+  constructor(level) {
+    this.level = level.level;
+    this.bounds = level.bounds;
+    this.floor = level.floor;
+    this.zoom = 1;
+    this.marks = doors
+      .filter((door) => door.places.some((place) => place[1] === this.level && place.length > 2))
+      .map((door) => this.markOf(door));
+    this.picture = this.floor && drawn("image", {
+      class: "floor", href: this.floor.src, width: this.floor.width, height: this.floor.height,
+      preserveAspectRatio: "none",
+    });
+    this.track = drawn("path", { class: "track" });
+    this.robot = drawn("circle", { class: "robot", r: 6 });
+    this.labels = drawn("g", { class: "labels", "aria-hidden": "true" });
+    this.metres = drawn("g", { class: "metres", "aria-hidden": "true" });
+    this.svg = drawn("svg", { class: "map", role: "group", "aria-label": `Plan of ${level.name}` },
+      this.picture, this.track, ...this.marks.map((mark) => mark.group), this.robot, this.labels, this.metres);
+    this.unplaced = el("div", { class: "unplaced" });
+    this.element = el("div", { class: "level", role: "tabpanel", id: `level-${this.level}`, "aria-label": level.name },
+      el("h3", { class: "printed" }, quoted(level.name)), level.isEmpty ? null : this.svg, this.unplaced);
+    this.setUpPointer();
+  }
+
+  markOf(door) {
+    const group = drawn("g", {
+      class: "door", tabindex: 0, role: "button", "data-id": door.id,
+      onclick: (event) => { event.stopPropagation(); clock.choose(clock.chosen === door.id ? null : door.id); },
+      onkeydown: (event) => {
+        if (event.key !== "Enter" && event.key !== " ") return;
+        event.preventDefault();
+        event.stopPropagation();
+        clock.choose(clock.chosen === door.id ? null : door.id);
+      },
+      onpointermove: (event) => showHint(linesOf(door, clock.t), event.clientX, event.clientY),
+      onpointerleave: hideHint,
+      onfocus: () => {
+        const box = group.getBoundingClientRect();
+        if (group.matches(":focus-visible")) showHint(linesOf(door, clock.t), box.right, box.bottom);
+      },
+      onblur: hideHint,
+    });
+    const mark = { door, group, halo: drawn("line", { class: "halo" }), line: drawn("line", { class: "leaf" }), hit: drawn("line", { class: "hit" }) };
+    group.append(mark.halo, mark.line, mark.hit);
+    return mark;
+  }
+
+  /** Fit the bounds into the room there is; the size in pixels is the viewBox. */
+  resize(width) {
+    const [left, low, right, high] = this.bounds;
+    this.width = Math.max(width, 200);
+    const most = Math.min(640, Math.max(window.innerHeight * 0.72, 320));
+    this.height = clamp((this.width * (high - low)) / (right - left), Math.min(220, most), most);
+    this.fit = Math.min(this.width / (right - left), this.height / (high - low));
+    this.svg.setAttribute("viewBox", `0 0 ${this.width} ${this.height}`);
+    if (this.zoom === 1) this.middle = [(left + right) / 2, (low + high) / 2];
+    this.layOut();
+  }
+
+  pixel(x, y) {
+    const scale = this.fit * this.zoom;
+    return [this.width / 2 + (x - this.middle[0]) * scale, this.height / 2 - (y - this.middle[1]) * scale];
+  }
+
+  zoomBy(factor, x = this.width / 2, y = this.height / 2) {
+    const before = this.fit * this.zoom;
+    this.zoom = clamp(this.zoom * factor, 1, MOST_ZOOM);
+    const after = this.fit * this.zoom;
+    this.middle[0] += (x - this.width / 2) * (1 / before - 1 / after);
+    this.middle[1] -= (y - this.height / 2) * (1 / before - 1 / after);
+    this.keepInside();
+    this.layOut();
+  }
+
+  keepInside() {
+    const [left, low, right, high] = this.bounds;
+    if (this.zoom === 1) this.middle = [(left + right) / 2, (low + high) / 2];
+    this.middle = [clamp(this.middle[0], left, right), clamp(this.middle[1], low, high)];
+    this.svg.classList.toggle("zoomed", this.zoom > 1);
+  }
+
+  /** Place everything that only moves with the view; doors and robot follow. */
+  layOut() {
+    if (!this.width) return;
+    const scale = this.fit * this.zoom;
+    if (this.picture) {
+      const [a, b, c, d, e, f] = this.floor.matrix;
+      const [x, y] = this.pixel(e, -f);
+      this.picture.setAttribute("transform", `matrix(${[a, b, c, d].map((n) => n * scale).join(" ")} ${x} ${y})`);
+    }
+    this.drawMetres(scale);
+    this.places = null;
+    this.show(clock.t, clock.chosen);
+  }
+
+  drawMetres(scale) {
+    const wanted = 90 / scale, power = 10 ** Math.floor(Math.log10(wanted));
+    const metres = power * [5, 2, 1].find((n) => n * power <= wanted);
+    const x = 14, y = this.height - 14;
+    this.metres.replaceChildren(
+      drawn("path", { d: `M${x} ${y - 4}v4h${metres * scale}v-4` }),
+      drawn("text", { x: x + 4, y: y - 6 }, `${metres} m`));
+  }
+
+  show(t, chosen) {
+    if (!this.width) return;
+    const now = this.marks.map(({ door }) => door.at(t));
+    const places = now.map((state) => (state && state.place && state.level === this.level ? state.place : null));
+    const moved = !this.places || chosen !== this.chosenThen || places.some((place, i) => place !== this.places[i]);
+    this.places = places;
+    this.chosenThen = chosen;
+    this.marks.forEach((mark, i) => {
+      const state = now[i];
+      mark.group.classList.toggle("gone", !places[i]);
+      mark.group.classList.toggle("chosen", mark.door.id === chosen);
+      if (state) {
+        mark.group.dataset.state = data.states[state.state];
+        mark.group.setAttribute("aria-label", `${mark.door.name}: ${STATE_WORDS[state.state]}`);
+      }
+    });
+    if (moved) this.drawDoors();
+    this.showRobot(t);
+    this.showUnplaced(t, chosen);
+  }
+
+  drawDoors() {
+    const labelled = [];
+    this.marks.forEach(({ door, halo, line, hit }, i) => {
+      const place = this.places[i];
+      if (!place) return;
+      const [a, b] = [this.pixel(place[2], place[3]), this.pixel(place[4], place[5])];
+      for (const part of [halo, line, hit]) {
+        part.setAttribute("x1", a[0]);
+        part.setAttribute("y1", a[1]);
+        part.setAttribute("x2", b[0]);
+        part.setAttribute("y2", b[1]);
+      }
+      const inside = a[0] > -20 && a[1] > -20 && a[0] < this.width + 20 && a[1] < this.height + 20;
+      if (inside) labelled.push({ text: door.short, id: door.id, a, b, isChosen: door.id === clock.chosen });
+    });
+    labelled.sort((one, other) => other.isChosen - one.isChosen);
+    // Many names would hide the plan: then ids stand for them, until somebody looks more closely.
+    const named = labelled.length <= MOST_NAMES;
+    for (const mark of labelled) if (!named && !mark.isChosen) mark.text = String(mark.id);
+    const placed = placeLabels(labelled, this.width, this.height - 18);
+    this.labels.replaceChildren(...placed.flatMap((label, i) => (label ? [drawn("text", {
+      x: label.x, y: label.y, class: labelled[i].isChosen ? "chosen" : null,
+    }, label.text)] : [])));
+  }
+
+  showRobot(t) {
+    const robot = robotAt(t);
+    const here = robot !== null && robot.level === this.level;
+    this.robot.classList.toggle("gone", !here);
+    if (here) {
+      const [x, y] = this.pixel(robot.x, robot.y);
+      this.robot.setAttribute("cx", x);
+      this.robot.setAttribute("cy", y);
+    }
+    const lines = wayOf(this.level, t - TRACK_MS, t).map((line) =>
+      "M" + line.map(([x, y]) => this.pixel(x, y).map((n) => n.toFixed(1)).join(" ")).join("L"));
+    this.track.setAttribute("d", lines.join(""));
+  }
+
+  /** Sensors without geometry are on no plan: they stand below it. */
+  showUnplaced(t, chosen) {
+    const found = doors.map((door) => [door, door.at(t)])
+      .filter(([, now]) => now && !now.place && now.level === this.level);
+    const key = found.map(([door, now]) => `${door.id}:${now.state}`).join() + chosen;
+    if (key === this.unplacedThen) return;
+    this.unplacedThen = key;
+    this.unplaced.replaceChildren(...(found.length ? [el("span", { class: "aside" }, "Without a place: ")] : []),
+      ...found.map(([door, now]) => el("button", {
+        type: "button", class: door.id === chosen ? "chip chosen" : "chip", "data-id": door.id,
+        "data-state": data.states[now.state], onclick: () => clock.choose(door.id === chosen ? null : door.id),
+      }, dot(now.state), quoted(door.short))));
+  }
+
+  setUpPointer() {
+    let from = null;
+    const svg = this.svg;
+    const local = (event) => {
+      const box = svg.getBoundingClientRect();
+      return [((event.clientX - box.left) * this.width) / box.width, ((event.clientY - box.top) * this.height) / box.height];
+    };
+    svg.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && !event.metaKey) return;
+      event.preventDefault();
+      this.zoomBy(Math.exp(-event.deltaY / 300), ...local(event));
+    }, { passive: false });
+    svg.addEventListener("dblclick", (event) => this.zoomBy(2, ...local(event)));
+    svg.addEventListener("pointerdown", (event) => {
+      if (this.zoom > 1 && event.button === 0) from = local(event);
+    });
+    addEventListener("pointermove", (event) => {
+      if (!from) return;
+      const to = local(event), scale = this.fit * this.zoom;
+      this.middle[0] -= (to[0] - from[0]) / scale;
+      this.middle[1] += (to[1] - from[1]) / scale;
+      from = to;
+      this.keepInside();
+      this.layOut();
+    });
+    addEventListener("pointerup", () => (from = null));
+    addEventListener("pointercancel", () => (from = null));
+  }
+}
+
+/** What hovering over a door tells. */
+function linesOf(door, t) {
+  const now = door.at(t);
+  const title = el("b", {}, quoted(door.name));
+  if (!now) return [title, "not in the map at this moment"];
+  const lines = [title, el("span", {}, dot(now.state), `${STATE_WORDS[now.state]} ${sinceText(now)}`),
+    `last seen ${shortTime(now.seen)}, ${agoText(t - now.seen)}`];
+  if (now.given) lines.push(`set in the map: ${givenText(now.given)}`);
+  const usual = usualAt(door, t);
+  if (usual !== null) lines.push(`P(open) in a typical week at this hour: ${shortNumber(usual)}`);
+  lines.push(door.p ? `P(open) at the end: ${beliefText(door.p)}` : `P(open) at the end: unknown${door.why ? `, ${door.why}` : ""}`);
+  return lines;
+}
+
+const agoText = (ms) => (ms < 1000 ? "just now" : `${ageText(ms)} ago`);
+
+const sinceText = (now) => (now.since < 0 ? `since before ${shortTime(0)}` : `since ${shortTime(now.since)}`);
+
+const beliefText = ([p, low, high]) => `${shortNumber(p)} (${interval(low, high)})`;
+
+const givenText = ([, open, closed]) =>
+  [["P(open)", open], ["P(closed)", closed]].filter(([, p]) => p !== null)
+    .map(([what, p]) => `${what} ${p.toFixed(2)}`).join(", ") || "no probabilities";
+
+const dot = (state) => el("i", { class: `dot ${CLASSES[state]}`, "aria-hidden": "true" });
+
+const panels = data.levels.map((level) => new LevelPanel(level));
+let front = panels[0];
+
+function setUpPlan() {
+  byId("levels").append(...panels.map((panel) => panel.element));
+  byId("tabs").append(...panels.map((panel) => (panel.tab = el("button", {
+    type: "button", role: "tab", "aria-controls": `level-${panel.level}`, onclick: () => bringToFront(panel),
+    onkeydown: (event) => {
+      const turn = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (turn) bringToFront(panels[(panels.indexOf(panel) + turn + panels.length) % panels.length], true);
+    },
+  }, quoted(levelNames.get(panel.level))))));
+  byId("tabs").hidden = panels.length === 1;
+  byId("nearer").addEventListener("click", () => front.zoomBy(1.6));
+  byId("farther").addEventListener("click", () => front.zoomBy(1 / 1.6));
+  byId("whole").addEventListener("click", () => front.zoomBy(0));
+  byId("legend").append(...["Open", "Closed", "Unknown"].map((word) =>
+    el("li", {}, el("i", { class: `stroke ${word.toLowerCase()}`, "aria-hidden": "true" }), word)),
+  ...(runs.length ? [el("li", {}, el("i", { class: "dot robot", "aria-hidden": "true" }), "Robot, and its last 30 minutes")] : []));
+  const robot = robotAt(clock.t);
+  bringToFront(panels.find((panel) => robot && panel.level === robot.level) || panels[0]);
+  let width = 0;
+  new ResizeObserver(() => {
+    if (byId("levels").clientWidth === width) return;
+    width = byId("levels").clientWidth;
+    for (const panel of panels) panel.resize(width);
+  }).observe(byId("levels"));
+  clock.follow((t, chosen) => {
+    for (const panel of panels) panel.show(t, chosen);
+  });
+}
+
+function bringToFront(panel, withFocus = false) {
+  front = panel;
+  for (const other of panels) {
+    other.element.classList.toggle("behind", other !== panel);
+    other.tab.setAttribute("aria-selected", String(other === panel));
+    other.tab.tabIndex = other === panel ? 0 : -1;
+  }
+  if (withFocus) panel.tab.focus();
+}

@@ -1,0 +1,131 @@
+"""The levels, each with its floor plan as a picture of ink: the page gives it its colours."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from semmap_log.doors import DoorMap
+from semmap_log.events import FloorMap
+from semmap_log.views.report.doors import DoorStory
+from semmap_log.views.report.gathering import Rows
+from semmap_log.views.rerun.door_rows import strips_of
+from semmap_log.views.rerun.scene import UNKNOWN_CELL, Bounds, bounds_of_floor
+
+if TYPE_CHECKING:
+    from semmap_log.views.rerun.excerpt import Excerpt
+
+MOST_CELLS = 2000
+"""Along a side of the picture; of a finer map several cells become one, the darkest of them."""
+FLOOR_INK, WALL_INK = 14, 190
+"""Of 255: how much of a free cell, and of an occupied one, is covered. Unknown is left out."""
+OCCUPIED = 100
+
+
+def levels_of(
+    excerpt: Excerpt, now: DoorMap, told: Sequence[DoorStory], poses: Rows
+) -> list[dict[str, Any]]:
+    """Return the levels with something on them, numbers ascending; at least one.
+
+    Args:
+        excerpt: The part of the log.
+        now: The map at its end.
+        told: Its doors.
+        poses: Where the robot was.
+    """
+    used = {int(n) for story in told for n in np.unique(story.picture.placements["level"])}
+    used |= set(np.unique(poses["level"]).tolist())
+    if excerpt.doors is None:
+        used |= {n for n, level in now.levels.items() if level.floor_map_event is not None}
+    return [
+        _level(number, now, excerpt.log.floor_of(now, number), _bounds(number, told, poses))
+        for number in sorted(used) or [0]
+    ]
+
+
+def _level(number: int, now: DoorMap, floor: FloorMap | None, bounds: Bounds) -> dict[str, Any]:
+    picture = None if floor is None else picture_of(floor)
+    if floor is not None:
+        bounds = bounds.including(bounds_of_floor(floor))
+    framed = bounds.framed()
+    known = now.levels.get(number)
+    return {
+        "level": number,
+        "name": (known.name if known else None) or f"Level {number}",
+        "bounds": [round(value, 3) for value in (framed.low_x, framed.low_y,
+                                                 framed.high_x, framed.high_y)],
+        "isEmpty": bounds.is_empty,
+        "floor": picture,
+    }  # fmt: skip
+
+
+def _bounds(number: int, told: Sequence[DoorStory], poses: Rows) -> Bounds:
+    here = poses[poses["level"] == number]
+    bounds = Bounds().around(here["x"], here["y"])
+    for story in told:
+        places = story.picture.placements
+        with np.errstate(over="ignore", invalid="ignore"):
+            ends = strips_of(places[places["level"] == number]).reshape(-1, 2)
+        bounds = bounds.around(ends[:, 0], ends[:, 1])
+    return bounds
+
+
+def picture_of(floor: FloorMap) -> Mapping[str, Any] | None:
+    """Return a floor plan as a PNG's data URI and where it lies; None: nothing of it is known.
+
+    `matrix` takes the picture's (right, down) in units of its cells to (x, -y) in metres: SVG's
+    six numbers.
+    """
+    rows, columns = np.nonzero(floor.cells != UNKNOWN_CELL)
+    if not len(rows):
+        return None
+    low, left = int(rows.min()), int(columns.min())
+    cells = floor.cells[low : int(rows.max()) + 1, left : int(columns.max()) + 1]
+    coarse = math.ceil(max(cells.shape) / MOST_CELLS)
+    cells = _coarser(cells, coarse)
+    side = floor.resolution * coarse
+    return {
+        "src": _data_uri(np.flipud(cells)),
+        "width": cells.shape[1],
+        "height": cells.shape[0],
+        "matrix": _matrix(floor, left, low, side, cells.shape[0]),
+    }
+
+
+def _coarser(cells: NDArray[np.int8], by: int) -> NDArray[np.int8]:
+    """Return blocks of cells as one: occupied where one of them is, known where one is."""
+    if by == 1:
+        return cells
+    high, wide = (-(-side // by) * by for side in cells.shape)
+    padded = np.full((high, wide), UNKNOWN_CELL, np.int8)
+    padded[: cells.shape[0], : cells.shape[1]] = cells
+    blocks: NDArray[np.int8] = padded.reshape(high // by, by, wide // by, by).max((1, 3))
+    return blocks
+
+
+def _data_uri(cells: NDArray[np.int8]) -> str:
+    """Return black ink on nothing, row 0 on top."""
+    indices = np.where(cells == UNKNOWN_CELL, OCCUPIED + 1, cells).astype(np.uint8)
+    share = np.linspace(0.0, 1.0, OCCUPIED + 1)
+    ink = np.rint(FLOOR_INK + share * (WALL_INK - FLOOR_INK)).astype(np.uint8)
+    picture = Image.fromarray(np.ascontiguousarray(indices), "P")
+    picture.putpalette(bytes(3 * (OCCUPIED + 2)))
+    png = io.BytesIO()
+    picture.save(png, "PNG", optimize=True, transparency=bytes([*ink.tolist(), 0]))
+    return "data:image/png;base64," + base64.b64encode(png.getvalue()).decode()
+
+
+def _matrix(floor: FloorMap, left: int, low: int, side: float, rows: int) -> list[float]:
+    cos, sin = math.cos(floor.origin_theta), math.sin(floor.origin_theta)
+    # The upper left corner of the picture, along the map's own axes.
+    u, v = left * floor.resolution, low * floor.resolution + rows * side
+    x = floor.origin_x + cos * u - sin * v
+    y = floor.origin_y + sin * u + cos * v
+    return [round(value, 9) for value in (cos * side, -sin * side, sin * side, cos * side, x, -y)]

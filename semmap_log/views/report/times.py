@@ -1,0 +1,65 @@
+"""The page's clock: whole milliseconds, and a zone's offsets so that no browser needs its own.
+
+What counts from a nanosecond on counts from the next whole millisecond on: so at each whole
+millisecond the page shows just what a replay of that moment does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from zoneinfo import ZoneInfo
+
+from semmap_log.moments import zone
+
+MS_NS = 10**6
+DAY_MS = 86_400_000
+
+
+def first_ms(ns: int) -> int:
+    """Return the first whole millisecond that does not come before an instant."""
+    return -(-ns // MS_NS)
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """What the slider goes over, milliseconds since the Unix epoch, both ends included."""
+
+    begin_ms: int
+    end_ms: int
+
+    def since_begin(self, ns: int) -> int:
+        """Return from when on something counts, milliseconds after the begin."""
+        return first_ms(ns) - self.begin_ms
+
+
+def zone_offsets(span: Span, tz: str) -> list[tuple[int, int]]:
+    """Return (from when, milliseconds since the epoch; ahead of UTC, seconds), ascending.
+
+    Raises:
+        MomentError: There is no such zone.
+    """
+    place = zone(tz)
+    found = [(span.begin_ms, _offset_s(span.begin_ms, place))]
+    for day_ms in (*range(span.begin_ms + DAY_MS, span.end_ms, DAY_MS), span.end_ms):
+        if (offset_s := _offset_s(day_ms, place)) != found[-1][1]:
+            found.append((_change_ms(max(day_ms - DAY_MS, span.begin_ms), day_ms, place), offset_s))
+    return found
+
+
+def _change_ms(before_ms: int, after_ms: int, place: ZoneInfo) -> int:
+    """Return the first millisecond with the later of two offsets."""
+    old_s = _offset_s(before_ms, place)
+    while after_ms - before_ms > 1:
+        middle_ms = (before_ms + after_ms) // 2
+        if _offset_s(middle_ms, place) == old_s:
+            before_ms = middle_ms
+        else:
+            after_ms = middle_ms
+    return after_ms
+
+
+def _offset_s(ms: int, place: ZoneInfo) -> int:
+    offset = datetime.fromtimestamp(ms // 1000, place).utcoffset()
+    assert offset is not None
+    return offset.days * 86_400 + offset.seconds
