@@ -60,7 +60,7 @@ const roundText = ([, , name, actor]) => (actor ? `${name} (${actor})` : name);
 
 function detailsOf(t, chosen) {
   if (chosen === null) {
-    return doors.length ? [el("p", { class: "aside" }, "Choose a door on the plan, in the lanes or in the table.")] : [];
+    return doors.length ? [el("p", { class: "aside on-screen" }, "Choose a door on the plan, in the lanes or in the table.")] : [];
   }
   const door = doorOf.get(chosen);
   const close = el("button", { type: "button", class: "close", "aria-label": "Choose no door", onclick: () => clock.choose(null) }, "×");

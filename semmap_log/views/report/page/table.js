@@ -17,7 +17,9 @@ const table = { sort: "id", descends: false, rows: [] };
 function setUpTable() {
   const head = el("tr", {}, COLUMNS.map((column) => (column.head = el("th", { scope: "col", class: `of-${column.key}`, "aria-sort": "none" },
     el("button", { type: "button", onclick: () => sortBy(column.key) }, column.title,
-      column.more ? el("span", { class: "wide" }, column.more) : null)))));
+      column.more ? el("span", { class: "wide" }, column.more) : null),
+    // A head with buttons in it is not repeated on the next sheet of paper.
+    el("span", { class: "on-paper", "aria-hidden": "true" }, column.title, column.more || "")))));
   table.rows = doors.map(rowOf);
   table.body = el("tbody", {}, table.rows.map((row) => row.element));
   byId("table").append(el("caption", { class: "unseen-text" }, "Doors at the moment that is shown"), el("thead", {}, head), table.body);
