@@ -6,8 +6,10 @@ import os
 import random
 import shutil
 import signal
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from shutil import which
 
 import pytest
 from steady_clock import SteadyClock
@@ -45,3 +47,29 @@ def clock() -> SteadyClock:
 def entropy() -> Callable[[int], bytes]:
     """Like os.urandom, the same at each run."""
     return random.Random(7).randbytes
+
+
+@pytest.fixture(scope="session")
+def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the node packages; skips, saying why, where they cannot be had."""
+    if which("node") is None or which("npm") is None:
+        pytest.skip("Node.js is not installed")
+    folder = tmp_path_factory.mktemp("node")
+    packages = [
+        "@mcap/core@2",
+        "@mcap/support@1",
+        "@mcap/nodejs@1",
+        "@foxglove/rosmsg@5",
+        "@foxglove/rosmsg2-serialization@3",
+    ]
+    done = subprocess.run(
+        ["npm", "install", "--no-audit", "--no-fund", "--silent", *packages],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=240,
+    )
+    if done.returncode:
+        pytest.skip(f"npm cannot install @mcap/core here: {done.stderr.strip()[:200]}")
+    return folder

@@ -54,7 +54,7 @@ EDGES: dict[str, set[str]] = {
     "pandas": {"arrow"},
     "mcap": {"log", "formats"},
     "zstandard": {"log"},
-    "lz4": {"log"},
+    "lz4": {"log", "formats"},
     "rosbags": {"messages", "formats"},
     "typer": {"cli"},
 }

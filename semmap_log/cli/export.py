@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import At, KnownAt, LogPath, UpToEvent, progress, say
+from semmap_log.cli.common import (
+    At,
+    KnownAt,
+    LogPath,
+    UpToEvent,
+    progress,
+    refuse_nan,
+    say,
+)
+
+if TYPE_CHECKING:
+    from semmap_log.door_log import DoorLog
+    from semmap_log.exporting.markers import MarkerOptions, RecordedMarkers
+
+MOST_NAMED = 3
+"""So many of the doors that are left out are named."""
+
+
+class PaletteName(str, Enum):
+    """`semmap_log.views.palette.PALETTES`, as typer wants its choices."""
+
+    default = "default"
+    colour_blind = "colour-blind"
 
 
 def run(
@@ -24,8 +48,29 @@ def run(
         typer.Option(
             "--default-prob",
             metavar="P",
-            help="Thesis YAML: the probability of doors that have none.",
+            help="Thesis YAML and DoorMap: the probability of doors that have none.",
         ),
+    ] = None,
+    markers: Annotated[
+        bool,
+        typer.Option(
+            "--markers", help="Doors over time, for Foxglove, Lichtblick and RViz: a bag."
+        ),
+    ] = False,
+    since: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="Markers: the first moment.")
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option("--to", metavar="TIME", help="Markers: the last moment.")
+    ] = None,
+    every: Annotated[
+        float | None,
+        typer.Option(
+            "--every", metavar="S", help="Markers: doors at most so often; default: by its size."
+        ),
+    ] = None,
+    palette: Annotated[
+        PaletteName | None, typer.Option("--palette", help="Markers: their colours.")
     ] = None,
 ) -> None:
     """Write a file, whole or not at all; an old file of that name is replaced at once.
@@ -40,6 +85,14 @@ def run(
       .rrd     a recording for the rerun viewer
       .html    a page for any browser; `semmap-log report` has more choices
       .pgm     a costmap with its .yaml; `semmap-log costmap` has levels and more
+      .mcap    with --markers: what was true, over time, for players; .bag: the
+               same for ROS 1; without an extension: a rosbag2 folder. Topics:
+                 /semmap/doors              MarkerArray: all doors and their names
+                 /map                       OccupancyGrid: the floor plan
+                 /semmap/robot_pose         PoseStamped
+                 /semmap/events             Log: who, what and why
+                 /lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
+               With several levels: /semmap/doors/1, /map/1, …; 0 has no number
 
     \b
     Examples:
@@ -47,14 +100,66 @@ def run(
       semmap-log export office before.yaml --at "yesterday 14:00"
       semmap-log export office events.jsonl
       semmap-log export office march.parquet --at 2026-04-01
+      semmap-log export office day.mcap --markers
+      semmap-log export office morning.bag --markers --from 06:00 --to 12:00
     """
     import semmap_log as sl
     from semmap_log.exporting.log_files import export
 
+    over_time = {"--from": since, "--to": until, "--every": every, "--palette": palette}
+    of_a_moment = {"--at": at, "--known-at": known_at, "--event": event}
+    _refuse_given(of_a_moment if markers else over_time, markers=markers)
     opened = sl.read(log)
+    if markers:
+        _write_markers(
+            opened, out, _marker_options(palette, default_prob, every), since=since, until=until
+        )
+        return
     scope = opened.scope(at, known_at, event)
     with progress("Exporting") as told:
         done = export(opened, out, scope, default_prob=default_prob, progress=told)
     for text in done.left_out:
         say(f"left out: {text}")
     say(f"{out}: {done.what}.")
+
+
+def _write_markers(
+    log: DoorLog, out: Path, options: MarkerOptions, *, since: str | None, until: str | None
+) -> None:
+    from semmap_log.exporting.markers import record_markers
+
+    with progress("Exporting", unit="events") as told:
+        done = record_markers(log, out, options, since=since, until=until, progress=told)
+    if done.left_out:
+        more = ", …" if len(done.left_out) > MOST_NAMED else ""
+        named = ", ".join(done.left_out[:MOST_NAMED])
+        say(f"left out: {len(done.left_out)} without a place: {named}{more}")
+    if done.every_s and options.every_s is None:
+        say(f"many changes: all doors come at most every {done.every_s:g} s; --every 0: at each.")
+    say(f"{out}: {_told(done)}, {done.bytes / 1e6:.1f} MB.")
+
+
+def _marker_options(
+    palette: PaletteName | None, default_prob: float | None, every: float | None
+) -> MarkerOptions:
+    from semmap_log.exporting.markers import MarkerOptions
+    from semmap_log.views.palette import PALETTES
+
+    refuse_nan(default_prob=default_prob, every=every)
+    if default_prob is not None and not 0 <= default_prob <= 1:
+        raise typer.BadParameter("expected a number from 0 to 1", param_hint="--default-prob")
+    if every is not None and not 0 <= every < float("inf"):
+        raise typer.BadParameter("expected seconds, 0 or more", param_hint="--every")
+    return MarkerOptions(PALETTES[(palette or PaletteName.default).value], default_prob, every)
+
+
+def _told(done: RecordedMarkers) -> str:
+    return ", ".join(f"{count:,} on {topic}" for topic, count in done.messages.items())
+
+
+def _refuse_given(options: Mapping[str, object], *, markers: bool) -> None:
+    """Refuse options that mean nothing with, or without, --markers."""
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        instead = "markers show a range: --from, --to" if markers else "only with --markers"
+        raise typer.BadParameter(instead, param_hint=", ".join(given))

@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from semmap_log.cli.common import LogPath, progress, say
+
+if TYPE_CHECKING:
+    from semmap_log.door_log import DoorLog
+    from semmap_log.views.rerun.web import WebViewer
+
+
+class PaletteName(str, Enum):
+    """`palette.PALETTES`, as typer wants its choices."""
+
+    default = "default"
+    colour_blind = "colour-blind"
+
+
+class ThemeName(str, Enum):
+    """`web.Theme`, as typer wants its choices."""
+
+    light = "light"
+    dark = "dark"
 
 
 def run(
@@ -36,64 +60,232 @@ def run(
             help="With what could be believed: P(open) over time, and typical weeks.",
         ),
     ] = True,
+    palette: Annotated[
+        PaletteName, typer.Option("--palette", help="Colours of the states.")
+    ] = PaletteName.default,
+    follow: Annotated[
+        bool,
+        typer.Option("-f", "--follow", help="Go on with what comes, while another process writes."),
+    ] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="In a browser of this machine; says the address.")
+    ] = False,
+    browser: Annotated[
+        bool, typer.Option("--open", help="With --web: open the address in the browser.")
+    ] = False,
+    theme: Annotated[
+        ThemeName | None,
+        typer.Option("--theme", help="With --web; default: the browser's. A window has its own."),
+    ] = None,
     save: Annotated[
         Path | None, typer.Option("--save", metavar="X.rrd", help="Write a file, open nothing.")
     ] = None,
     screenshot: Annotated[
         Path | None,
-        typer.Option("--screenshot", metavar="X.png", help="Write a picture, headless."),
+        typer.Option("--screenshot", metavar="X.png", help="Write a picture; needs no screen."),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            "--size", metavar="WxH", help="Of the picture, in pixels.", show_default="1920x1080"
+        ),
+    ] = None,
+    view: Annotated[
+        str | None,
+        typer.Option("--view", metavar="NAME", help="Of the picture: this view alone, by title."),
     ] = None,
 ) -> None:
     """Look at the history in the rerun viewer: floor plan, doors, state lanes, events, robot.
 
     Scrub along `happened` to see what was true, along `recorded` to see when it became known.
-    Retracted events are left out.
+    Retracted events are left out. It opens at the end, or at the moment of --at.
+
+    With --follow, what is recorded meanwhile is on the screen within a second; beliefs stay as they
+    were at first. Close the window, or press Ctrl-C, to end it.
+
+    --web serves on 127.0.0.1 alone. The page is rerun's own: it may ask the internet for a font and
+    for news of rerun, and report its use; never the log.
 
     \b
     Examples:
       semmap-log view office
       semmap-log view office --from "yesterday 08:00" --door front --save office.rrd
       semmap-log view office --at 2026-03-02T14:02 --screenshot office.png
+      semmap-log view office --screenshot plan.png --view "Floor plan" --size 1280x800
+      semmap-log view office --follow --from "2h ago"
+      semmap-log view office --web --follow --palette colour-blind
     """
-    import tempfile
+    given = {
+        "--follow": follow, "--web": web, "--save": save, "--screenshot": screenshot,
+        "--open": browser, "--theme": theme, "--size": size, "--view": view,
+        "--at": at, "--to": until,
+    }  # fmt: skip
+    _check_together({option for option, value in given.items() if value})
+    _check_ending("--save", save, ".rrd")
+    _check_ending("--screenshot", screenshot, ".png")
+    pixels = (1920, 1080) if size is None else _pixels(size)
 
     import semmap_log as sl
-    from semmap_log.views.rerun.recording import save_rrd
-    from semmap_log.views.rerun.viewer import open_viewer
-    from semmap_log.views.rerun.viewer import screenshot as take_screenshot
 
     opened = sl.read(log)
     doors = [opened.resolve_ever(name) for name in door] if door else None
-    if save is not None and save.suffix != ".rrd":
-        raise typer.BadParameter(
-            f"expected a name that ends in .rrd, got {save}", param_hint="--save"
-        )
-    if screenshot is not None and screenshot.suffix != ".png":
-        raise typer.BadParameter(
-            f"expected a name that ends in .png, got {screenshot}", param_hint="--screenshot"
-        )
-    folder = None if save else Path(tempfile.mkdtemp(prefix="semmap-log-"))
-    path = save or Path(str(folder)) / f"{log.resolve().name}.rrd"
-    with progress("Replaying") as told:
-        summary = save_rrd(
-            opened,
-            path,
-            since=since,
-            until=until,
-            doors=doors,
-            at=at,
-            costmap=costmap,
-            beliefs=beliefs,
-            progress=told,
-        )
-    if save is not None:
-        say(
-            f"{save}: {summary.events} events, {summary.bytes / 1e6:.1f} MB, "
-            f"{summary.seconds:.1f} s. To look at it: rerun {save}"
-        )
     at_ns = opened.moment(at).ns if at else None
-    if screenshot is not None:
-        take_screenshot(path, screenshot, at_ns=at_ns)
-        say(f"{screenshot}: written.")
-    if save is None and screenshot is None:
-        open_viewer(path, at_ns=at_ns)
+    looks: dict[str, Any] = {
+        "since": since, "doors": doors, "palette": _palette(palette), "costmap": costmap,
+        "beliefs": beliefs,
+    }  # fmt: skip
+    if follow:
+        _follow(opened, looks, web=web, theme=theme, browser=browser)
+        return
+    with _recording(opened, save, {**looks, "until": until, "at": at}) as rrd:
+        if screenshot is not None:
+            _take_picture(rrd, screenshot, at_ns=at_ns, size=pixels, view=view)
+        elif web:
+            _serve(rrd, theme=theme, browser=browser)
+        elif save is None:
+            from semmap_log.views.rerun.viewer import open_viewer
+
+            with _ended_by_signals():
+                open_viewer(rrd, at_ns=at_ns)
+
+
+EXCLUDES = {
+    "--follow": ("--save", "--screenshot", "--at", "--to"),
+    "--web": ("--save", "--screenshot", "--at"),
+}
+NEEDS = {"--open": "--web", "--theme": "--web", "--size": "--screenshot", "--view": "--screenshot"}
+
+
+def _check_together(given: set[str]) -> None:
+    """Refuse options that make no sense together, or not without another one.
+
+    Raises:
+        typer.BadParameter: Names both.
+    """
+    for option, others in EXCLUDES.items():
+        for other in others:
+            if {option, other} <= given:
+                raise typer.BadParameter(f"{option} does not go with {other}", param_hint=option)
+    for option, other in NEEDS.items():
+        if option in given and other not in given:
+            raise typer.BadParameter(f"{option} is of use with {other} alone", param_hint=option)
+
+
+def _check_ending(option: str, path: Path | None, ending: str) -> None:
+    if path is not None and path.suffix != ending:
+        raise typer.BadParameter(
+            f"expected a name that ends in {ending}, got {path}", param_hint=option
+        )
+
+
+def _pixels(size: str) -> tuple[int, int]:
+    width, _, height = size.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise typer.BadParameter(
+            f"expected width and height such as 1280x800, got {size}", param_hint="--size"
+        )
+    return int(width), int(height)
+
+
+def _palette(name: PaletteName) -> Any:
+    from semmap_log.views.palette import PALETTES
+
+    return PALETTES[name.value]
+
+
+@contextmanager
+def _recording(opened: DoorLog, save: Path | None, looks: dict[str, Any]) -> Iterator[Path]:
+    """Write the recording, to be kept or to be gone at the end, and hand out its path."""
+    from semmap_log.views.rerun.recording import save_rrd
+
+    with tempfile.TemporaryDirectory(prefix="semmap-log-") as folder:
+        path = save or Path(folder) / f"{opened.path.resolve().name}.rrd"
+        with progress("Replaying") as told:
+            summary = save_rrd(opened, path, progress=told, **looks)
+        if save is not None:
+            say(
+                f"{save}: {summary.events} events, {summary.bytes / 1e6:.1f} MB, "
+                f"{summary.seconds:.1f} s. To look at it: rerun {save}"
+            )
+        yield path
+
+
+def _take_picture(rrd: Path, png: Path, **how: Any) -> None:
+    from semmap_log.views.rerun.viewer import screenshot
+
+    with _ended_by_signals():
+        screenshot(rrd, png, **how)
+    say(f"{png}: written.")
+
+
+def _serve(rrd: Path, *, theme: ThemeName | None, browser: bool) -> None:
+    from semmap_log.views.rerun.web import web_viewer
+
+    try:
+        with _ended_by_signals(), web_viewer(rrd) as viewer:
+            _tell_address(viewer, theme, browser=browser)
+            viewer.program.process.wait()
+            raise viewer.program.failure()
+    except KeyboardInterrupt:
+        return  # the way to end it
+
+
+def _follow(
+    opened: DoorLog, looks: dict[str, Any], *, web: bool, theme: ThemeName | None, browser: bool
+) -> None:
+    from semmap_log.views.rerun.live import Shown, follow_in_viewer
+    from semmap_log.views.rerun.process import Running, ViewerError
+    from semmap_log.views.rerun.viewer import window
+    from semmap_log.views.rerun.web import web_viewer
+
+    def show(program: Running, forget: Callable[[str], None] | None = None) -> None:
+        try:
+            with progress("Replaying") as told:
+                follow_in_viewer(
+                    opened, program.url, Shown(**looks),
+                    stop=program.has_ended, forget=forget, progress=told,
+                )  # fmt: skip
+        except ViewerError:
+            if not program.ended_well():
+                raise
+        program.ended_well()
+
+    try:
+        with _ended_by_signals():
+            if web:
+                with web_viewer() as served:
+                    _tell_address(served, theme, browser=browser)
+                    show(served.program)
+            else:
+                with window() as viewer:
+                    viewer.state()  # or there is no screen, which would be told much later
+                    show(viewer.program, viewer.forget)
+    except KeyboardInterrupt:
+        return  # the way to end it
+
+
+def _tell_address(viewer: WebViewer, theme: ThemeName | None, *, browser: bool) -> None:
+    address = viewer.page(None if theme is None else theme.value)
+    typer.echo(address)
+    say("Open this address in a browser of this machine; Ctrl-C ends it.")
+    sys.stdout.flush()
+    if browser:
+        import webbrowser
+
+        if not webbrowser.open(address):
+            say("No browser could be opened here.")
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end us as an exception does, so that the viewer ends, too."""
+
+    def end(number: int, _: object) -> None:
+        sys.exit(128 + number)
+
+    before = {each: signal.signal(each, end) for each in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)

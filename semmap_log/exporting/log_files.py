@@ -25,7 +25,8 @@ from semmap_log.replay import Scope, visible_batches
 
 WRITABLE = (
     ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun), "
-    ".html (a page), .pgm (a costmap, with its .yaml)"
+    ".html (a page), .pgm (a costmap, with its .yaml), .mcap or .bag with --markers (a bag for "
+    "players)"
 )
 
 

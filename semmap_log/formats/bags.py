@@ -39,6 +39,9 @@ class NewBag(Protocol):
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
         """Append a message; times do not run backwards."""
 
+    def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
+        """Append a message that is bytes already: CDR, or as ROS 1 serializes."""
+
 
 OpenBag = Callable[[Path, Sequence[BagTopic]], AbstractContextManager[NewBag]]
 
@@ -65,6 +68,11 @@ def new_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[NewBag]:
             raise
         raise OutputError(f"{path}: could not be written: {error.strerror or error}. What was "
                           "there before is as it was.") from error  # fmt: skip
+
+
+def ros_version_of(path: Path) -> RosVersion:
+    """Return whose messages a bag of that name holds."""
+    return 1 if path.suffix.lower() == ".bag" else 2
 
 
 def tells_a_bag(path: Path) -> bool:

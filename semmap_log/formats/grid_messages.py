@@ -18,18 +18,13 @@ from numpy.typing import NDArray
 from semmap_log.costmap.costs import to_occupancy
 from semmap_log.costmap.door_layer import bounds_of
 from semmap_log.costmap.grid import GridGeometry, Window
-from semmap_log.errors import OutputError
 from semmap_log.formats.bags import BagTopic, NewBag
-from semmap_log.formats.ros_types import GRID, GRID_UPDATE, RosVersion, ros_types
+from semmap_log.formats.ros_messages import Messages
+from semmap_log.formats.ros_types import GRID, GRID_UPDATE, RosVersion
 
 GRIDS = BagTopic("/semmap/costmap", GRID, is_latched=True)
 UPDATES = BagTopic("/semmap/costmap_updates", GRID_UPDATE, is_latched=False)
 """RViz looks for the changes of a map under its topic's name and `_updates`."""
-
-FRAME = "map"
-
-LAST_STAMP_NS = 2**31 * 10**9
-"""builtin_interfaces/Time counts its seconds in 31 bits: until January 2038."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,38 +128,24 @@ class _Publisher:
 
 
 class _Messages:
-    """Builds the messages, of ROS 1's classes or of ROS 2's."""
+    """Builds the messages of a grid."""
 
     def __init__(self, ros_version: RosVersion, geometry: GridGeometry) -> None:
-        self._ros_version = ros_version
-        self._types = ros_types(ros_version).types
+        self._messages = Messages(ros_version)
         self._geometry = geometry
 
     def grid(self, at_ns: int, number: int, cells: NDArray[np.int8]) -> Any:
         geometry = self._geometry
-        info = self._new(
-            "nav_msgs/msg/MapMetaData",
-            map_load_time=self._stamp(0),  # of a map, which this is not: unset, as ROS leaves it
-            resolution=geometry.resolution,  # float32 on the wire
-            width=geometry.width,
-            height=geometry.height,
-            origin=self._new(
-                "geometry_msgs/msg/Pose",
-                position=self._new(
-                    "geometry_msgs/msg/Point", x=geometry.origin_x, y=geometry.origin_y, z=0.0
-                ),
-                orientation=self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
-            ),
-        )
-        return self._new(
-            GRID, header=self._header(at_ns, number), info=info, data=cells.reshape(-1)
+        origin = self._messages.pose(geometry.origin_x, geometry.origin_y)
+        return grid_message(
+            self._messages, at_ns, number, cells, resolution=geometry.resolution, origin=origin
         )
 
     def update(self, at_ns: int, number: int, x: int, y: int, cells: NDArray[np.int8]) -> Any:
         height, width = cells.shape
-        return self._new(
+        return self._messages.new(
             GRID_UPDATE,
-            header=self._header(at_ns, number),
+            header=self._messages.header(at_ns, number),
             x=x,
             y=y,
             width=width,
@@ -172,18 +153,34 @@ class _Messages:
             data=np.ascontiguousarray(cells).reshape(-1),
         )
 
-    def _header(self, at_ns: int, number: int) -> Any:
-        count = {"seq": number} if self._ros_version == 1 else {}
-        return self._new("std_msgs/msg/Header", stamp=self._stamp(at_ns), frame_id=FRAME, **count)
 
-    def _stamp(self, at_ns: int) -> Any:
-        if not 0 <= at_ns < LAST_STAMP_NS:
-            raise OutputError(
-                f"a ROS message's stamp: expected a time from 1970 to January 2038, got @{at_ns}; "
-                "choose another --since or --until."
-            )
-        seconds, nanoseconds = divmod(at_ns, 10**9)
-        return self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+def grid_message(
+    messages: Messages,
+    at_ns: int,
+    number: int,
+    cells: NDArray[np.int8],
+    *,
+    resolution: float,
+    origin: Any,
+) -> Any:
+    """Return a nav_msgs/OccupancyGrid.
 
-    def _new(self, name: str, **values: Any) -> Any:
-        return self._types[name](**values)
+    Args:
+        messages: Of which ROS.
+        at_ns: Its stamp.
+        number: How many came before on its topic.
+        cells: (height, width), row 0 at the lowest y.
+        resolution: Metres a cell; float32 on the wire.
+        origin: The pose of the lower left corner of cell (0, 0).
+    """
+    height, width = cells.shape
+    info = messages.new(
+        "nav_msgs/msg/MapMetaData",
+        map_load_time=messages.stamp(0),  # when a server read a file, which none did: unset
+        resolution=resolution,
+        width=width,
+        height=height,
+        origin=origin,
+    )
+    header = messages.header(at_ns, number)
+    return messages.new(GRID, header=header, info=info, data=cells.reshape(-1))

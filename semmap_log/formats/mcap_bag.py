@@ -44,7 +44,9 @@ class _McapBag:
         self._counts: Counter[BagTopic] = Counter()
 
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
-        data = bytes(self._types.serialize_cdr(message, topic.ros_type))
+        self.write_encoded(topic, at_ns, bytes(self._types.serialize_cdr(message, topic.ros_type)))
+
+    def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         self._writer.add_message(
             self._channels[topic],
             log_time=at_ns,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,16 @@ CALLER = "/semmap_log"
 @contextmanager
 def ros1_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[_Ros1Bag]:
     """Write the file, its chunks packed as lz4; it is closed when the block ends well."""
+    import lz4.frame
     from rosbags.rosbag1 import Writer
 
     path.unlink(missing_ok=True)  # of a process that was killed; rosbags replaces nothing
     writer = Writer(path)
     writer.set_compression(Writer.CompressionFormat.LZ4)
+    # ROS's own roslz4 reads no frames but these ("malformed data to decompress").
+    writer.compressor = partial(
+        lz4.frame.compress, block_linked=False, content_checksum=True, store_size=False
+    )
     with writer:
         yield _Ros1Bag(writer, topics)
 
@@ -44,5 +50,7 @@ class _Ros1Bag:
         }
 
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
-        data = self._types.serialize_ros1(message, topic.ros_type)
+        self.write_encoded(topic, at_ns, bytes(self._types.serialize_ros1(message, topic.ros_type)))
+
+    def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         self._writer.write(self._connections[topic], at_ns, data)

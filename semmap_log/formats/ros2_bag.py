@@ -40,7 +40,14 @@ class _Ros2Bag:
         self._first_ns = self._last_ns = 0
 
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
+        self._count(topic, at_ns)
         self._messages.write(topic, at_ns, message)
+
+    def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
+        self._count(topic, at_ns)
+        self._messages.write_encoded(topic, at_ns, data)
+
+    def _count(self, topic: BagTopic, at_ns: int) -> None:
         if not self._counts:
             self._first_ns = at_ns
         self._last_ns = at_ns

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import subprocess
+from collections import Counter
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,8 @@ from semmap_log.formats.grid_messages import GRIDS, UPDATES
 from semmap_log.formats.ros_types import ros_types
 from tests.formats.played import played
 from tests.formats.test_grid_messages import BAGS, GEOMETRY, START, restless, write
+
+LZ4_MAGIC = bytes.fromhex("04224d18")
 
 
 def _bytes_of(path: Path) -> dict[str, str]:
@@ -173,6 +177,39 @@ def test_ros_1_latches_the_grids(tmp_path: Path) -> None:
         said = {c.topic: (c.ext.latching, c.ext.callerid) for c in reader.connections}
 
     assert {GRIDS.name: (1, "/semmap_log"), UPDATES.name: (0, "/semmap_log")} == said
+
+
+def test_ros_1_can_unpack_the_chunks(tmp_path: Path) -> None:
+    """
+    Its roslz4 takes LZ4 frames of one kind only: version 1, independent blocks, a checksum of the
+    content and no size of it (lz4s.c); any other is `malformed data`.
+    """
+    write(tmp_path / "x.bag", restless(1))
+
+    data = (tmp_path / "x.bag").read_bytes()
+    frames = [data[at + 4] for at in range(len(data)) if data.startswith(LZ4_MAGIC, at)]
+    assert frames
+    assert {0b01_1_0_0_1_00} == set(frames)
+
+
+def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
+    """
+    As `rosbag play` would: where ROS 1's python is installed.
+    """
+    python = Path("/usr/bin/python3")
+    has_rosbag = subprocess.run([python, "-c", "import rosbag"], capture_output=True, check=False)
+    if has_rosbag.returncode:
+        pytest.skip("ROS 1's rosbag is not installed (Debian: python3-rosbag)")
+    counts = write(tmp_path / "x.bag", restless(1))
+    code = (
+        "import rosbag, sys\nfor topic, *_ in rosbag.Bag(sys.argv[1]).read_messages(): print(topic)"
+    )
+
+    done = subprocess.run([python, "-c", code, tmp_path / "x.bag"], capture_output=True, text=True,
+                          check=False)  # fmt: skip
+
+    assert (0, "") == (done.returncode, done.stderr)
+    assert counts == Counter(done.stdout.split())
 
 
 def test_ros_knows_the_update_by_its_digest() -> None:

@@ -242,32 +242,6 @@ def test_node_reads_the_same(log: Path, node_packages: Path) -> None:
     assert observed(log) == [tuple(row[3]) for row in theirs if row[0] == "/semmap/door_observed"]
 
 
-@pytest.fixture(scope="session")
-def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the node packages; skips, saying why, where they cannot be had."""
-    if which("node") is None or which("npm") is None:
-        pytest.skip("Node.js is not installed")
-    folder = tmp_path_factory.mktemp("node")
-    packages = [
-        "@mcap/core@2",
-        "@mcap/support@1",
-        "@mcap/nodejs@1",
-        "@foxglove/rosmsg@5",
-        "@foxglove/rosmsg2-serialization@3",
-    ]
-    done = subprocess.run(
-        ["npm", "install", "--no-audit", "--no-fund", "--silent", *packages],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=240,
-    )
-    if done.returncode:
-        pytest.skip(f"npm cannot install @mcap/core here: {done.stderr.strip()[:200]}")
-    return folder
-
-
 def test_the_folder_is_a_rosbag2_without_its_live_segment(tmp_path: Path) -> None:
     """
     While the first segment is live there is no metadata.yaml; afterwards it lists what is closed.

@@ -31,6 +31,10 @@ WHOLE_SPAN_NS = 2 * DAY_NS
 WINDOW_BEFORE_NS = 7 * DAY_NS // 4
 WINDOW_AFTER_NS = DAY_NS // 4
 
+SHORTEST_LIVE_NS, LONGEST_LIVE_NS = 10 * 60 * 10**9, DAY_NS // 2
+"""What lanes and curves show before the cursor while a log is followed."""
+ROOM_AHEAD = 0.04
+
 TRACK_NS = 30 * 60 * 10**9
 TRACK_EVENTS = 400
 PLAYBACK_SPEED = 600.0
@@ -48,6 +52,7 @@ def layout(
     level: int | None,
     costmap: bool,
     beliefs: BeliefsShown | None,
+    goes_on: bool = False,
 ) -> Any:
     """Return the blueprint of a recording.
 
@@ -58,11 +63,13 @@ def layout(
         level: The level whose plan is in front; None: the one with most doors.
         costmap: Each level's costmap has a tab behind the plans.
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
+        goes_on: More will come: lanes and curves move along with the cursor.
     """
+    axis = _time_axis(scene, goes_on=goes_on)
     plans = _plans(scene, palette, level, costmap=costmap)
     left = _column([(plans, 7), (_weeks(scene, palette, beliefs), 3)])
-    curves = _curves(scene, chosen, beliefs)
-    right = _column([(_lanes(scene), 3), (curves, 2), (_event_log(), 2)])
+    curves = _curves(scene, chosen, beliefs, axis)
+    right = _column([(_lanes(scene, axis), 3), (curves, 2), (_event_log(), 2)])
     return rrb.Blueprint(
         right if left is None else rrb.Horizontal(left, right, column_shares=[5, 3]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -168,7 +175,10 @@ def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], palette: Palette) -> 
 
 
 def _curves(
-    scene: Scene, chosen: Sequence[DoorId] | None, beliefs: BeliefsShown | None
+    scene: Scene,
+    chosen: Sequence[DoorId] | None,
+    beliefs: BeliefsShown | None,
+    axis: Any,
 ) -> View | None:
     """Return a tab of curves a door; None where no door has probabilities, given or believed."""
     if chosen is None:
@@ -179,41 +189,43 @@ def _curves(
     drawn = [door for door in doors if door.has_probabilities or door.door_id in believed]
     if not drawn:
         return None
-    curves = [_curve(door, scene) for door in drawn[:MOST_CURVES]]
+    curves = [_curve(door, axis) for door in drawn[:MOST_CURVES]]
     return rrb.Tabs(*curves, name="Probabilities", active_tab=0)
 
 
-def _curve(door: SceneDoor, scene: Scene) -> View:
+def _curve(door: SceneDoor, axis: Any) -> View:
     return rrb.TimeSeriesView(
         origin=entity(door.path),
         contents=["$origin/**"],
         name=door.label,
-        axis_x=_time_axis(scene),
+        axis_x=axis,
         axis_y=rrb.ScalarAxis(range=(-0.03, 1.03), zoom_lock=True),
         plot_legend=rrb.PlotLegend(corner="LeftTop"),
     )
 
 
-def _lanes(scene: Scene) -> View:
-    everything = _lane_view(scene, "Door states", [f"+ /{ROOT}/**"])
+def _lanes(scene: Scene, axis: Any) -> View:
+    everything = _lane_view(axis, "Door states", [f"+ /{ROOT}/**"])
     if len(scene.doors) <= MOST_LANES:
         return everything
     paths = [f"+ {entity(door.path)}" for door in scene.liveliest()[:MOST_LANES]]
-    few = _lane_view(scene, f"{MOST_LANES} liveliest doors", paths)
-    every = _lane_view(scene, f"All {len(scene.doors)} doors", [f"+ /{ROOT}/**"])
+    few = _lane_view(axis, f"{MOST_LANES} liveliest doors", paths)
+    every = _lane_view(axis, f"All {len(scene.doors)} doors", [f"+ /{ROOT}/**"])
     return rrb.Tabs(few, every, active_tab=0)
 
 
-def _lane_view(scene: Scene, name: str, contents: list[str]) -> View:
-    return rrb.StateTimelineView(
-        origin=f"/{ROOT}", name=name, contents=contents, time_view=_time_axis(scene)
-    )
+def _lane_view(axis: Any, name: str, contents: list[str]) -> View:
+    return rrb.StateTimelineView(origin=f"/{ROOT}", name=name, contents=contents, time_view=axis)
 
 
-def _time_axis(scene: Scene) -> Any:
+def _time_axis(scene: Scene, *, goes_on: bool) -> Any:
     """Return the axis that lanes and curves share."""
     edge = rrb.TimeRangeBoundary
-    if scene.span_ns <= WHOLE_SPAN_NS:
+    if goes_on:
+        before_ns = min(max(scene.span_ns, SHORTEST_LIVE_NS), LONGEST_LIVE_NS)
+        start = edge.cursor_relative(seconds=-before_ns / 1e9)
+        end = edge.cursor_relative(seconds=before_ns / 1e9 * ROOM_AHEAD)
+    elif scene.span_ns <= WHOLE_SPAN_NS:
         room_ns = max(scene.span_ns // 50, 10**9)
         start = edge.absolute(time=scene.begin.folds_ns - room_ns)
         end = edge.absolute(time=scene.end.folds_ns + room_ns)

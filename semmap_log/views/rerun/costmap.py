@@ -31,11 +31,15 @@ from semmap_log.views.rerun.sdk import rr
 
 COSTMAP = "costmap"
 
+NOTHING_WRITTEN = -2
+"""Less than any event's number; -1 is what a recording begins with."""
+
 
 class CostmapWriter:
-    """Takes what happens to doors, and writes the layers of all levels at the end.
+    """Takes what happens to doors, and writes the layers of all levels when told that it is all.
 
-    A level whose floor map is turned against its grid has no costmap.
+    More may come behind it, if none of it is late. A level whose floor map is turned against its
+    grid has no costmap.
     """
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
@@ -43,14 +47,26 @@ class CostmapWriter:
         self._scene = scene
         self._palette = palette
         self._pieces: dict[DoorId, list[DoorRows]] = {}
+        self._has_news = False
+        self._written = NOTHING_WRITTEN
 
     def take(self, door: DoorId, rows: DoorRows) -> None:
         """Take a door's next rows."""
-        self._pieces.setdefault(door, []).append(rows)
+        if len(rows):
+            self._pieces.setdefault(door, []).append(rows)
+            self._has_news = True
 
     def finish(self) -> None:
-        """Write all layers."""
+        """Write what is new of all layers."""
+        if not self._has_news:
+            return
         doors = {door: DoorRows.joined(pieces) for door, pieces in sorted(self._pieces.items())}
+        self._write(doors)
+        self._written = max(rows.last_number for rows in doors.values())
+        self._pieces = {door: [rows.last()] for door, rows in doors.items()}
+        self._has_news = False
+
+    def _write(self, doors: dict[DoorId, DoorRows]) -> None:
         for level in self._scene.levels.values():
             if not has_costmap(self._scene, level):
                 continue
@@ -62,25 +78,27 @@ class CostmapWriter:
     def _write_level(
         self, level: SceneLevel, geometry: GridGeometry, doors: dict[DoorId, DoorRows]
     ) -> None:
-        self._writer.static((*level.path, COSTMAP), colours_of_costs(self._palette))
+        if self._written == NOTHING_WRITTEN:
+            self._writer.static((*level.path, COSTMAP), colours_of_costs(self._palette))
         happened = dict(patches_along(doors, level.level, geometry, recorded=False))
         as_recorded = {door: rows.as_recorded() for door, rows in doors.items()}
         recorded = dict(patches_along(as_recorded, level.level, geometry, recorded=True))
         for door in sorted(happened.keys() | recorded.keys()):
             path = (*level.path, COSTMAP, self._scene.doors[door].path[-1])
             one, other = happened.get(door, _NOTHING), recorded.get(door, _NOTHING)
+            one, other = one.behind(self._written), other.behind(self._written)
             if not (len(one.pictures) or len(other.pictures)):
                 continue
             self._writer.static(
                 path, rr.SegmentationImage.from_fields(opacity=1.0, draw_order=-5.0)
             )
             if one.patches == other.patches and np.array_equal(one.pictures, other.pictures):
-                self._write(path, one, geometry, [HAPPENED, RECORDED, EVENT])
+                self._write_pictures(path, one, geometry, [HAPPENED, RECORDED, EVENT])
             else:
-                self._write(path, one, geometry, [HAPPENED])
-                self._write(path, other, geometry, [RECORDED, EVENT])
+                self._write_pictures(path, one, geometry, [HAPPENED])
+                self._write_pictures(path, other, geometry, [RECORDED, EVENT])
 
-    def _write(
+    def _write_pictures(
         self,
         path: EntityPath,
         door: DoorPatches,

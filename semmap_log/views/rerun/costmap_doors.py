@@ -27,10 +27,28 @@ class DoorRows:
     late_placements: NDArray[np.bool_]
     removal: Changes
 
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.states) + len(self.placements) + len(self.removal)
+
+    @property
+    def last_number(self) -> int:
+        """Of the event that was recorded last."""
+        parts = (self.states, self.placements, self.removal)
+        return max(int(part["number"].max()) for part in parts if len(part))
+
     @classmethod
     def joined(cls, pieces: Sequence[DoorRows]) -> DoorRows:
         """Return all of a door's rows, of which these are the pieces."""
         return cls(*(np.concatenate(parts) for parts in zip(*map(_fields, pieces), strict=True)))
+
+    def last(self) -> DoorRows:
+        """Return what counts at the end: all that later rows need to go on from."""
+        return DoorRows(
+            self.states[-1:], np.zeros(len(self.states[-1:]), np.bool_),
+            self.placements[-1:], np.zeros(len(self.placements[-1:]), np.bool_),
+            self.removal[-1:],
+        )  # fmt: skip
 
     def as_recorded(self) -> DoorRows:
         """Return those that counted when they were recorded, in the order of recording."""

@@ -46,6 +46,10 @@ class DoorPatches:
     patches: Sequence[Patch]
     pictures: Pictures
 
+    def behind(self, number: int) -> DoorPatches:
+        """Return those from events with greater numbers."""
+        return DoorPatches(self.patches, self.pictures[self.pictures["number"] > number])
+
 
 def patches_along(
     doors: Mapping[DoorId, DoorRows], level: int, geometry: GridGeometry, *, recorded: bool

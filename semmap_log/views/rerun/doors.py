@@ -73,6 +73,12 @@ class DoorsWriter:
             for track in in_order:
                 track.write()
 
+    def flush(self) -> None:
+        """Write what waits; more will come, and none of it late."""
+        for track in self._tracks.values():
+            if track.rows_waiting:
+                track.write()
+
     def finish(self) -> None:
         """Write what still waits, and let the curves go on to the end."""
         for track in self._tracks.values():

@@ -50,6 +50,15 @@ class Excerpt:
             if len(chosen):
                 yield chosen
 
+    def part_of(self, batch: EventBatch) -> EventBatch:
+        """Return those of a batch's events that belong to it; `until` is not asked for."""
+        kept = np.ones(len(batch), np.bool_)
+        if self.since_ns is not None:
+            kept &= batch.folds_ns >= self.since_ns
+        if self.doors is not None:
+            kept &= np.isin(batch.door_ids(), [NO_DOOR, *self.doors])
+        return batch if kept.all() else batch.select(kept)
+
     def before(self) -> DoorMap:
         """Return the map just before the first event; empty where the excerpt starts the log."""
         if self.since_ns is None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from semmap_log.commits import Commit
+from semmap_log.event_batch import EventBatch
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.beliefs import BeliefsShown, write_beliefs
 from semmap_log.views.rerun.costmap import CostmapWriter
@@ -43,42 +45,93 @@ def write_recording(
     Raises:
         OSError: The file cannot be written, or not all of it.
     """
-    with pumped(path) as pump, _recording(excerpt, pump.inlet, blueprint) as recording:
-        writer = RowWriter(recording)
-        write_floors(writer, scene, palette)
-        layers = CostmapWriter(writer, scene, palette) if costmap else None
-        doors = DoorsWriter(writer, scene, palette, layers)
-        robot = RobotWriter(writer, scene, palette)
-        events = EventsWriter(writer, EventLines(scene, excerpt.log.commits()), palette)
+    # The log's identity: opening the log again replaces it in a viewer, rather than adding to it.
+    recording_id = excerpt.log.info.log_id
+    with pumped(path) as pump, open_recording(recording_id) as recording:
+        recording.save(pump.inlet, default_blueprint=blueprint)
+        converter = Converter(
+            recording, scene, excerpt.log.commits(), name=excerpt.log.path.resolve().name,
+            palette=palette, costmap=costmap, beliefs=beliefs,
+        )  # fmt: skip
         for batch in excerpt.batches(progress):
             pump.check()
-            doors.take(changes_of(batch))
-            robot.take(batch)
-            events.take(batch)
-        doors.finish()
-        if layers is not None:
-            layers.finish()
-        if beliefs is not None:
-            write_beliefs(writer, beliefs, scene, palette)
-        robot.finish()
-        events.finish()
+            converter.take(batch)
+        converter.finish()
+        recording.flush()
+
+
+class Converter:
+    """Everything that a log has to show, batch by batch, into one recording."""
+
+    def __init__(
+        self,
+        recording: Any,
+        scene: Scene,
+        commits: Iterable[Commit],
+        *,
+        name: str,
+        palette: Palette,
+        costmap: bool,
+        beliefs: BeliefsShown | None,
+    ) -> None:
+        """Write what holds at all times.
+
+        Args:
+            recording: Rerun's.
+            scene: What the batches will show.
+            commits: With the notes of all their events; taken one by one, as events come.
+            name: As the viewer lists the recording.
+            palette: Colours.
+            costmap: With the costmap's door layer.
+            beliefs: To be written at the end; None: there are none.
+        """
+        recording.send_recording_name(drawable(name))
+        writer = RowWriter(recording)
+        write_floors(writer, scene, palette)
+        self._layers = CostmapWriter(writer, scene, palette) if costmap else None
+        self._doors = DoorsWriter(writer, scene, palette, self._layers)
+        self._robot = RobotWriter(writer, scene, palette)
+        self._events = EventsWriter(writer, EventLines(scene, commits), palette)
+        self._writer, self._scene, self._palette, self._beliefs = writer, scene, palette, beliefs
+
+    def take(self, batch: EventBatch) -> None:
+        """Take the next events, in order of their numbers."""
+        self._doors.take(changes_of(batch))
+        self._robot.take(batch)
+        self._events.take(batch)
+
+    def finish(self) -> None:
+        """Write what still waits, and let curves go on to the end of the scene."""
+        self._doors.finish()
+        if self._beliefs is not None:
+            write_beliefs(self._writer, self._beliefs, self._scene, self._palette)
+        self._write_rest()
+
+    def flush(self) -> None:
+        """Write what waits, though more will come: behind what was finished, in order of time."""
+        self._doors.flush()
+        self._write_rest()
+
+    def _write_rest(self) -> None:
+        if self._layers is not None:
+            self._layers.finish()
+        self._robot.finish()
+        self._events.finish()
 
 
 @contextmanager
-def _recording(excerpt: Excerpt, inlet: str, blueprint: Any) -> Iterator[Any]:
-    """Open a recording that goes to a file, and close it so that all of it is there."""
-    # The log's identity: opening the log again replaces it in a viewer, rather than adding to it.
+def open_recording(recording_id: str) -> Iterator[Any]:
+    """Open a recording, and close it; whoever wants all of it to arrive flushes it first.
+
+    Args:
+        recording_id: A viewer has one recording of an id.
+    """
     # No properties but its name: they would tell when it was made, and never be the same twice.
-    recording = rr.RecordingStream(
-        APPLICATION_ID, recording_id=excerpt.log.info.log_id, send_properties=False
-    )
+    recording = rr.RecordingStream(APPLICATION_ID, recording_id=recording_id, send_properties=False)
     was_strict = rr.strict_mode()
     rr.set_strict_mode(True)  # else a mistake of ours would be a warning, and missing data
     try:
-        recording.save(inlet, default_blueprint=blueprint)
-        recording.send_recording_name(drawable(excerpt.log.path.resolve().name))
         yield recording
-        recording.flush()
     finally:
         recording.disconnect()
         rr.set_strict_mode(was_strict)

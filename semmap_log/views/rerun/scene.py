@@ -123,6 +123,17 @@ class Bounds:
             self.low_x - grow_x, self.low_y - grow_y, self.high_x + grow_x, self.high_y + grow_y
         )
 
+    def without_margin(self) -> Bounds:
+        """Return what `framed` put its margin around, or somewhat more."""
+        return Bounds(
+            self.low_x + MARGIN_M, self.low_y + MARGIN_M,
+            self.high_x - MARGIN_M, self.high_y - MARGIN_M,
+        )  # fmt: skip
+
+    def holds(self, other: Bounds) -> bool:
+        """Tell whether another rectangle lies in this one; the empty one does."""
+        return self.including(other) == self
+
     @property
     def is_empty(self) -> bool:
         """True for a rectangle around nothing."""

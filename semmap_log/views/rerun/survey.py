@@ -44,23 +44,46 @@ NOWHERE = Edge(-1, -1, -1)
 
 def survey(excerpt: Excerpt) -> Scene:
     """Return what a recording of that part of a log has to show."""
-    before = excerpt.before()
-    pass_ = _Pass(before.doors)
+    taken = Survey(excerpt)
     for batch in excerpt.batches():
-        pass_.take(batch)
-    levels = _levels(excerpt, pass_)
-    return Scene(
-        doors=_doors(pass_, levels),
-        levels=levels,
-        robot_level=pass_.robot_last[1],
-        events=pass_.events,
-        begin=pass_.begin
-        if excerpt.since_ns is None
-        else replace(pass_.begin, folds_ns=excerpt.since_ns),
-        end=pass_.end
-        if excerpt.since_ns is None
-        else replace(pass_.end, folds_ns=max(excerpt.since_ns, pass_.end.folds_ns)),
-    )
+        taken.take(batch)
+    return taken.scene()
+
+
+class Survey:
+    """What a recording has to show of the events taken so far."""
+
+    def __init__(self, excerpt: Excerpt) -> None:
+        self._excerpt = excerpt
+        self._pass = _Pass(excerpt.before().doors)
+
+    def take(self, batch: EventBatch) -> None:
+        """Take the next events, in order of their numbers."""
+        self._pass.take(batch)
+
+    def is_late(self, batch: EventBatch) -> bool:
+        """Tell whether an event about a door counts before one that was taken, or is before it."""
+        return any(
+            not self._pass.doors.get(DoorId(int(rows["door_id"][0])), NEW).goes_on(rows)
+            for rows in by_door(changes_of(batch))
+        )
+
+    def scene(self) -> Scene:
+        """Return it; names and floor plans are those that the log has now."""
+        pass_, since_ns = self._pass, self._excerpt.since_ns
+        levels = _levels(self._excerpt, pass_)
+        begin, end = pass_.begin, pass_.end
+        if since_ns is not None:
+            begin = replace(begin, folds_ns=since_ns)
+            end = replace(end, folds_ns=max(since_ns, end.folds_ns))
+        return Scene(
+            doors=_doors(pass_, levels),
+            levels=levels,
+            robot_level=pass_.robot_last[1],
+            events=pass_.events,
+            begin=begin,
+            end=end,
+        )
 
 
 @dataclass(slots=True)
@@ -83,8 +106,7 @@ class _Found:
     def take(self, changes: Changes) -> None:
         """Take this door's rows, in order of their numbers."""
         stamps = list(zip(changes["folds_ns"].tolist(), changes["number"].tolist(), strict=True))
-        goes_on = stamps[0] >= self.latest and bool((np.diff(changes["folds_ns"]) >= 0).all())
-        self.has_late_events |= not goes_on
+        self.has_late_events |= not self.goes_on(changes)
         self.latest = max(self.latest, *stamps)
         for row in np.flatnonzero(changes["kind"] == DoorAdded.kind).tolist():
             self.added = stamps[row]
@@ -98,6 +120,11 @@ class _Found:
         self.has_probabilities |= bool(
             np.isfinite(given["prob_open"]).any() or np.isfinite(given["prob_closed"]).any()
         )
+
+    def goes_on(self, changes: Changes) -> bool:
+        """Tell whether all of this door's next rows count behind those taken, in their order."""
+        first = int(changes["folds_ns"][0]), int(changes["number"][0])
+        return first >= self.latest and bool((np.diff(changes["folds_ns"]) >= 0).all())
 
     def _count_states(self, states: np.ndarray) -> None:
         if len(states):
@@ -114,6 +141,10 @@ class _Found:
     def ever_on(self) -> list[int]:
         """All levels it is put on, ascending."""
         return sorted({*self.levels, self.last_level})
+
+
+NEW = _Found()
+"""A door that nothing was heard of yet."""
 
 
 class _Pass:

@@ -3,38 +3,26 @@
 from __future__ import annotations
 
 import os
-import re
-import socket
-import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from semmap_log.errors import MissingExtraError, SemmapError
+from semmap_log.errors import SemmapError
 from semmap_log.log.disk import replace_file
+from semmap_log.views.rerun.process import Running, ViewerError, running
 
-LOCAL = "127.0.0.1"
-"""Rerun listens on every interface unless told otherwise; a building's log is nobody else's."""
-
-START_S = 60.0
 LOAD_S = 60.0
 ANSWER_S = 45.0
 """A call may take rerun's own limit of 15 s on a busy machine, and is then made again."""
 SETTLE_S = 20.0
 """A picture that still changes after this long is taken as it is."""
 REPAINT_S = 0.5
-POLL_S = 0.2
-END_S = 10.0
 
 T = TypeVar("T")
-
-
-class ViewerError(SemmapError):
-    """The rerun viewer did not start, or did not do what it was asked for."""
 
 
 def open_viewer(rrd: Path, *, at_ns: int | None = None, timeline: str = "happened") -> None:
@@ -50,12 +38,26 @@ def open_viewer(rrd: Path, *, at_ns: int | None = None, timeline: str = "happene
         MissingExtraError: rerun is not installed.
         ViewerError: There is no screen, or the viewer failed.
     """
-    with _running(rrd, ["--hide-welcome-screen"], os.environ) as viewer:
+    with window(rrd) as viewer:
         if at_ns is not None:
             viewer.wait_until_loaded()
             viewer.go_to(timeline, at_ns)
-        if viewer.process.wait() != 0:
-            raise viewer.failure()
+        viewer.wait_until_closed()
+
+
+@contextmanager
+def window(source: Path | None = None) -> Iterator[Viewer]:
+    """Open a window; it is gone when the block ends.
+
+    Args:
+        source: A recording to show; None: what will be sent to it.
+
+    Raises:
+        MissingExtraError: rerun is not installed.
+        ViewerError: There is no such recording.
+    """
+    with running(["--hide-welcome-screen", *_shown(source)], os.environ) as program:
+        yield Viewer(program)
 
 
 def screenshot(
@@ -94,12 +96,13 @@ def screenshot(
 
 @contextmanager
 def headless(
-    rrd: Path, *, size: tuple[int, int] = (1920, 1080), quiet: bool = True
+    source: Path | str | None, *, size: tuple[int, int] = (1920, 1080), quiet: bool = True
 ) -> Iterator[Viewer]:
-    """Run a viewer without a window on a recording; it is gone when the block ends.
+    """Run a viewer without a window; it is gone when the block ends.
 
     Args:
-        rrd: The recording.
+        source: A recording; or the address where another rerun hands one out; None: what will be
+            sent to it.
         size: Width and height in pixels.
         quiet: No notices in the corner of the picture, which would be gone only after 10 s.
 
@@ -114,8 +117,10 @@ def headless(
         # CI keeps it from sending usage data, and from announcing so.
         own = {"XDG_CONFIG_HOME": home, "XDG_DATA_HOME": home, "XDG_RUNTIME_DIR": home, "CI": "1",
                "RUST_LOG": "error" if quiet else "info"}  # fmt: skip
-        with _running(rrd, options, {**os.environ, **own}) as viewer:
-            viewer.wait_until_loaded()
+        with running([*options, *_shown(source)], {**os.environ, **own}) as program:
+            viewer = Viewer(program)
+            if source is not None:
+                viewer.wait_until_loaded()
             yield viewer
 
 
@@ -123,14 +128,25 @@ def headless(
 class Viewer:
     """A viewer that runs, and the line to it."""
 
-    process: subprocess.Popen[bytes]
-    url: str
-    log: Path
-    """What the viewer wrote to stderr."""
+    program: Running
+
+    @property
+    def url(self) -> str:
+        """Where recordings are sent to."""
+        return self.program.url
 
     def wait_until_loaded(self) -> None:
-        """Return once the recording and its layout are there."""
-        self._until(LOAD_S, "did not load the recording", lambda: _is_loaded(self.state()))
+        """Return once a recording and its layout are there."""
+        self.program.wait_for("load the recording", lambda: _is_loaded(self.state()), most_s=LOAD_S)
+
+    def wait_until_closed(self) -> None:
+        """Return when the window is closed.
+
+        Raises:
+            ViewerError: It was not a person who closed it.
+        """
+        if self.program.process.wait() != 0:
+            raise self.program.failure()
 
     def state(self) -> Any:
         """Return rerun's ViewerState: recordings, timelines, views with what failed in them."""
@@ -174,6 +190,13 @@ class Viewer:
             earlier, picture = picture, self.ask(lambda client: client.take_screenshot(view_id))
         return picture
 
+    def forget(self, recording_id: str) -> None:
+        """Let go of a recording that was sent to it; one that it does not have is no matter."""
+        old = [each.store_id for each in self.state().recordings
+               if str(each.store_id).endswith(f":{recording_id}")]  # fmt: skip
+        if old:
+            self.ask(lambda client: client.close(store_ids=old))
+
     def ask(self, question: Callable[[Any], T]) -> T:
         """Return the viewer's answer; ask again while it is too busy to give one."""
         from rerun.experimental import ViewerClient
@@ -191,75 +214,19 @@ class Viewer:
             return True
 
         try:
-            self._until(ANSWER_S, "did not answer", asked)
+            self.program.wait_for("answer", asked, most_s=ANSWER_S)
         except ViewerError as error:
-            if not said:
+            if not said or self.program.has_ended():
                 raise
             raise ViewerError(f"{error} Its last word: {said.splitlines()[0]}") from None
         return answers[0]
 
-    def failure(self) -> ViewerError:
-        """Return why the viewer ended, as far as it said."""
-        return explained(self.log.read_text(errors="replace"))
 
-    def _until(self, most_s: float, problem: str, done: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + most_s
-        while not done():
-            if self.process.poll() is not None:
-                raise self.failure()
-            if time.monotonic() > deadline:
-                raise ViewerError(f"The rerun viewer {problem} within {most_s:.0f} s.")
-            time.sleep(POLL_S)
-
-
-@contextmanager
-def _running(rrd: Path, options: list[str], env: Mapping[str, str]) -> Iterator[Viewer]:
-    """Start a viewer on a port of its own; end it, whatever happens."""
-    if not rrd.is_file():
-        raise ViewerError(f"{rrd}: there is no such recording.")
-    port = _free_port()
-    command = [str(_binary()), *options, "--bind", LOCAL, "--port", str(port), str(rrd)]
-    with tempfile.TemporaryDirectory(prefix="semmap-viewer-") as folder:
-        log = Path(folder) / "viewer.log"
-        with log.open("wb") as stderr:
-            process = subprocess.Popen(  # noqa: S603 - rerun's own binary, with our arguments
-                command,
-                env=dict(env), stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr,
-            )  # fmt: skip
-        try:
-            yield Viewer(process, f"rerun+http://{LOCAL}:{port}/proxy", log)
-        finally:
-            _end(process)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    process.terminate()
-    try:
-        process.wait(END_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
-def _binary() -> Path:
-    """Return the viewer itself: the `rerun` script only starts it, and does not end with it."""
-    try:
-        import rerun_cli
-    except ImportError:
-        raise MissingExtraError("rerun-sdk", "viewer") from None
-    folder = Path(rerun_cli.__file__).parent
-    names = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")
-    for binary in (folder / name for name in names):
-        if binary.is_file():
-            return binary
-    raise ViewerError(f"{folder}: expected rerun's binary, found none; install rerun-sdk again.")
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((LOCAL, 0))
-        port: int = probe.getsockname()[1]
-        return port
+def _shown(source: Path | str | None) -> list[str]:
+    """Return what is to be shown as an argument of rerun's."""
+    if isinstance(source, Path) and not source.is_file():
+        raise ViewerError(f"{source}: there is no such recording.")
+    return [] if source is None else [str(source)]
 
 
 def _active(state: Any) -> Any:
@@ -272,19 +239,3 @@ def _active(state: Any) -> Any:
 def _is_loaded(state: Any) -> bool:
     active = _active(state)
     return active is not None and bool(active.timelines and state.views) and not state.loading
-
-
-def explained(log: str) -> ViewerError:
-    """Return what the viewer's own words mean."""
-    if re.search("graphics adapter|render context", log):
-        return ViewerError(
-            "The rerun viewer found no graphics driver. Without a GPU, a software one will do: "
-            "apt install mesa-vulkan-drivers"
-        )
-    if re.search("WAYLAND_DISPLAY|XOpenDisplay|DISPLAY is set", log):
-        return ViewerError(
-            "The rerun viewer found no screen. Save the recording (--save X.rrd) and open it "
-            "where there is one, or take a picture of it (--screenshot X.png)."
-        )
-    said = [line for line in log.splitlines() if re.search("panicked|[Ee]rror", line)]
-    return ViewerError(f"The rerun viewer ended: {said[0] if said else 'it did not say why'}")

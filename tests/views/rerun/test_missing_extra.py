@@ -10,7 +10,7 @@ import pytest
 from semmap_log.errors import MissingExtraError
 from tests.views.rerun.some_logs import small_log
 
-EDGE = ("sdk", "rows", "robot", "blueprint", "file", "doors", "events", "floor")
+EDGE = ("sdk", "rows", "robot", "blueprint", "file", "doors", "events", "floor", "live")
 
 
 @pytest.fixture(autouse=True)

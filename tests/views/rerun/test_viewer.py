@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,17 +13,12 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 import semmap_log as sl
 from semmap_log.doors import DoorId
 from semmap_log.events import DoorAdded, DoorAnnotated
-from semmap_log.views.palette import DEFAULT, Rgb
+from semmap_log.views.palette import DEFAULT
+from semmap_log.views.rerun.process import ViewerError, explained
 from semmap_log.views.rerun.recording import save_rrd
-from semmap_log.views.rerun.viewer import (
-    Viewer,
-    ViewerError,
-    explained,
-    headless,
-    open_viewer,
-    screenshot,
-)
+from semmap_log.views.rerun.viewer import Viewer, headless, open_viewer, screenshot
 from tests.conftest import SteadyClock
+from tests.views.rerun.pictures import a_viewer, colours_of, has_colour, middle_of
 from tests.views.rerun.some_logs import SECOND, START, small_log
 
 pytestmark = pytest.mark.viewer
@@ -45,15 +38,9 @@ def rrd(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def viewer(rrd: Path) -> Iterator[Viewer]:
-    """A viewer without a window; without a graphics driver the pictures are skipped, loudly."""
-    try:
-        with headless(rrd, size=SIZE, quiet=False) as viewer:
-            yield viewer
-    except ViewerError as error:
-        if "mesa-vulkan-drivers" not in str(error):
-            raise
-        warnings.warn(f"NO PICTURE WAS CHECKED: {error}", stacklevel=1)
-        pytest.skip(str(error))
+    """A viewer without a window."""
+    with a_viewer(rrd, size=SIZE, quiet=False) as viewer:
+        yield viewer
 
 
 def test_the_viewer_has_nothing_to_complain_about(viewer: Viewer) -> None:
@@ -96,10 +83,13 @@ def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> N
     viewer.go_to("happened", START + 3000 * SECOND)
     removed = viewer.picture("Floor plan")
 
-    assert (True, False) == (_has(closed, DEFAULT.closed), _has(closed, DEFAULT.open))
-    assert (False, True) == (_has(opened, DEFAULT.closed), _has(opened, DEFAULT.open))
-    assert (True, False) == (_has(opened, DEFAULT.unknown), _has(removed, DEFAULT.unknown))
-    assert _has(opened, DEFAULT.wall)
+    assert (True, False) == (has_colour(closed, DEFAULT.closed), has_colour(closed, DEFAULT.open))
+    assert (False, True) == (has_colour(opened, DEFAULT.closed), has_colour(opened, DEFAULT.open))
+    assert (True, False) == (
+        has_colour(opened, DEFAULT.unknown),
+        has_colour(removed, DEFAULT.unknown),
+    )
+    assert has_colour(opened, DEFAULT.wall)
 
 
 def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
@@ -110,8 +100,8 @@ def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
         viewer.go_to("happened", moment)
         plan, cells = viewer.picture("Floor plan"), viewer.picture("Costmap")
 
-        assert _has(cells, colour)
-        np.testing.assert_allclose(_middle(plan, colour), _middle(cells, colour), atol=3)
+        assert has_colour(cells, colour)
+        np.testing.assert_allclose(middle_of(plan, colour), middle_of(cells, colour), atol=3)
 
 
 def test_north_is_up(viewer: Viewer) -> None:
@@ -122,7 +112,7 @@ def test_north_is_up(viewer: Viewer) -> None:
 
     picture = viewer.picture("Floor plan")
 
-    front, second = _middle(picture, DEFAULT.open), _middle(picture, DEFAULT.unknown)
+    front, second = middle_of(picture, DEFAULT.open), middle_of(picture, DEFAULT.unknown)
     assert front[0] < second[0]
     assert front[1] > second[1]
 
@@ -133,7 +123,7 @@ def test_the_robot_is_drawn_where_it_is(viewer: Viewer) -> None:
     """
     viewer.go_to("happened", OPEN_NS)
 
-    assert _has(viewer.picture("Floor plan"), DEFAULT.robot)
+    assert has_colour(viewer.picture("Floor plan"), DEFAULT.robot)
 
 
 def test_a_moment_can_be_an_event(viewer: Viewer) -> None:
@@ -169,7 +159,7 @@ def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path:
 
     screenshot(tmp_path / "x.rrd", tmp_path / "x.png", size=(800, 600))
 
-    assert (600, 800, 3) == _colours((tmp_path / "x.png").read_bytes()).shape
+    assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
 
 
 def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
@@ -180,12 +170,12 @@ def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
 
     def fail() -> None:
         with headless(rrd, size=(640, 480)) as another:
-            processes.append(another.process)
+            processes.append(another.program)
             raise RuntimeError("ours")
 
     with pytest.raises(RuntimeError, match="ours"):
         fail()
-    assert processes[0].poll() is not None
+    assert processes[0].has_ended()
 
 
 def test_without_a_screen_there_is_no_window(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,24 +215,3 @@ def test_the_viewers_last_words_are_explained(said: str, expected: str) -> None:
     What the viewer prints when it ends becomes one line that says what to do.
     """
     assert expected in str(explained(said.replace("\\n", "\n")))
-
-
-def _colours(png: bytes) -> np.ndarray:
-    from PIL import Image
-
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
-
-
-def _is(png: bytes, colour: Rgb) -> np.ndarray:
-    distance: np.ndarray = np.abs(_colours(png).astype(int) - colour).max(-1)
-    return distance <= 6
-
-
-def _has(png: bytes, colour: Rgb) -> bool:
-    """Tell whether something is drawn in that colour, rather than a few pixels by chance."""
-    return int(_is(png, colour).sum()) > 50
-
-
-def _middle(png: bytes, colour: Rgb) -> tuple[float, float]:
-    rows, columns = np.nonzero(_is(png, colour))
-    return float(columns.mean()), float(rows.mean())

@@ -1,0 +1,160 @@
+"""Rerun's own program as a process of ours: on this machine only, and gone when we are done."""
+
+from __future__ import annotations
+
+import re
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from semmap_log.errors import MissingExtraError, SemmapError
+
+LOCAL = "127.0.0.1"
+"""Rerun listens on every interface unless told otherwise; a building's log is nobody else's."""
+
+POLL_S = 0.2
+END_S = 10.0
+GRACE_S = 2.0
+"""Its port closes before it ends."""
+
+
+class ViewerError(SemmapError):
+    """The rerun viewer did not start, or did not do what it was asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A rerun that runs."""
+
+    process: subprocess.Popen[bytes]
+    port: int
+    """Where recordings are sent to."""
+    log: Path
+    """What it wrote to stderr."""
+
+    @property
+    def url(self) -> str:
+        """The address of the port, as rerun writes it."""
+        return f"rerun+http://{LOCAL}:{self.port}/proxy"
+
+    def has_ended(self) -> bool:
+        """Tell whether it runs no more: its window was closed, or it failed."""
+        return self.process.poll() is not None
+
+    def wait_for(self, what: str, done: Callable[[], bool], *, most_s: float) -> None:
+        """Return once something is so.
+
+        Args:
+            what: What is waited for, as the end of `The rerun viewer did not …`.
+            done: Tells whether it is so.
+            most_s: How long to wait.
+
+        Raises:
+            ViewerError: It took longer, or the viewer ended.
+        """
+        deadline = time.monotonic() + most_s
+        while not done():
+            if self.has_ended():
+                raise self.failure()
+            if time.monotonic() > deadline:
+                raise ViewerError(f"The rerun viewer did not {what} within {most_s:.0f} s.")
+            time.sleep(POLL_S)
+
+    def ended_well(self) -> bool:
+        """Tell whether it ends by itself, now or in a moment, as when a person closes its window.
+
+        Raises:
+            ViewerError: It ended otherwise.
+        """
+        try:
+            code = self.process.wait(GRACE_S)
+        except subprocess.TimeoutExpired:
+            return False
+        if code != 0:
+            raise self.failure()
+        return True
+
+    def is_listening(self, port: int | None = None) -> bool:
+        """Tell whether a port of it (else: its own) takes connections by now."""
+        with socket.socket() as probe:
+            return probe.connect_ex((LOCAL, port or self.port)) == 0
+
+    def failure(self) -> ViewerError:
+        """Return why it ended, as far as it said."""
+        return explained(self.log.read_text(errors="replace"))
+
+
+@contextmanager
+def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[Running]:
+    """Start rerun on a port of its own; end it, whatever happens.
+
+    Raises:
+        MissingExtraError: rerun is not installed.
+    """
+    port = free_port()
+    command = [str(_binary()), "--bind", LOCAL, "--port", str(port), *arguments]
+    with tempfile.TemporaryDirectory(prefix="semmap-viewer-") as folder:
+        log = Path(folder) / "viewer.log"
+        with log.open("wb") as stderr:
+            process = subprocess.Popen(  # noqa: S603 - rerun's own binary, with our arguments
+                command,
+                env=dict(env), stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr,
+                start_new_session=True,  # Ctrl-C is for us; we end it when we are done with it
+            )  # fmt: skip
+        try:
+            yield Running(process, port, log)
+        finally:
+            _end(process)
+
+
+def free_port() -> int:
+    """Return a port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def explained(log: str) -> ViewerError:
+    """Return what rerun's own words mean."""
+    if re.search("graphics adapter|render context", log):
+        return ViewerError(
+            "The rerun viewer found no graphics driver. Without a GPU, a software one will do: "
+            "apt install mesa-vulkan-drivers"
+        )
+    if re.search("WAYLAND_DISPLAY|XOpenDisplay|DISPLAY is set", log):
+        return ViewerError(
+            "The rerun viewer found no screen. Look at it in a browser (--web), save the recording "
+            "(--save X.rrd) and open it where there is one, or take a picture of it "
+            "(--screenshot X.png)."
+        )
+    said = [line for line in log.splitlines() if re.search("panicked|[Ee]rror", line)]
+    return ViewerError(f"The rerun viewer ended: {said[0] if said else 'it did not say why'}")
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _binary() -> Path:
+    """Return the viewer itself: the `rerun` script only starts it, and does not end with it."""
+    try:
+        import rerun_cli
+    except ImportError:
+        raise MissingExtraError("rerun-sdk", "viewer") from None
+    folder = Path(rerun_cli.__file__).parent
+    names = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")
+    for binary in (folder / name for name in names):
+        if binary.is_file():
+            return binary
+    raise ViewerError(f"{folder}: expected rerun's binary, found none; install rerun-sdk again.")

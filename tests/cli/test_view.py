@@ -1,0 +1,201 @@
+"""`view`: options that go together, a log that is followed in real processes, and the browser."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
+
+import semmap_log as sl
+from semmap_log.cli import main
+from semmap_log.views.palette import COLOUR_BLIND, DEFAULT
+from tests.browser import a_page
+from tests.views.rerun.pictures import a_viewer, colours_of, has_colour
+from tests.views.rerun.some_logs import room
+
+LOCALHOST = "0100007F"
+"""127.0.0.1, as /proc/net/tcp writes it."""
+LISTENS = "0A"
+
+TOLERATED = (
+    "ERR_NAME_NOT_RESOLVED",  # a font, news of rerun, usage data: the page is rerun's own
+    "ERR_INTERNET_DISCONNECTED",
+    "Failed to fetch",
+    "using deprecated parameters",
+    "query. Expected one or none",
+    "No available adapters",  # of WebGPU; there is WebGL
+    "Software rasterizer",
+    "Unhandled egui viewport command",
+)
+"""What rerun's page says of itself where there is no internet and no graphics card."""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    with sl.create(tmp_path / "room", tz="UTC") as log:
+        log.append([room()])
+        log.add_door(x=-1.0, y=0.0, theta=0.0, width=2.0, state="closed", name="front")
+    return tmp_path / "room"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--follow", "--save", "x.rrd"], "--follow does not go with --save"),
+        (["--follow", "--screenshot", "x.png"], "--follow does not go with --screenshot"),
+        (["--follow", "--at", "@0"], "--follow does not go with --at"),
+        (["--follow", "--to", "@0"], "--follow does not go with --to"),
+        (["--web", "--save", "x.rrd"], "--web does not go with --save"),
+        (["--web", "--screenshot", "x.png"], "--web does not go with --screenshot"),
+        (["--theme", "dark"], "--theme is of use with --web alone"),
+        (["--open"], "--open is of use with --web alone"),
+        (["--view", "Costmap"], "--view is of use with --screenshot alone"),
+        (["--size", "10x10"], "--size is of use with --screenshot alone"),
+        (["--screenshot", "x.png", "--size", "10"], "such as 1280x800, got 10"),
+        (["--screenshot", "x.png", "--size", "0x9"], "such as 1280x800, got 0x9"),
+        (["--screenshot", "x.jpg"], "ends in .png, got x.jpg"),
+        (["--save", "x.png"], "ends in .rrd, got x.png"),
+        (["--palette", "grey"], "'default', 'colour-blind'"),
+    ],
+)
+def test_options_that_make_no_sense_together_are_refused(
+    arguments: list[str], complaint: str, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Both are named, and nothing is written.
+    """
+    with pytest.raises(SystemExit, match=r"^2$"):
+        main(["view", str(log), *arguments])
+
+    assert complaint in " ".join(capsys.readouterr().err.split())
+    assert [log] == list(log.parent.iterdir())
+
+
+@pytest.mark.viewer
+def test_a_picture_of_one_view_in_other_colours(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Of the size asked for, less the window's edges; what was made on the way is gone.
+    """
+    picture = tmp_path / "plan.png"
+    with a_viewer(None), pytest.raises(SystemExit, match=r"^0$"):
+        main(["view", str(log), "--screenshot", str(picture), "--view", "Floor plan",
+              "--size", "640x480", "--palette", "colour-blind", "--no-beliefs"])  # fmt: skip
+
+    png = picture.read_bytes()
+    assert has_colour(png, COLOUR_BLIND.closed)
+    assert not has_colour(png, DEFAULT.closed)
+    height, width, _ = colours_of(png).shape
+    assert 200 < width < 640
+    assert 200 < height < 480
+    assert f"{picture}: written." in capsys.readouterr().err
+    assert {log, picture} == set(tmp_path.iterdir())
+
+
+@pytest.mark.viewer
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_a_log_is_followed_while_another_process_records(log: Path, ending: signal.Signals) -> None:
+    """
+    Over the end of a segment, too; a signal ends it, quickly, and no process of it is left.
+    """
+    with _serving(log, "--follow", "--no-beliefs") as (process, page):
+        (source,) = parse_qs(urlsplit(page).query)["url"]
+        with a_viewer(source, size=(800, 600)) as viewer:
+            assert has_colour(viewer.picture("Floor plan"), DEFAULT.closed)
+            for state in ("unknown", "open"):
+                _run("observe", log, "front", state)
+                _run("compact", log)
+            _wait_for(lambda: has_colour(viewer.picture("Floor plan"), DEFAULT.open))
+        children = _family(process.pid)
+        process.send_signal(ending)
+        code = process.wait(30)
+        said = process.stderr.read() if process.stderr else ""
+
+    assert len(children) > 1
+    assert [] == [pid for pid in children if _is_alive(pid)]
+    assert (0 if ending == signal.SIGINT else 128 + signal.SIGTERM) == code
+    assert ["Open this address in a browser of this machine; Ctrl-C ends it."] == said.splitlines()
+
+
+@pytest.mark.viewer
+def test_a_browser_shows_the_recording(log: Path) -> None:
+    """
+    The page loads without a complaint of ours, and shows the door closed; nobody but this machine
+    is listened to.
+    """
+    with (
+        a_page(size=(1000, 700), webgl=True) as browser,
+        _serving(log, "--no-beliefs", "--theme", "dark") as (process, page),
+    ):
+        browser.open(page)
+        _wait_for(lambda: has_colour(browser.screenshot(), DEFAULT.closed), most_s=240)
+        listening = [line for pid in _family(process.pid) for line in _listening(pid)]
+        complaints = [said for said in browser.complaints if not _is_tolerated(said)]
+        background = colours_of(browser.screenshot())[4, 500]
+
+    assert [] == complaints
+    assert 2 == len(listening)
+    assert {LOCALHOST} == {address.partition(":")[0] for address in listening}
+    assert background.max() < 40
+
+
+def _is_tolerated(said: str) -> bool:
+    return any(words in said for words in TOLERATED)
+
+
+@contextmanager
+def _serving(log: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A `view --web` in a process of its own, and the address that it tells."""
+    command = [sys.executable, "-m", "semmap_log", "view", str(log), "--web", *options]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+
+
+def _run(verb: str, log: Path, *arguments: str) -> None:
+    command = [sys.executable, "-m", "semmap_log", verb, str(log), *arguments]
+    subprocess.run(command, check=True, capture_output=True)
+
+
+def _wait_for(done: object, *, most_s: float = 60.0) -> None:
+    deadline = time.monotonic() + most_s
+    while not done():  # type: ignore[operator]
+        assert time.monotonic() < deadline, f"not so within {most_s:.0f} s"
+        time.sleep(0.2)
+
+
+def _family(pid: int) -> list[int]:
+    """A process and all that it started, and they started."""
+    found = [pid]
+    for each in found:
+        for task in Path(f"/proc/{each}/task").iterdir():
+            found += [int(child) for child in (task / "children").read_text().split()]
+    return found
+
+
+def _is_alive(pid: int) -> bool:
+    return Path(f"/proc/{pid}").exists()
+
+
+def _listening(pid: int) -> list[str]:
+    """The addresses, as in /proc/net/tcp, on which a process takes connections."""
+    sockets = {os.readlink(each.path) for each in os.scandir(f"/proc/{pid}/fd")}
+    rows = [line.split() for name in ("tcp", "tcp6")
+            for line in Path(f"/proc/{pid}/net/{name}").read_text().splitlines()[1:]]  # fmt: skip
+    return [row[1] for row in rows if row[3] == LISTENS and f"socket:[{row[9]}]" in sockets]
