@@ -6,7 +6,9 @@ const TICK_STEPS = [
   10_000, 30_000, MINUTE, 5 * MINUTE, 15 * MINUTE, HOUR, 3 * HOUR, 6 * HOUR, 12 * HOUR,
   DAY, 2 * DAY, 7 * DAY, 14 * DAY, 28 * DAY, 91 * DAY, 364 * DAY,
 ];
-const TICK_ROOM_PX = 88;
+const TICK_ROOM_PX = 88, NARROW_PX = 500;
+const LONGEST_NAME = 24;
+const IS_PHONE = innerWidth < 600; // there is room for the id, and where a name begins
 
 const view = { name: "all", from: 0, till: Math.max(END, 1) };
 const lanes = [];
@@ -62,7 +64,7 @@ class Lane {
     this.door = door;
     this.canvas = el("canvas", { role: "img", "aria-label": door ? spanText(door) : count(data.rounds.length, "patrol round") });
     const label = door
-      ? el("button", { type: "button", title: door.name, onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(name))
+      ? el("button", { type: "button", title: door.name, onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(IS_PHONE ? `${door.id} ${name}` : shortened(name, LONGEST_NAME)))
       : el("span", {}, name);
     this.element = el("div", { class: door ? "lane" : "lane rounds", "data-id": door ? door.id : null },
       el("div", { class: "lane-name" }, label), el("div", { class: "lane-bar" }, this.canvas));
@@ -193,14 +195,14 @@ function setWindow(name) {
 function drawTicks() {
   const width = byId("ticks").clientWidth || 800;
   const length = view.till - view.from;
-  const step = TICK_STEPS.find((ms) => (ms / length) * width >= TICK_ROOM_PX) || length;
+  const step = TICK_STEPS.find((ms) => (ms / length) * width >= (width < NARROW_PX ? 0.7 : 1) * TICK_ROOM_PX) || length;
   const marks = ticksOf(step).map((t) => [100 * shareOf(t), t]);
   const place = (element, left) => {
     element.style.left = `${left}%`;
     return element;
   };
   byId("ticks").replaceChildren(...marks.filter(([left]) => left < 99 - 6000 / width).map(([left, t]) =>
-    place(el("span", {}, tickText(t, step)), left)));
+    place(el("span", {}, tickText(t, step, width < NARROW_PX)), left)));
   byId("grid").replaceChildren(...marks.map(([left, t]) =>
     place(el("i", { class: clockText(t) === "00:00:00" ? "midnight" : null }), left)));
 }
@@ -219,8 +221,8 @@ function ticksOf(step) {
   return ticks;
 }
 
-function tickText(t, step) {
-  if (step >= DAY) return step > 60 * DAY ? `${dayText(t).slice(4)} ${wall(t).getUTCFullYear()}` : dayText(t);
+function tickText(t, step, isNarrow) {
+  if (step >= DAY) return step > 60 * DAY ? `${dayText(t).slice(4)} ${wall(t).getUTCFullYear()}` : dayText(t).slice(isNarrow ? 4 : 0);
   const isMidnight = clockText(t) === "00:00:00";
   return isMidnight ? dayText(t) : clockText(t, step < MINUTE);
 }

@@ -81,6 +81,14 @@ class LevelPanel {
     this.layOut();
   }
 
+  /** Bring a place into the middle, where only a part of the plan is seen. */
+  centre([, , x, y]) {
+    if (this.zoom === 1) return;
+    this.middle = [x, y];
+    this.keepInside();
+    this.layOut();
+  }
+
   keepInside() {
     const [left, low, right, high] = this.bounds;
     if (this.zoom === 1) this.middle = [(left + right) / 2, (low + high) / 2];

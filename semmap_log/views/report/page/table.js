@@ -35,7 +35,7 @@ function rowOf(door) {
   const cells = Object.fromEntries(COLUMNS.map(({ key, isNumber }) => [key, el("td", { class: `of-${key}${isNumber ? " number" : ""}` })]));
   cells.id.append(String(door.id));
   cells.name.append(el("button", { type: "button", onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(door.name)));
-  if (door.p) cells.p.append(el("b", {}, shortNumber(door.p[0])), ` ${interval(door.p[1], door.p[2])}`);
+  if (door.p) cells.p.append(el("b", {}, shortNumber(door.p[0])), el("span", { class: "wide" }, ` ${interval(door.p[1], door.p[2])}`));
   else cells.p.append(el("span", { class: "aside", title: door.why || "not in the map then" }, "unknown"));
   cells.changes.append(grouped(door.changes));
   const row = { door, cells, now: null, element: el("tr", { "data-id": door.id }, Object.values(cells)) };
