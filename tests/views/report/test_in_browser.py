@@ -368,6 +368,50 @@ def test_labels_do_not_cover_each_other(page: Page, tmp_path: Path, crowd: str) 
         page.click("#nearer")
 
 
+def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> None:
+    """
+    Every door, at fifty places along: the pixel at the lane's foot is what a replay says.
+    """
+    log = sl.read(RECORDINGS / "office")
+    data = shown(page, tmp_path, log)
+    page.place("#lanes")
+    page.wait_until("document.querySelector('.lane canvas').width > 300")
+
+    for door in (1, 2, 3):
+        width, pixels = page.evaluate(
+            "(c => [c.width, [...c.getContext('2d')"
+            ".getImageData(0, c.height - 1, c.width, 1).data]])"
+            f"(document.querySelector('.lane[data-id=\"{door}\"] canvas'))"
+        )
+        for share in range(1, 50):
+            column = width * share // 50
+            around = [round(data["end"] * (column + off) / width) for off in (-1, 0, 1, 2)]
+            true = {replayed_at(log, data, t)[door]["state"] for t in around}
+            if len(true) == 1:  # else a change is near, and one of both is right
+                colour = {"OPEN": DEFAULT.open, "CLOSED": DEFAULT.closed,
+                          "UNKNOWN": DEFAULT.unknown}[true.pop()]  # fmt: skip
+                assert list(colour) == pixels[4 * column : 4 * column + 3], (door, share)
+
+
+def test_a_typical_week_has_the_colours_of_its_hours(page: Page, tmp_path: Path) -> None:
+    """
+    Monday's first hour at the upper left; what nobody has seen is left to the hatching below.
+    """
+    data = shown(page, tmp_path, sl.read(RECORDINGS / "clinic_week"))
+    door = data["doors"][0]
+
+    pixels = page.evaluate(
+        "[...document.querySelector('figure[data-id=\"1\"] canvas').getContext('2d')"
+        ".getImageData(0, 0, 24, 7).data]"
+    )
+
+    expected = [
+        [0, 0, 0, 0] if percent < 0 else [*bytes.fromhex(data["shades"][percent][1:]), 255]
+        for percent in door["week"]
+    ]
+    assert expected == [pixels[4 * i : 4 * i + 4] for i in range(168)]
+
+
 def test_json_in_the_page_is_what_python_reads(page: Page, tmp_path: Path) -> None:
     """
     The browser's parser and ours agree on every escape.
