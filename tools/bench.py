@@ -33,6 +33,7 @@ from benchmark.opening import crash_case, open_cases
 from benchmark.promises import Result
 from benchmark.questions import day_cases, history_cases
 from benchmark.starting import start_cases
+from benchmark.view_cases import view_cases
 from benchmark.worker import PeerFailedError, measure
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -43,7 +44,7 @@ SIZED = {
     "day": day_cases, "open": open_cases, "import": import_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
-GROUPS = ("append", *SIZED, "costmap", "beliefs", "start")
+GROUPS = ("append", *SIZED, "costmap", "beliefs", "view", "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -111,6 +112,8 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
         yield from costmap_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "beliefs" in args.only:
         yield from belief_cases(args.rounds, tries_out=max(args.events) < SMALL)
+    if "view" in args.only:
+        yield from view_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "start" in args.only:
         yield from start_cases(args.rounds)
     shop.look()

@@ -98,7 +98,8 @@ def run(
     """Look at the history in the rerun viewer: floor plan, doors, state lanes, events, robot.
 
     Scrub along `happened` to see what was true, along `recorded` to see when it became known.
-    Retracted events are left out. It opens at the end, or at the moment of --at.
+    Events that were taken back are there along `recorded`, until that was known. It opens at the
+    end, or at the moment of --at.
 
     With --follow, what is recorded meanwhile is on the screen within a second; beliefs stay as they
     were at first. Close the window, or press Ctrl-C, to end it.
@@ -207,6 +208,8 @@ def _recording(opened: DoorLog, save: Path | None, looks: dict[str, Any]) -> Ite
                 f"{save}: {summary.events} events, {summary.bytes / 1e6:.1f} MB, "
                 f"{summary.seconds:.1f} s. To look at it: rerun {save}"
             )
+            if left_out := str(summary.left_out):
+                say(f"As no eye would see them, {left_out}.")
         yield path
 
 

@@ -20,6 +20,8 @@ class Work:
     """Not timed: what each turn is given; at least as many as there are turns."""
     answer: Callable[[Any], Any] = lambda result: result
     """Not timed: the last turn's result as a plain value that can be compared."""
+    note: Callable[[Any], str] = lambda _: ""
+    """Not timed: what else the table says of the last turn's result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,8 @@ class Case:
     """Whether the memory of the peer's process says something."""
     memory_promise: bool = True
     """Whether we promise to stay below `promises.MEMORY_MB`: not where a map is that large."""
+    memory_mb: int | None = None
+    """What we promise to stay below instead."""
     events: int | None = None
     """How many events the log holds; None: that does not matter."""
     warms_up: bool = True
@@ -93,6 +97,8 @@ class Measured:
     """Of the processor, all cores together, in each turn that counts."""
     read_bytes: tuple[int, ...] = ()
     """What each turn that counts had the disk read."""
+    note: str = ""
+    """What else there is to say."""
 
     @property
     def median_s(self) -> float:

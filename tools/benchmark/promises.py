@@ -64,11 +64,11 @@ def speed_kept(measured: Measured, peers: Sequence[Measured]) -> bool | None:
 
 
 def memory_kept(case: Case, measured: Measured) -> bool | None:
-    """Tell whether we stayed below `MEMORY_MB`; None: that is not asked."""
+    """Tell whether we stayed below `MEMORY_MB`, or the case's own; None: that is not asked."""
     asked = case.has_memory and case.memory_promise and measured.peer.name.startswith(OURS)
     if not asked or measured.problem:
         return None
-    return measured.peak_bytes < MEMORY_MB * MB
+    return measured.peak_bytes < (case.memory_mb or MEMORY_MB) * MB
 
 
 def growths(results: Sequence[Result]) -> Iterator[Growth]:

@@ -139,6 +139,8 @@ def _peer_json(case: Case, measured: Measured, peers: Sequence[Measured]) -> dic
         "memory_kept": memory_kept(case, measured),
         "agrees": measured.agrees,
     }
+    if measured.note:
+        said["note"] = measured.note
     if case.tail_promise is not None:
         said["p99_s"] = measured.p99_s
     if measured.peer.store_bytes:

@@ -88,6 +88,8 @@ def _peer_rows(case: Case, measured: Measured, peers: Sequence[Measured]) -> Ite
     said = figure(measured.median_s, case.unit) if measured.agrees else "[bold red]WRONG[/]"
     promise = _marked(measured.peer.promise, kept=speed_kept(measured, peers))
     yield name, said, _times(times_of(measured, peers)), promise, _memory(case, measured)
+    if measured.note:
+        yield (f"[dim]    {escape(measured.note)}[/]",)
     is_ours = measured.peer.name.startswith(OURS)
     if case.tail_promise is not None:
         kept = is_kept(case.tail_promise, measured.p99_s * 1e3) if is_ours else None

@@ -70,7 +70,7 @@ class _Child:
         said = self._ask(None)
         if self._missing:
             return Measured(self._peer, problem=self._missing)
-        peak_bytes, answer = said
+        peak_bytes, answer, note = said
         agrees = bool(answer == self._peer.expected)
         return Measured(
             self._peer,
@@ -79,6 +79,7 @@ class _Child:
             agrees,
             cpu_seconds=tuple(self._cpu_seconds),
             read_bytes=tuple(self._read_bytes),
+            note=note,
         )
 
     def await_answer(self) -> Any:
@@ -139,7 +140,7 @@ def _serve(pipe: Connection, prepare: Callable[[], Work], cores: int | None) -> 
                 read_bytes.append(_read_bytes() - before[0])
             pipe.send(("turns", (seconds, cpu_seconds, read_bytes)))
         peak_bytes = _peak_bytes()
-        pipe.send(("answer", (peak_bytes, work.answer(result))))
+        pipe.send(("answer", (peak_bytes, work.answer(result), work.note(result))))
     except (EOFError, ConnectionError):
         return  # the parent has gone
     except ModuleNotFoundError as error:

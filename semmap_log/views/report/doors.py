@@ -17,12 +17,11 @@ from semmap_log.doors import Door, DoorId, DoorState
 from semmap_log.events import DoorAdded, DoorRemoved
 from semmap_log.views.report.gathering import STAMP, WORD, Gathered, Rows
 from semmap_log.views.report.times import MS_NS, Span
+from semmap_log.views.rerun.door_fold import DoorFold, DoorPicture
 from semmap_log.views.rerun.door_rows import (
     ALWAYS,
     NEVER,
     Changes,
-    DoorFold,
-    DoorPicture,
     Edge,
     Life,
     Stamp,
@@ -98,7 +97,7 @@ def _story(before: Door | None, rest: Changes, words: Rows) -> DoorStory | None:
         DoorId(door_id),
         life,
         said[Life(born, life.removed).covers(said)],
-        DoorFold(life).take(rest),
+        DoorFold().take(rest),
     )
 
 

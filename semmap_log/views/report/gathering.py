@@ -65,7 +65,7 @@ class Gathered:
 def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None) -> Gathered:
     """Read the events of an excerpt."""
     reading = _Reading()
-    for batch in excerpt.batches(progress):
+    for batch in excerpt.happened(progress):
         reading.take(batch)
     return reading.gathered()
 

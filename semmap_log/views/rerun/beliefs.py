@@ -1,11 +1,14 @@
 """What the robot could believe, into a rerun recording: a curve a door, and its typical week.
 
-At each time of the curve counts what had happened by then; so it stands on the timeline `happened`
-alone. The week is as known at the recording's end.
+At each time of the curve counts what had happened by then, with all that is known today; so it
+stands on the timeline `happened` alone. What the estimator would have said as of each moment of
+recording, late events not there yet and those taken back still there, would have to be learnt anew
+behind each of them. The week is as known at the recording's end.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +19,7 @@ from semmap_log.beliefs.asking import Asked, ask
 from semmap_log.beliefs.beliefs import LATER, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.doors import DoorId
+from semmap_log.moments import DAY_NS
 from semmap_log.probabilities.belief_fold import Beliefs
 from semmap_log.probabilities.methods.by_door import MOST_DOORS
 from semmap_log.views.palette import Palette
@@ -31,7 +35,11 @@ BELIEF = "belief"
 NO_MEANS = rr.components.AggregationPolicy.Off
 """Else the viewer draws points that are less than a pixel apart as their mean: half a jump."""
 MOST_CURVES = 16
-"""For each day of each curve the estimator learns anew, as it would have then: some seconds."""
+MOST_CURVE_DAYS = 2_000
+"""For each day of each curve the estimator learns anew, as it would have then: some seconds. So the
+liveliest 16 doors have one, in a recording of years fewer; doors that were asked for all have."""
+MOST_WEEKS = 80
+"""On a level with more doors the liveliest have a week: more of them cannot be read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +64,26 @@ def beliefs_to_show(
     """
     now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
     doors = [door for door in scene.liveliest() if chosen is None or door.door_id in chosen]
-    drawn = doors if chosen is not None else doors[:MOST_CURVES]
+    most = min(MOST_CURVES, max(1, MOST_CURVE_DAYS // (scene.span_ns // DAY_NS + 1)))
+    drawn = doors if chosen is not None else doors[:most]
     curves = dict(_curves(now, drawn, scene))
     habits = now.by(LATER).as_of(scene.end.folds_ns)  # what happens later is not known there
-    here = [door for door in habits.doors if door.door_id in scene.doors]
+    read = _read_of(doors)
+    here = [door for door in habits.doors if door.door_id in read]
     weeks = [week for week in (typical_week(habits, door) for door in here) if week.is_known]
     return BeliefsShown(curves, weeks) if curves or weeks else None
+
+
+def _read_of(doors: Sequence[SceneDoor]) -> set[DoorId]:
+    """Return which doors have a week: the first `MOST_WEEKS` of each level."""
+    levels = Counter[EntityPath]()
+    chosen = set()
+    for door in doors:
+        level = door.path[:-2]
+        levels[level] += 1
+        if levels[level] <= MOST_WEEKS:
+            chosen.add(door.door_id)
+    return chosen
 
 
 def _curves(
@@ -130,7 +152,7 @@ def _write_curve(writer: RowWriter, path: EntityPath, points: Points, palette: P
     writer.static(path, look)
     # Each chunk begins with the last point of the one before: see `DoorsWriter`.
     for first in range(0, max(len(points) - 1, 1), MOST_ROWS - 1):
-        writer.rows(path, points[first : first + MOST_ROWS], _scalars, timelines=[HAPPENED])
+        writer.rows(path, points[first : first + MOST_ROWS], _scalars, [HAPPENED])
 
 
 def _scalars(part: Points) -> Sequence[Any]:

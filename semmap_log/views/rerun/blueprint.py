@@ -13,9 +13,10 @@ from typing import Any
 from semmap_log.beliefs.typical_week import TypicalWeek
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.beliefs import BeliefsShown
+from semmap_log.views.rerun.beliefs import MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
 from semmap_log.views.rerun.robot import track_path
+from semmap_log.views.rerun.rounds import ROUNDS, Lane
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.sdk import rr, rrb
@@ -24,6 +25,12 @@ from semmap_log.views.rerun.weeks import Sheet, weeks_on, weeks_path
 MOST_CURVES = 8
 MOST_LANES = 16
 """With more doors than this, a tab of the liveliest stands before that of all doors."""
+
+MOST_ON_A_PAGE = 100
+"""Lanes of all doors come in pages of so many."""
+ROUNDS_SHARE, MORE_ROUNDS_SHARE, MOST_ROUNDS_SHARE = 0.9, 0.35, 2.0
+"""Height of the first robot's lane of rounds, of each further one, and of all, where all doors
+have 3."""
 
 DAY_NS = 86_400 * 10**9
 WHOLE_SPAN_NS = 2 * DAY_NS
@@ -52,6 +59,8 @@ def layout(
     level: int | None,
     costmap: bool,
     beliefs: BeliefsShown | None,
+    rounds: Sequence[Lane],
+    tz: str,
     goes_on: bool = False,
 ) -> Any:
     """Return the blueprint of a recording.
@@ -63,13 +72,17 @@ def layout(
         level: The level whose plan is in front; None: the one with most doors.
         costmap: Each level's costmap has a tab behind the plans.
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
+        rounds: Lanes over those of the doors.
+        tz: In which the event log tells times.
         goes_on: More will come: lanes and curves move along with the cursor.
     """
     axis = _time_axis(scene, goes_on=goes_on)
     plans = _plans(scene, palette, level, costmap=costmap)
-    left = _column([(plans, 7), (_weeks(scene, palette, beliefs), 3)])
+    left = _column([(plans, 7), (_weeks(scene, palette, level, beliefs), 3)])
     curves = _curves(scene, chosen, beliefs, axis)
-    right = _column([(_lanes(scene, axis), 3), (curves, 2), (_event_log(), 2)])
+    share = min(ROUNDS_SHARE + MORE_ROUNDS_SHARE * (len(rounds) - 1), MOST_ROUNDS_SHARE)
+    lanes = [(_rounds(rounds, axis), share), (_lanes(scene, chosen, axis), 3.0)]
+    right = _column([*lanes, (curves, 2), (_event_log(tz), 2)])
     return rrb.Blueprint(
         right if left is None else rrb.Horizontal(left, right, column_shares=[5, 3]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -83,7 +96,7 @@ def layout(
     )
 
 
-def _column(parts: list[tuple[View | None, int]]) -> View | None:
+def _column(parts: Sequence[tuple[View | None, float]]) -> View | None:
     """Return the views that there are, one above the other, each with its share of the height."""
     there = [(view, share) for view, share in parts if view is not None]
     if len(there) < 2:
@@ -149,22 +162,26 @@ def _recent_track() -> Any:
     )
 
 
-def _weeks(scene: Scene, palette: Palette, beliefs: BeliefsShown | None) -> View | None:
+def _weeks(
+    scene: Scene, palette: Palette, front: int | None, beliefs: BeliefsShown | None
+) -> View | None:
     """Return a tab of typical weeks a level; None where nothing is known."""
     weeks = [] if beliefs is None else beliefs.weeks
-    views = [
-        _week(level, here, palette)
+    views = {
+        level.level: _week(level, here, palette)
         for level in scene.levels.values()
         if (here := weeks_on(weeks, scene, level))
-    ]
+    }
     if len(views) < 2:
-        return views[0] if views else None
-    return rrb.Tabs(*views, active_tab=0)
+        return next(iter(views.values()), None)
+    return rrb.Tabs(*views.values(), active_tab=list(views).index(front) if front in views else 0)
 
 
 def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], palette: Palette) -> View:
     sheet = Sheet.of(len(weeks))
     name = "Typical week" if level.path == (ROOT,) else f"{level.name} typical week"
+    if len(weeks) == MOST_WEEKS < level.doors:
+        name += f" of the {MOST_WEEKS} liveliest doors"
     return rrb.Spatial2DView(
         origin=entity(weeks_path(level)),
         # The axis of time is in UTC, habits are not.
@@ -204,14 +221,35 @@ def _curve(door: SceneDoor, axis: Any) -> View:
     )
 
 
-def _lanes(scene: Scene, axis: Any) -> View:
-    everything = _lane_view(axis, "Door states", [f"+ /{ROOT}/**"])
-    if len(scene.doors) <= MOST_LANES:
+def _rounds(rounds: Sequence[Lane], axis: Any) -> View | None:
+    if not rounds:
+        return None
+    return rrb.StateTimelineView(origin=f"/{ROUNDS}", name="Rounds (UTC)", time_view=axis)
+
+
+def _lanes(scene: Scene, chosen: Sequence[DoorId] | None, axis: Any) -> View:
+    """Return the lanes of all doors; where these are many, those to look at first before."""
+    everything = _lane_view(axis, "Door states (UTC)", [f"+ /{ROOT}/**"])
+    if chosen is not None or len(scene.doors) <= MOST_LANES:
         return everything
-    paths = [f"+ {entity(door.path)}" for door in scene.liveliest()[:MOST_LANES]]
-    few = _lane_view(axis, f"{MOST_LANES} liveliest doors", paths)
-    every = _lane_view(axis, f"All {len(scene.doors)} doors", [f"+ /{ROOT}/**"])
-    return rrb.Tabs(few, every, active_tab=0)
+    few = scene.liveliest()[:MOST_LANES]
+    paths = [f"+ {entity(door.path)}" for door in few]
+    tabs = [_lane_view(axis, f"{MOST_LANES} liveliest doors (UTC)", paths)]
+    tabs += _pages(scene, axis)
+    return rrb.Tabs(*tabs, active_tab=0)
+
+
+def _pages(scene: Scene, axis: Any) -> list[View]:
+    """Return views of all doors, level by level, at most so many at once."""
+    views = []
+    for level in scene.levels.values():
+        here = [door for door in scene.doors.values() if door.path[:-2] == level.path]
+        pages = [here[i : i + MOST_ON_A_PAGE] for i in range(0, len(here), MOST_ON_A_PAGE)]
+        name = "All doors" if level.path == (ROOT,) else level.name
+        for number, page in enumerate(pages, start=1):
+            title = name if len(pages) == 1 else f"{name} {number}/{len(pages)}"
+            views.append(_lane_view(axis, title, [f"+ {entity(door.path)}" for door in page]))
+    return views
 
 
 def _lane_view(axis: Any, name: str, contents: list[str]) -> View:
@@ -235,10 +273,10 @@ def _time_axis(scene: Scene, *, goes_on: bool) -> Any:
     return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
-def _event_log() -> View:
+def _event_log(tz: str) -> View:
     return rrb.TextLogView(
         origin=f"/{EVENTS}",
-        name="Event log (UTC)",
+        name=f"Event log ({tz})",
         # The time is in the text: a column for it cannot be made wide enough to be read.
         columns=rrb.TextLogColumns(
             timeline_columns=[rrb.encodings.TimelineColumn(HAPPENED, visible=False)],

@@ -6,7 +6,7 @@ the costs themselves, so that hovering over a cell tells them, and get their col
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from semmap_log.views.rerun.costmap_rows import (
     Pictures,
     patches_along,
 )
-from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, RowWriter
+from semmap_log.views.rerun.rows import EVENT, EVERYWHERE, HAPPENED, RECORDED, RowWriter
 from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
 from semmap_log.views.rerun.sdk import rr
 
@@ -46,57 +46,80 @@ class CostmapWriter:
         self._writer = writer
         self._scene = scene
         self._palette = palette
-        self._pieces: dict[DoorId, list[DoorRows]] = {}
+        self._pieces: dict[str, dict[DoorId, list[DoorRows]]] = {HAPPENED: {}, RECORDED: {}}
         self._has_news = False
         self._written = NOTHING_WRITTEN
 
-    def take(self, door: DoorId, rows: DoorRows) -> None:
-        """Take a door's next rows."""
-        if len(rows):
-            self._pieces.setdefault(door, []).append(rows)
-            self._has_news = True
+    def take(self, door: DoorId, rows: DoorRows, timelines: Sequence[str]) -> None:
+        """Take a door's next rows along these timelines; `event` goes with `recorded`."""
+        for timeline, pieces in self._pieces.items():
+            if timeline in timelines and len(rows):
+                pieces.setdefault(door, []).append(rows)
+                self._has_news = True
 
     def finish(self) -> None:
         """Write what is new of all layers."""
         if not self._has_news:
             return
-        doors = {door: DoorRows.joined(pieces) for door, pieces in sorted(self._pieces.items())}
-        self._write(doors)
-        self._written = max(rows.last_number for rows in doors.values())
-        self._pieces = {door: [rows.last()] for door, rows in doors.items()}
+        joined = {
+            timeline: {door: DoorRows.joined(rows) for door, rows in sorted(pieces.items())}
+            for timeline, pieces in self._pieces.items()
+        }
+        self._write(joined[HAPPENED], joined[RECORDED])
+        told = [rows for doors in joined.values() for rows in doors.values()]
+        self._written = max(rows.last_number for rows in told)
+        self._pieces = {
+            timeline: {door: [rows.last()] for door, rows in doors.items()}
+            for timeline, doors in joined.items()
+        }
         self._has_news = False
 
-    def _write(self, doors: dict[DoorId, DoorRows]) -> None:
+    def _write(self, happened: dict[DoorId, DoorRows], recorded: dict[DoorId, DoorRows]) -> None:
         for level in self._scene.levels.values():
             if not has_costmap(self._scene, level):
                 continue
-            here = {door: rows for door, rows in doors.items()
-                    if level.level in self._scene.doors[door].lines}  # fmt: skip
-            if (geometry := _geometry(level, here)) is not None:
-                self._write_level(level, geometry, here)
+            here = [self._on(level, doors) for doors in (happened, recorded)]
+            geometry = _geometry(level, [rows for doors in here for rows in doors.values()])
+            if geometry is not None:
+                self._write_level(level, geometry, *here)
+
+    def _on(self, level: SceneLevel, doors: dict[DoorId, DoorRows]) -> dict[DoorId, DoorRows]:
+        """Return the rows of the doors that are on a level at some time."""
+        return {
+            door: rows
+            for door, rows in doors.items()
+            if level.level in self._scene.doors[door].lines
+        }
 
     def _write_level(
-        self, level: SceneLevel, geometry: GridGeometry, doors: dict[DoorId, DoorRows]
+        self,
+        level: SceneLevel,
+        geometry: GridGeometry,
+        happened: dict[DoorId, DoorRows],
+        recorded: dict[DoorId, DoorRows],
     ) -> None:
         if self._written == NOTHING_WRITTEN:
             self._writer.static((*level.path, COSTMAP), colours_of_costs(self._palette))
-        happened = dict(patches_along(doors, level.level, geometry, recorded=False))
-        as_recorded = {door: rows.as_recorded() for door, rows in doors.items()}
-        recorded = dict(patches_along(as_recorded, level.level, geometry, recorded=True))
-        for door in sorted(happened.keys() | recorded.keys()):
+        one = dict(patches_along(happened, level.level, geometry, recorded=False))
+        other = dict(patches_along(recorded, level.level, geometry, recorded=True))
+        for door in sorted(one.keys() | other.keys()):
             path = (*level.path, COSTMAP, self._scene.doors[door].path[-1])
-            one, other = happened.get(door, _NOTHING), recorded.get(door, _NOTHING)
-            one, other = one.behind(self._written), other.behind(self._written)
-            if not (len(one.pictures) or len(other.pictures)):
-                continue
-            self._writer.static(
-                path, rr.SegmentationImage.from_fields(opacity=1.0, draw_order=-5.0)
-            )
-            if one.patches == other.patches and np.array_equal(one.pictures, other.pictures):
-                self._write_pictures(path, one, geometry, [HAPPENED, RECORDED, EVENT])
-            else:
-                self._write_pictures(path, one, geometry, [HAPPENED])
-                self._write_pictures(path, other, geometry, [RECORDED, EVENT])
+            along = (patches.pop(door, _NOTHING).behind(self._written) for patches in (one, other))
+            self._write_door(path, geometry, *along)
+
+    def _write_door(
+        self, path: EntityPath, geometry: GridGeometry, happened: DoorPatches, recorded: DoorPatches
+    ) -> None:
+        if not (len(happened.pictures) or len(recorded.pictures)):
+            return
+        self._writer.static(path, rr.SegmentationImage.from_fields(opacity=1.0, draw_order=-5.0))
+        if happened.patches == recorded.patches and np.array_equal(
+            happened.pictures, recorded.pictures
+        ):
+            self._write_pictures(path, happened, geometry, EVERYWHERE)
+        else:
+            self._write_pictures(path, happened, geometry, [HAPPENED])
+            self._write_pictures(path, recorded, geometry, [RECORDED, EVENT])
 
     def _write_pictures(
         self,
@@ -108,12 +131,9 @@ class CostmapWriter:
         pictures = door.pictures
         shows = pictures["patch"] != NO_PATCH
         self._writer.rows(
-            path,
-            pictures[shows],
-            lambda part: _images(part, door.patches, geometry),
-            timelines=timelines,
+            path, pictures[shows], lambda part: _images(part, door.patches, geometry), timelines
         )
-        self._writer.clear(path, pictures[~shows], timelines=timelines)
+        self._writer.clear(path, pictures[~shows], timelines, returns=pictures[shows])
 
 
 _NOTHING = DoorPatches([], np.empty(0, PICTURE))
@@ -155,11 +175,11 @@ def shades_of_costs(palette: Palette) -> NDArray[np.uint8]:
     return shades
 
 
-def _geometry(level: SceneLevel, doors: dict[DoorId, DoorRows]) -> GridGeometry | None:
+def _geometry(level: SceneLevel, doors: Iterable[DoorRows]) -> GridGeometry | None:
     """Return the grid of the level's floor map, or one around its doors."""
     floor = level.floor
     if floor is None:
-        return grid_around(doors.values(), level.level)
+        return grid_around(doors, level.level)
     rows, columns = floor.cells.shape
     return GridGeometry.of_map((rows, columns), floor.resolution, (floor.origin_x, floor.origin_y))
 

@@ -123,12 +123,12 @@ def _moves(
     doors: Mapping[DoorId, DoorRows], level: int, geometry: GridGeometry, order: Order
 ) -> list[_Move]:
     """Return all moves of doors that are on a level at some time, in that order."""
-    parts = [np.concatenate([rows.placements, rows.removal]) for rows in doors.values()]
+    parts = [np.concatenate([rows.placements, rows.removals]) for rows in doors.values()]
     owner = [door for door, part in zip(doors, parts, strict=True) for _ in range(len(part))]
     rows = np.concatenate([np.empty(0, CHANGE), *parts])
     is_removal = np.concatenate(
         [np.zeros(0, np.bool_)]
-        + [np.arange(len(r.placements) + len(r.removal)) >= len(r.placements)
+        + [np.arange(len(r.placements) + len(r.removals)) >= len(r.placements)
            for r in doors.values()]
     )  # fmt: skip
     stays = ~is_removal & (rows["level"] == level)

@@ -1,8 +1,4 @@
-"""What events do to doors, as rows to draw: pure numpy, nothing of rerun.
-
-`changes_of` lays the events of a batch side by side as one table; `DoorFold` turns one door's part
-of it into the rows at which its state, its line and its probabilities become something else.
-"""
+"""What events do to doors, side by side as one table: pure numpy, nothing of rerun."""
 
 from __future__ import annotations
 
@@ -35,12 +31,14 @@ CHANGE = np.dtype([
     ("x", "f8"), ("y", "f8"), ("theta", "f8"), ("width", "f8"),
     ("prob_open", "f8"), ("prob_closed", "f8"),
 ])  # fmt: skip
-"""An event about a door; `sets` are the bits of `Changed`, the values outside them mean nothing."""
+"""An event about a door; `sets` are the bits of `Changed` and `THERE`, the values outside them mean
+nothing."""
+
+THERE = 32
+"""In `sets`, beside the bits of `Changed`: it brings the door into the map, or takes it out."""
+EVERYTHING = int(ALL_CHANGED) | THERE
 
 VALUES = ("level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed")
-
-PROBABILITIES = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)
-PLACE = int(Changed.POSE | Changed.WIDTH)
 
 Stamp = tuple[int, int]
 """(folds_ns, number): the order in which events count."""
@@ -77,7 +75,7 @@ def opening_changes(doors: Iterable[Door], begin: Edge) -> Changes:
     """Return one row a door that sets all of it to what it is: how a recording begins in midst."""
     listed = list(doors)
     opening = np.zeros(len(listed), CHANGE)
-    opening["kind"], opening["sets"] = DoorAdded.kind, int(ALL_CHANGED)
+    opening["kind"], opening["sets"] = DoorAdded.kind, EVERYTHING
     begin.stamp(opening)
     for name in ("door_id", *VALUES):
         opening[name] = [getattr(door, name) for door in listed]
@@ -114,7 +112,7 @@ def _fill_values(part: Changes, rows: Any) -> None:
 
 
 def _fill_added(part: Changes, rows: Any) -> None:
-    part["sets"] = int(ALL_CHANGED)
+    part["sets"] = EVERYTHING
     _fill_values(part, rows)
 
 
@@ -133,8 +131,8 @@ def _fill_passed(part: Changes, rows: Any) -> None:
     part["state"] = int(DoorState.OPEN)
 
 
-def _fill_removed(part: Changes, rows: Any) -> None:
-    """A removal sets nothing; its kind says it all."""
+def _fill_removed(part: Changes, _: Any) -> None:
+    part["sets"] = THERE
 
 
 _FILLS: Mapping[type[Event], Callable[[Changes, Any], None]] = {
@@ -148,7 +146,7 @@ _FILLS: Mapping[type[Event], Callable[[Changes, Any], None]] = {
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """From when to when a door is in the map."""
+    """From when to when a door is in the map, with all that is known."""
 
     added: Stamp = NEVER
     removed: Stamp = NEVER
@@ -163,87 +161,6 @@ def _is_before(changes: Changes, stamp: Stamp) -> NDArray[np.bool_]:
     ties = (changes["folds_ns"] == folds_ns) & (changes["number"] < number)
     earlier: NDArray[np.bool_] = (changes["folds_ns"] < folds_ns) | ties
     return earlier
-
-
-@dataclass(frozen=True, slots=True)
-class DoorPicture:
-    """Rows to draw for one door: each part with the events (rows of `CHANGE`) behind it."""
-
-    state_changes: Changes
-    """One a state; `state` is what it becomes."""
-    placements: Changes
-    """One a place; x, y, theta, width and level are all filled in."""
-    probabilities: Changes
-    """One a point of the curves; both probabilities are filled in, NaN where not given."""
-
-
-class DoorFold:
-    """Follows one door and remembers only its last values."""
-
-    def __init__(self, life: Life, *, repeats: bool = False) -> None:
-        """Start before the door's first row.
-
-        Args:
-            life: Events outside it draw nothing.
-            repeats: Keep the state changes that only repeat the state.
-        """
-        self._life = life
-        self._repeats = repeats
-        self.last: Changes = np.zeros(1, CHANGE)
-        """One row: the values after the last event taken."""
-        self.last["state"] = NO_STATE
-        for name in ("x", "y", "theta", "width", "prob_open", "prob_closed"):
-            self.last[name] = np.nan
-
-    def take(self, changes: Changes) -> DoorPicture:
-        """Return what the next events draw; they come in the order in which they count."""
-        changes = changes[self._life.covers(changes)]
-        return DoorPicture(
-            self._take_states(changes), self._take_places(changes), self._take_curves(changes)
-        )
-
-    def _take_states(self, changes: Changes) -> Changes:
-        setting: Changes = changes[(changes["sets"] & int(Changed.STATE)) != 0]
-        if not len(setting):
-            return setting
-        states = setting["state"]
-        differs = np.append(states[0] != self.last["state"][0], states[1:] != states[:-1])
-        self.last["state"] = states[-1]
-        drawn: Changes = setting[differs | self._repeats]
-        return drawn
-
-    def _take_places(self, changes: Changes) -> Changes:
-        placed: Changes = changes[(changes["sets"] & PLACE) != 0]
-        self._fill_forward(placed, Changed.POSE, ("level", "x", "y", "theta"))
-        self._fill_forward(placed, Changed.WIDTH, ("width",))
-        return placed
-
-    def _take_curves(self, changes: Changes) -> Changes:
-        given: Changes = changes[(changes["sets"] & PROBABILITIES) != 0]
-        self._fill_forward(given, Changed.PROB_OPEN, ("prob_open",))
-        self._fill_forward(given, Changed.PROB_CLOSED, ("prob_closed",))
-        known = ~(np.isnan(given["prob_open"]) & np.isnan(given["prob_closed"]))
-        drawn: Changes = given[known | (given["kind"] != DoorAdded.kind)]
-        return drawn
-
-    def _fill_forward(self, rows: Changes, bit: Changed, names: tuple[str, ...]) -> None:
-        """Give the rows that do not set a field the value that the field had."""
-        if not len(rows):
-            return
-        sets = (rows["sets"] & int(bit)) != 0
-        source = np.maximum.accumulate(np.where(sets, np.arange(len(rows)), -1))
-        for name in names:
-            rows[name] = np.where(source >= 0, rows[name][source], self.last[name])
-            self.last[name] = rows[name][-1]
-
-
-def late_rows(changes: Changes) -> NDArray[np.bool_]:
-    """Tell which rows, in the order in which they count, were recorded after one that counts later.
-
-    By the order of recording they never set anything: the later one had won before they came.
-    """
-    least_behind = np.minimum.accumulate(changes["number"][::-1])[::-1]
-    return least_behind < changes["number"]
 
 
 def strips_of(placements: Changes) -> NDArray[np.float32]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
 from semmap_log.event_batch import EventBatch
@@ -22,10 +23,14 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.moments import SECOND_NS
+from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.rerun.door_rows import Stamp
+from semmap_log.views.rerun.door_rows import Changes, Stamp
 from semmap_log.views.rerun.drawable import drawable
+from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.scene import Scene, SceneDoor
+from semmap_log.views.rerun.thinning import Repeats, is_long
 
 if TYPE_CHECKING:
     from semmap_log.commits import Commit
@@ -54,37 +59,70 @@ class EventLine:
 class EventLines:
     """Puts events into words; remembers each door's state, to tell changes from repeats."""
 
-    def __init__(self, scene: Scene, commits: Iterable[Commit]) -> None:
+    def __init__(self, scene: Scene, excerpt: Excerpt, commits: Iterable[Commit]) -> None:
         self._scene = scene
+        self._excerpt = excerpt
+        self._repeats = Repeats(scene.doors) if is_long(scene) else None
         self._notes = _Notes(commits)
-        self._time_from = _year_digits(scene.begin.folds_ns, scene.end.folds_ns)
+        self._clock = LocalClock(excerpt.log.info.timezone)
+        edges = self._shown(np.array([scene.begin.folds_ns, scene.end.folds_ns]))
+        self._time_from = len("2026-") if edges[0][:4] == edges[1][:4] else 0
         self._states: dict[int, tuple[int, DoorState]] = {
             door_id: (-1, door.before.state)
             for door_id, door in scene.doors.items()
             if door.before is not None
         }
+        self.left_out = 0
+        """Sightings so far that have no line: they repeat a state."""
 
-    def of(self, batch: EventBatch) -> Iterator[EventLine]:
-        """Yield a line for each event but the robot's poses; batches come in order."""
-        told = batch.select(batch.kind != RobotPose.kind)
+    def of(self, batch: EventBatch, changes: Changes) -> Iterator[EventLine]:
+        """Yield a line for each event but the robot's poses, and repeats in a long recording.
+
+        Args:
+            batch: Events; batches come in order.
+            changes: What they do to doors.
+        """
+        told = batch.select((batch.kind != RobotPose.kind) & ~self._is_repeat(batch, changes))
         folds_ns = told.folds_ns
-        times = np.datetime_as_string(folds_ns.astype("M8[ns]"), unit="s").tolist()
-        for recorded, t, time in zip(told, folds_ns.tolist(), times, strict=True):
+        times = self._shown(folds_ns)
+        taken_back = self._excerpt.is_retracted(told.number)
+        rows = zip(told, folds_ns.tolist(), times, taken_back.tolist(), strict=True)
+        for recorded, t, time, is_void in rows:
             event, number = recorded.event, recorded.number
-            importance, said, state = self._what(event, (t, number))
+            importance, said, state = self._what(event, (t, number), is_void=is_void)
             when = time[self._time_from :].replace("T", " ")
             text = f"{when}  {said}{self._notes.of(number)}"
             yield EventLine(number, t, recorded.recorded_ns, event.kind, importance, text, state)
 
-    def _what(self, event: Event, stamp: Stamp) -> tuple[str, str, DoorState | None]:
+    def _shown(self, times_ns: NDArray[np.int64]) -> list[str]:
+        """Return what the clocks of the building show then: `2026-03-01T14:02:00`."""
+        seconds = times_ns // SECOND_NS
+        wall = (seconds + self._clock.offset_s(seconds)).astype("M8[s]")
+        shown: list[str] = np.datetime_as_string(wall, unit="s").tolist()
+        return shown
+
+    def _is_repeat(self, batch: EventBatch, changes: Changes) -> NDArray[np.bool_]:
+        if self._repeats is None:
+            return np.zeros(len(batch), np.bool_)
+        repeats = self._repeats.numbers(changes)
+        self.left_out += len(repeats)
+        return np.isin(batch.number, repeats)
+
+    def _what(
+        self, event: Event, stamp: Stamp, *, is_void: bool
+    ) -> tuple[str, str, DoorState | None]:
         """Return importance, words and state."""
         said = drawable(words_of(event))
+        if is_void:
+            said = f"{said} (taken back later)"
         if not isinstance(event, DoorEvent):
             return WARN if isinstance(event, Retracted) else INFO, said, None
         door = self._scene.doors.get(event.door_id)
         if door is None:
             return DEBUG, f"door {event.door_id}  {said} (not in the map)", None
         said = f"{_who(door)}  {said}"
+        if is_void:
+            return INFO, said, state_told_by(event)
         if not (isinstance(event, DoorRemoved) or door.life.added <= stamp < door.life.removed):
             return DEBUG, f"{said} (not in the map then)", None
         state = state_told_by(event)
@@ -112,12 +150,6 @@ class EventLines:
             return isinstance(event, DoorAdded)  # a late event: the map has moved on
         self._states[event.door_id] = stamp[0], state
         return state != known
-
-
-def _year_digits(first_ns: int, last_ns: int) -> int:
-    """Return how much of `2026-03-01T…` to leave away: the year, where there is only one."""
-    first, last = np.array([first_ns, last_ns]).astype("M8[ns]").astype("M8[Y]")
-    return len("2026-") if first == last else 0
 
 
 def _who(door: SceneDoor) -> str:

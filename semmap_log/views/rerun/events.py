@@ -11,6 +11,7 @@ import numpy as np
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import KINDS
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.door_rows import Changes
 from semmap_log.views.rerun.event_lines import EventLine, EventLines
 from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter, rgba
 from semmap_log.views.rerun.scene import EVENTS, EntityPath
@@ -30,9 +31,9 @@ class EventsWriter:
         self._palette = palette
         self._waiting: dict[int, list[EventLine]] = {}
 
-    def take(self, batch: EventBatch) -> None:
-        """Take the next batch, in order of the numbers."""
-        for line in self._lines.of(batch):
+    def take(self, batch: EventBatch, changes: Changes) -> None:
+        """Take the next batch, in order of the numbers, and what it does to doors."""
+        for line in self._lines.of(batch, changes):
             waiting = self._waiting.setdefault(line.kind, [])
             waiting.append(line)
             if len(waiting) == MOST_ROWS:
@@ -59,7 +60,7 @@ class EventsWriter:
                 color=colours[part["line"]],
             ))  # fmt: skip
 
-        self._writer.rows(path_of_kind(kind), rows, columns)
+        self._writer.events(path_of_kind(kind), rows, columns)
 
 
 def path_of_kind(kind: int) -> EntityPath:

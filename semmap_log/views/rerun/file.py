@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,11 @@ from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.floor import write_floors
 from semmap_log.views.rerun.pump import pumped
 from semmap_log.views.rerun.robot import RobotWriter
+from semmap_log.views.rerun.rounds import Lane, write_rounds
 from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.rerun.sdk import rr
+from semmap_log.views.rerun.thinning import LeftOut
 
 APPLICATION_ID = "semmap_log"
 """Dots and other odd characters would be rewritten by rerun."""
@@ -38,8 +40,9 @@ def write_recording(
     palette: Palette,
     costmap: bool,
     beliefs: BeliefsShown | None,
+    rounds: Sequence[Lane],
     progress: Callable[[int, int], None] | None = None,
-) -> None:
+) -> LeftOut:
     """Convert the excerpt, batch by batch; each part writes as soon as it has a chunk.
 
     Raises:
@@ -50,14 +53,15 @@ def write_recording(
     with pumped(path) as pump, open_recording(recording_id) as recording:
         recording.save(pump.inlet, default_blueprint=blueprint)
         converter = Converter(
-            recording, scene, excerpt.log.commits(), name=excerpt.log.path.resolve().name,
-            palette=palette, costmap=costmap, beliefs=beliefs,
+            recording, excerpt, scene, excerpt.log.commits(),
+            palette=palette, costmap=costmap, beliefs=beliefs, rounds=rounds,
         )  # fmt: skip
         for batch in excerpt.batches(progress):
             pump.check()
             converter.take(batch)
         converter.finish()
         recording.flush()
+    return converter.left_out
 
 
 class Converter:
@@ -66,39 +70,50 @@ class Converter:
     def __init__(
         self,
         recording: Any,
+        excerpt: Excerpt,
         scene: Scene,
         commits: Iterable[Commit],
         *,
-        name: str,
         palette: Palette,
         costmap: bool,
         beliefs: BeliefsShown | None,
+        rounds: Sequence[Lane],
     ) -> None:
         """Write what holds at all times.
 
         Args:
             recording: Rerun's.
-            scene: What the batches will show.
+            excerpt: The part of the log.
+            scene: What its batches will show.
             commits: With the notes of all their events; taken one by one, as events come.
-            name: As the viewer lists the recording.
             palette: Colours.
             costmap: With the costmap's door layer.
             beliefs: To be written at the end; None: there are none.
+            rounds: What each robot drove for.
         """
-        recording.send_recording_name(drawable(name))
-        writer = RowWriter(recording)
+        recording.send_recording_name(drawable(excerpt.log.path.resolve().name))
+        writer = RowWriter(recording, excerpt, scene.commits)
         write_floors(writer, scene, palette)
+        write_rounds(writer, rounds, palette)
         self._layers = CostmapWriter(writer, scene, palette) if costmap else None
-        self._doors = DoorsWriter(writer, scene, palette, self._layers)
+        self._doors = DoorsWriter(writer, excerpt, scene, palette, self._layers)
         self._robot = RobotWriter(writer, scene, palette)
-        self._events = EventsWriter(writer, EventLines(scene, commits), palette)
+        self._lines = EventLines(scene, excerpt, commits)
+        self._events = EventsWriter(writer, self._lines, palette)
         self._writer, self._scene, self._palette, self._beliefs = writer, scene, palette, beliefs
 
     def take(self, batch: EventBatch) -> None:
         """Take the next events, in order of their numbers."""
-        self._doors.take(changes_of(batch))
+        changes = changes_of(batch)
+        self._writer.note_commits(batch.number, batch.recorded_ns)
+        self._doors.take(changes)
         self._robot.take(batch)
-        self._events.take(batch)
+        self._events.take(batch, changes)
+
+    @property
+    def left_out(self) -> LeftOut:
+        """What no eye would see."""
+        return LeftOut(self._lines.left_out, self._robot.left_out)
 
     def finish(self) -> None:
         """Write what still waits, and let curves go on to the end of the scene."""

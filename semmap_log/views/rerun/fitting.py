@@ -14,13 +14,15 @@ from semmap_log.events import (
     DoorUpdated,
     FloorMap,
     LevelAdded,
+    PatrolFinished,
+    PatrolStarted,
     Retracted,
     RobotPose,
 )
 from semmap_log.views.rerun.scene import Bounds, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.survey import Survey
 
-NEVER_FIT = (Retracted, LevelAdded, FloorMap)
+NEVER_FIT = (Retracted, LevelAdded, FloorMap, PatrolStarted, PatrolFinished)
 MAY_CHANGE_THE_SCENE = (DoorAdded, DoorRemoved, DoorAnnotated, DoorUpdated)
 
 ROOM = 0.25

@@ -26,6 +26,7 @@ from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.file import Converter, open_recording
 from semmap_log.views.rerun.fitting import fits, with_room
 from semmap_log.views.rerun.process import ViewerError
+from semmap_log.views.rerun.rounds import round_lanes
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.rerun.survey import Survey
 
@@ -132,16 +133,18 @@ class _Tail:
         """Send the history."""
         shown, excerpt = self._source.shown, self._source.excerpt
         beliefs = self._source.beliefs_in(self._scene)
+        rounds = round_lanes(excerpt, self._scene)
         blueprint = layout(
             self._scene, shown.palette,
             chosen=None if shown.doors is None else list(shown.doors),
             level=self._scene.robot_level, costmap=shown.costmap, beliefs=beliefs, goes_on=True,
+            rounds=rounds, tz=excerpt.log.info.timezone,
         )  # fmt: skip
         self._recording.connect_grpc(url)
         self._recording.send_blueprint(blueprint)
         self._converter = Converter(
-            self._recording, self._scene, self._commits, name=excerpt.log.path.resolve().name,
-            palette=shown.palette, costmap=shown.costmap, beliefs=beliefs,
+            self._recording, excerpt, self._scene, self._commits, palette=shown.palette,
+            costmap=shown.costmap, beliefs=beliefs, rounds=rounds,
         )  # fmt: skip
         for batch in excerpt.batches(progress):
             self._converter.take(batch)
@@ -203,6 +206,6 @@ def _deliver(recording: Any) -> None:
 
 def _survey(excerpt: Excerpt) -> Survey:
     survey = Survey(excerpt)
-    for batch in excerpt.batches():
+    for batch in excerpt.read():
         survey.take(batch)
     return survey

@@ -2,6 +2,13 @@
 
 One file holds the data and its layout, so that `rerun x.rrd` opens ready to look at. Two passes: a
 quick one finds names, lifetimes and bounds (`survey`), the second converts batch by batch.
+
+At a moment of the timeline `happened` it shows what `replay(at=...)` gives, with all that is known
+today; of `recorded` what `replay(known_at=...)` gives, what was known then: late events from when
+they were recorded on, and those that were taken back until that was; of `event` what
+`replay(event=...)` gives. A door bears the name that it has today, along all of them. What could be
+believed of doors, beyond given probabilities, is on `happened` alone: see `beliefs`. A long
+recording leaves out what no eye would see: see `thinning`.
 """
 
 from __future__ import annotations
@@ -21,9 +28,11 @@ from semmap_log.log.disk import whole_file
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.excerpt import Excerpt, instant_ns
 from semmap_log.views.rerun.survey import survey
+from semmap_log.views.rerun.thinning import LeftOut
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time
+    from semmap_log.views.rerun.scene import Scene
 
 LOOK_BACK_NS = 86_400 * 10**9
 """Where a robot is that has told nothing for longer, nobody knows."""
@@ -36,6 +45,8 @@ class RrdSummary:
     events: int
     seconds: float
     bytes: int
+    left_out: LeftOut
+    """What no eye would see: see `thinning`."""
 
 
 def save_rrd(
@@ -56,12 +67,12 @@ def save_rrd(
     Args:
         log: The log.
         path: The .rrd file; what is there is replaced once the new file is whole.
-        since: From then on (happened time); the state before it opens the recording.
-        until: Before then.
+        since: From then on along each timeline; the state before it opens the recording.
+        until: Before then, along each timeline.
         doors: Only these doors; the robot and its patrols stay. They get the curves, in this order.
-        at: The level where the robot was then is in front; None: where it is at the end. A
-            recording cannot say where its cursor stands (it opens at the end): tell `open_viewer`
-            or `screenshot`.
+        at: The level where the robot was then is in front; None: where it is at the end; with
+            `doors` that of the first of them. A recording cannot say where its cursor stands (it
+            opens at the end): tell `open_viewer` or `screenshot`.
         palette: Colours.
         costmap: With the costmap's door layer, cell for cell.
         beliefs: With what the robot could believe of doors of which enough is known: a typical
@@ -77,30 +88,46 @@ def save_rrd(
     from semmap_log.views.rerun.beliefs import beliefs_to_show
     from semmap_log.views.rerun.blueprint import layout
     from semmap_log.views.rerun.file import write_recording
+    from semmap_log.views.rerun.rounds import round_lanes
 
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)
     scene = survey(excerpt)
     shown = beliefs_to_show(excerpt, scene, doors) if beliefs else None
-    front = scene.robot_level if at is None else _robot_level(log, at)
+    rounds = round_lanes(excerpt, scene)
     blueprint = layout(
         scene,
         palette,
         chosen=None if doors is None else list(doors),
-        level=front,
+        level=_front_level(log, scene, chosen=doors, at=at),
         costmap=costmap,
         beliefs=shown,
+        rounds=rounds,
+        tz=log.info.timezone,
     )
     try:
         with whole_file(path) as temporary:
-            write_recording(
+            left_out = write_recording(
                 temporary, excerpt,
                 scene=scene, blueprint=blueprint, palette=palette, costmap=costmap,
-                beliefs=shown, progress=progress,
+                beliefs=shown, rounds=rounds, progress=progress,
             )  # fmt: skip
     except OSError as error:
         raise SemmapError(f"{path}: cannot be written: {error.strerror or error}.") from None
-    return RrdSummary(scene.events, time.monotonic() - started, path.stat().st_size)
+    seconds = time.monotonic() - started
+    return RrdSummary(scene.events, seconds, path.stat().st_size, left_out)
+
+
+def _front_level(
+    log: DoorLog, scene: Scene, *, chosen: Collection[DoorId] | None, at: Time
+) -> int | None:
+    """Return the level to look at first: that of the first door asked for, else the robot's."""
+    for door_id in chosen or ():
+        if door_id in scene.doors:
+            levels = [n for n, path in scene.doors[door_id].lines.items()
+                      if path == scene.doors[door_id].path]  # fmt: skip
+            return levels[0]
+    return scene.robot_level if at is None else _robot_level(log, at)
 
 
 def _robot_level(log: DoorLog, at: Time) -> int | None:

@@ -1,4 +1,8 @@
-"""The robot into a rerun recording: an arrow where it is, and its track behind it."""
+"""The robot into a rerun recording: an arrow where it is, and its track behind it.
+
+In a long recording poses that hardly differ from the ones before are left out: see `thinning`.
+Along `recorded` poses that were taken back stay where they are.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter
 from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
 from semmap_log.views.rerun.sdk import rr
+from semmap_log.views.rerun.thinning import is_long, telling_poses
 
 GAP_NS = 600 * 10**9
 """A robot unseen for longer did not drive the straight line between the two poses."""
@@ -43,6 +48,9 @@ class RobotWriter:
         self._last = np.zeros(1, POSE)
         self._last["level"] = 0
         self._has_last = False
+        self._thins = is_long(scene)
+        self.left_out = 0
+        """Poses so far that are not drawn: others stand in their place."""
         for level in self._levels:
             self._write_style(level, palette)
 
@@ -60,6 +68,10 @@ class RobotWriter:
             return
         poses = np.concatenate(self._waiting)
         self._waiting, self._rows_waiting = [], 0
+        if self._thins:
+            telling = telling_poses(*(poses[n] for n in ("x", "y", "theta", "level", "folds_ns")))
+            self.left_out += int(np.count_nonzero(~telling))
+            poses = poses[telling]
         self._link(poses)
         for level in self._levels:
             self._write_level(level, poses)
@@ -90,11 +102,14 @@ class RobotWriter:
     def _write_level(self, level: SceneLevel, poses: Poses) -> None:
         arrow_m = max(SHORTEST_ARROW_M, ARROW_SHARE * level.bounds.longest_side_m)
         here, came_from_here = (poses[name] == level.level for name in ("level", "from_level"))
-        self._writer.rows(_pose_path(level), poses[here], lambda part: _arrows(part, arrow_m))
-        self._writer.clear(_pose_path(level), poses[came_from_here & ~here])
+
+        def arrows(part: Poses) -> Sequence[Any]:
+            return _arrows(part, part["level"] == level.level, arrow_m)
+
+        self._writer.events(_pose_path(level), poses[here | came_from_here], arrows)
         apart_ns = poses["folds_ns"] - poses["from_ns"]
         drove = here & came_from_here & (apart_ns >= 0) & (apart_ns <= GAP_NS)
-        self._writer.rows(track_path(level), poses[drove], _segments)
+        self._writer.events(track_path(level), poses[drove], _segments)
 
 
 def track_path(level: SceneLevel) -> EntityPath:
@@ -117,14 +132,16 @@ def _poses_of(batch: EventBatch) -> Poses:
     return poses
 
 
-def _arrows(poses: Poses, length_m: float) -> Sequence[Any]:
-    heading = np.stack([np.cos(poses["theta"]), np.sin(poses["theta"])], -1) * length_m
+def _arrows(poses: Poses, shows: NDArray[np.bool_], length_m: float) -> Sequence[Any]:
+    """Return an arrow for each row that shows one; the others take it away."""
+    shown = poses[shows]
+    heading = np.stack([np.cos(shown["theta"]), np.sin(shown["theta"])], -1) * length_m
     # The arrow stands on the robot, not before it.
-    origins = np.stack([poses["x"], poses["y"]], -1) - heading / 2
+    origins = np.stack([shown["x"], shown["y"]], -1) - heading / 2
     columns = rr.Arrows2D.columns(
         origins=origins.astype(np.float32), vectors=heading.astype(np.float32)
     )
-    return list(columns)
+    return list(columns.partition(shows.astype(np.uint32)))
 
 
 def _segments(poses: Poses) -> Sequence[Any]:

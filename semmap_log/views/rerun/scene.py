@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.doors import Door, DoorId
 from semmap_log.events import FloorMap
 from semmap_log.views.rerun.door_rows import Edge, Life
+from semmap_log.views.rerun.knowledge import Known
 
 EntityPath = tuple[str, ...]
 """The parts of a rerun entity path."""
@@ -42,10 +43,16 @@ class SceneDoor:
     life: Life
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""
+    known: Sequence[Known] = field(compare=False)
+    """From where it goes on along `recorded`: at the beginning, if that is in midst of the log, and
+    behind each retraction of one of its events."""
     state_changes: int
     has_probabilities: bool
-    has_late_events: bool
-    """An event about it was recorded after one that counts later."""
+    is_plain: bool
+    """All its events came in the order in which they count, and none was taken back: along every
+    timeline it is the same."""
+    disturbed_ns: NDArray[np.int64] = field(compare=False)
+    """When late events and ones that were taken back set its state, ascending."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +80,9 @@ class Scene:
     robot_level: int | None
     """Where the robot is at the end; None: it never told."""
     events: int
+    """That stand on any of its timelines."""
+    commits: NDArray[np.int64]
+    """Number of the first event of each commit."""
     begin: Edge
     """Before every event; its happened time is that of the first row."""
     end: Edge

@@ -7,18 +7,21 @@ numbers a door, whatever the log's length.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorRemoved, RobotPose
+from semmap_log.events import Changed, DoorAdded, DoorAnnotated, RobotPose
+from semmap_log.log.reading.state import state_at
 from semmap_log.views.rerun.door_rows import (
     ALWAYS,
     NEVER,
-    PROBABILITIES,
+    THERE,
+    VALUES,
     Changes,
     Edge,
     Life,
@@ -30,6 +33,7 @@ from semmap_log.views.rerun.door_rows import (
 )
 from semmap_log.views.rerun.drawable import drawable, free_part, has_letters, unique_parts
 from semmap_log.views.rerun.excerpt import Excerpt
+from semmap_log.views.rerun.knowledge import Known
 from semmap_log.views.rerun.scene import (
     ROOT,
     Bounds,
@@ -38,14 +42,16 @@ from semmap_log.views.rerun.scene import (
     SceneLevel,
     bounds_of_floor,
 )
+from semmap_log.views.rerun.taken_back import TakenBack, taken_back
 
+GIVEN = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)
 NOWHERE = Edge(-1, -1, -1)
 
 
 def survey(excerpt: Excerpt) -> Scene:
     """Return what a recording of that part of a log has to show."""
     taken = Survey(excerpt)
-    for batch in excerpt.batches():
+    for batch in excerpt.read():
         taken.take(batch)
     return taken.scene()
 
@@ -55,7 +61,8 @@ class Survey:
 
     def __init__(self, excerpt: Excerpt) -> None:
         self._excerpt = excerpt
-        self._pass = _Pass(excerpt.before().doors)
+        self._pass = _Pass(excerpt)
+        self._is_whole = False
 
     def take(self, batch: EventBatch) -> None:
         """Take the next events, in order of their numbers."""
@@ -69,20 +76,21 @@ class Survey:
         )
 
     def scene(self) -> Scene:
-        """Return it; names and floor plans are those that the log has now."""
-        pass_, since_ns = self._pass, self._excerpt.since_ns
+        """Return it, once all was taken; names and floor plans are those that the log has now."""
+        pass_ = self._pass
+        if not self._is_whole:
+            self._is_whole = True  # behind this, nothing is taken back any more
+            for one in taken_back(self._excerpt):
+                pass_.take_back(one)
         levels = _levels(self._excerpt, pass_)
-        begin, end = pass_.begin, pass_.end
-        if since_ns is not None:
-            begin = replace(begin, folds_ns=since_ns)
-            end = replace(end, folds_ns=max(since_ns, end.folds_ns))
         return Scene(
             doors=_doors(pass_, levels),
             levels=levels,
             robot_level=pass_.robot_last[1],
             events=pass_.events,
-            begin=begin,
-            end=end,
+            commits=np.concatenate([np.empty(0, np.int64), *pass_.commits]),
+            begin=pass_.begin,
+            end=pass_.end,
         )
 
 
@@ -91,6 +99,8 @@ class _Found:
     """What the pass knows of a door."""
 
     before: Door | None = None
+    known: list[Known] = field(default_factory=list)
+    is_ever_there: bool = False
     added: Stamp = NEVER
     removed: Stamp = NEVER
     name: str = ""
@@ -101,25 +111,50 @@ class _Found:
     state_changes: int = 0
     has_probabilities: bool = False
     latest: Stamp = ALWAYS
-    has_late_events: bool = False
+    is_plain: bool = True
+    disturbed: list[NDArray[np.int64]] = field(default_factory=list)
 
-    def take(self, changes: Changes) -> None:
-        """Take this door's rows, in order of their numbers."""
-        stamps = list(zip(changes["folds_ns"].tolist(), changes["number"].tolist(), strict=True))
-        self.has_late_events |= not self.goes_on(changes)
-        self.latest = max(self.latest, *stamps)
-        for row in np.flatnonzero(changes["kind"] == DoorAdded.kind).tolist():
-            self.added = stamps[row]
-        for row in np.flatnonzero(changes["kind"] == DoorRemoved.kind).tolist():
-            self.removed = stamps[row]
-        for row in np.flatnonzero((changes["sets"] & int(Changed.POSE)) != 0).tolist():
-            level = int(changes["level"][row])
-            self.levels[level] = max(stamps[row], self.levels.get(level, ALWAYS))
-        self._count_states(changes["state"][(changes["sets"] & int(Changed.STATE)) != 0])
-        given = changes[(changes["sets"] & PROBABILITIES) != 0]
+    def take(
+        self, changes: Changes, happened: NDArray[np.bool_], recorded: NDArray[np.bool_]
+    ) -> None:
+        """Take this door's rows, in order of their numbers.
+
+        Args:
+            changes: The rows.
+            happened: Which of them stand on the timeline `happened`.
+            recorded: Which of them stand on `recorded` and `event`.
+        """
+        both = happened & recorded
+        latest_ns = np.maximum.accumulate(np.append(self.latest[0], changes["folds_ns"]))
+        is_late = changes["folds_ns"] < latest_ns[1:]
+        self.latest = int(latest_ns[-1]), int(changes["number"][-1])
+        self.is_plain &= bool(both.all()) and not is_late.any()
+        sets_state = (changes["sets"] & int(Changed.STATE)) != 0
+        self.disturbed.append(changes["folds_ns"][sets_state & (is_late | ~both)])
+        self.is_ever_there |= bool((changes["kind"] == DoorAdded.kind).any())
+        placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
+        for level, stamp in zip(placed["level"].tolist(), _stamps(placed), strict=True):
+            self.levels[level] = max(stamp, self.levels.get(level, ALWAYS))
+        given = changes[(changes["sets"] & GIVEN) != 0]
         self.has_probabilities |= bool(
             np.isfinite(given["prob_open"]).any() or np.isfinite(given["prob_closed"]).any()
         )
+        self._count_states(changes["state"][sets_state & happened])
+        self._live(changes[happened & ((changes["sets"] & THERE) != 0)])
+
+    def know(self, known: Known) -> None:
+        """Take what it goes on from along `recorded`."""
+        self.known.append(known)
+        self.is_ever_there |= known.is_there
+        if known.is_placed:
+            self.levels.setdefault(known.level, ALWAYS)
+
+    def _live(self, changes: Changes) -> None:
+        for kind, stamp in zip(changes["kind"].tolist(), _stamps(changes), strict=True):
+            if kind == DoorAdded.kind:
+                self.added = stamp
+            else:
+                self.removed = stamp
 
     def goes_on(self, changes: Changes) -> bool:
         """Tell whether all of this door's next rows count behind those taken, in their order."""
@@ -133,6 +168,11 @@ class _Found:
             self.state = int(states[-1])
 
     @property
+    def life(self) -> Life:
+        """When it is there; a removal before its adding was of no door."""
+        return Life(self.added, self.removed if self.removed > self.added else NEVER)
+
+    @property
     def last_level(self) -> int:
         """The level it was put on last."""
         return max(self.levels, key=lambda level: self.levels[level], default=0)
@@ -143,6 +183,10 @@ class _Found:
         return sorted({*self.levels, self.last_level})
 
 
+def _stamps(changes: Changes) -> Iterable[Stamp]:
+    return zip(changes["folds_ns"].tolist(), changes["number"].tolist(), strict=True)
+
+
 NEW = _Found()
 """A door that nothing was heard of yet."""
 
@@ -150,45 +194,108 @@ NEW = _Found()
 class _Pass:
     """What is gathered over all batches."""
 
-    def __init__(self, before: Mapping[DoorId, Door]) -> None:
-        self.doors = {door_id: _Found(door, name=door.name or "")
-                      for door_id, door in before.items()}  # fmt: skip
+    def __init__(self, excerpt: Excerpt) -> None:
+        self._excerpt = excerpt
+        self.doors: dict[DoorId, _Found] = {}
         self.bounds: dict[int, Bounds] = {}
         self.robot_levels: set[int] = set()
         self.robot_last: tuple[int, int | None] = (-1, None)
         """Happened time and level of the robot's latest pose."""
         self.events = 0
+        self.commits: list[NDArray[np.int64]] = []
+        self._last_commit: NDArray[np.int64] = np.full(1, -1)
         self.begin = self.end = NOWHERE
-        self._take_changes(opening_changes(before.values(), NOWHERE))
+        if excerpt.since_ns is not None:
+            self.begin = Edge(excerpt.since_ns, excerpt.number_before(), excerpt.since_ns)
+            self.end = self.begin
+            self._begin_in_midst()
 
-    def take(self, batch: EventBatch) -> None:
+    def _begin_in_midst(self) -> None:
+        """Take the doors as they were, and as they were known, when the recording begins."""
+        for door_id, door in self._excerpt.before().doors.items():
+            self.doors[door_id] = _Found(before=door, name=door.name or "")
+        opening = opening_changes([d.before for d in self.doors.values() if d.before], self.begin)
+        everywhere = np.ones(len(opening), np.bool_)
+        self._take_changes(opening, everywhere, everywhere)
+        state = self._excerpt.known_before()
+        chosen = self._excerpt.doors
+        for door_id in map(DoorId, {*state.used_door_ids, *self.doors}):
+            if chosen is None or door_id in chosen:
+                found = self.doors.setdefault(door_id, _Found())
+                found.know(Known.of(state, door_id, self.begin))
+                found.is_plain &= _values(state.door(door_id)) == _values(found.before)
+
+    def take_back(self, what: TakenBack) -> None:
+        """Take what is known of doors behind a retraction."""
+        state = state_at(self._excerpt.log.reader, limit=what.edge.number)
+        for door_id in what.doors & self.doors.keys():
+            self.doors[door_id].know(Known.of(state, door_id, what.edge))
+            self.doors[door_id].is_plain = False
+
+    def take(self, whole: EventBatch) -> None:
+        bases = whole.recorded_ns - whole.number  # the same in all of a commit, and in no other
+        starts = np.append(self._last_commit, bases)[:-1] != bases
+        self.commits.append(whole.number[starts])
+        self._last_commit = bases[-1:]
+        batch = self._excerpt.chosen(whole)
+        if not len(batch):
+            return
         folds_ns = batch.folds_ns
-        if not self.events:
+        happened, recorded = self._stands(batch.number, folds_ns, batch.recorded_ns)
+        if self.begin is NOWHERE:
             self.begin = Edge(int(folds_ns[0]), int(batch.number[0]) - 1,
                               int(batch.recorded_ns[0]) - 1)  # fmt: skip
         self.events += len(batch)
-        self.begin = replace(self.begin, folds_ns=min(self.begin.folds_ns, int(folds_ns.min())))
-        self.end = Edge(max(self.end.folds_ns, int(folds_ns.max())), int(batch.number[-1]),
-                        int(batch.recorded_ns[-1]))  # fmt: skip
-        self._take_changes(changes_of(batch))
-        self._take_poses(batch)
-        self._take_names(batch)
+        if happened.any():
+            self._stretch_time(folds_ns[happened])
+        if recorded.any():
+            last = np.flatnonzero(recorded)[-1]
+            self.end = replace(self.end, number=int(batch.number[last]),
+                               recorded_ns=int(batch.recorded_ns[last]))  # fmt: skip
+        changes = changes_of(batch)
+        stands = self._stands(changes["number"], changes["folds_ns"], changes["recorded_ns"])
+        self._take_changes(changes, *stands)
+        self._take_poses(batch, happened)
+        self._take_names(batch, happened)
 
-    def _take_changes(self, changes: Changes) -> None:
-        for rows in by_door(changes):
-            self.doors.setdefault(DoorId(int(rows["door_id"][0])), _Found()).take(rows)
+    def _stretch_time(self, folds_ns: NDArray[np.int64]) -> None:
+        self.begin = replace(self.begin, folds_ns=min(self.begin.folds_ns, int(folds_ns.min())))
+        self.end = replace(self.end, folds_ns=max(self.end.folds_ns, int(folds_ns.max())))
+
+    def _stands(
+        self,
+        numbers: NDArray[np.int64],
+        folds_ns: NDArray[np.int64],
+        recorded_ns: NDArray[np.int64],
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Tell which events stand on `happened`, and which on `recorded` and `event`."""
+        return (
+            self._excerpt.has_happened(numbers, folds_ns),
+            self._excerpt.was_recorded(numbers, recorded_ns),
+        )
+
+    def _take_changes(
+        self, changes: Changes, happened: NDArray[np.bool_], recorded: NDArray[np.bool_]
+    ) -> None:
+        order = np.argsort(changes["door_id"], kind="stable")
+        ordered = changes[order]
+        for rows in np.split(order, np.flatnonzero(np.diff(ordered["door_id"])) + 1):
+            if len(rows):
+                door_id = DoorId(int(changes["door_id"][rows[0]]))
+                found = self.doors.setdefault(door_id, _Found())
+                found.take(changes[rows], happened[rows], recorded[rows])
         placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
         for level in np.unique(placed["level"]).tolist():
             # Where only the pose is set, the width is not at hand: its end may lie in the margin.
             strips = strips_of(placed[placed["level"] == level]).reshape(-1, 2)
             self._stretch(level, strips[:, 0], strips[:, 1])
 
-    def _take_poses(self, batch: EventBatch) -> None:
+    def _take_poses(self, batch: EventBatch, happened: NDArray[np.bool_]) -> None:
         if RobotPose not in batch:
             return
-        poses = batch[RobotPose]
-        folds_ns = batch.folds_ns[batch.where(RobotPose)]
-        if folds_ns.max() >= self.robot_last[0]:
+        poses, where = batch[RobotPose], batch.where(RobotPose)
+        folds_ns = np.where(happened, batch.folds_ns, -1)[where]
+        if folds_ns.max() >= max(self.robot_last[0], 0):
             latest = int(np.flatnonzero(folds_ns == folds_ns.max())[-1])
             self.robot_last = int(folds_ns[latest]), int(poses["level"][latest])
         for level in np.unique(poses["level"]).tolist():
@@ -196,15 +303,16 @@ class _Pass:
             here = poses[poses["level"] == level]
             self._stretch(level, here["x"], here["y"])
 
-    def _take_names(self, batch: EventBatch) -> None:
+    def _take_names(self, batch: EventBatch, happened: NDArray[np.bool_]) -> None:
         if DoorAnnotated not in batch:
             return
         where = batch.where(DoorAnnotated)
         stamps = zip(batch.folds_ns[where].tolist(), batch.number[where].tolist(), strict=True)
-        for event, stamp in zip(batch.objects[DoorAnnotated.kind], stamps, strict=True):
+        told = zip(batch.objects[DoorAnnotated.kind], stamps, happened[where].tolist(), strict=True)
+        for event, stamp, counts in told:
             assert isinstance(event, DoorAnnotated)
             door = self.doors.setdefault(event.door_id, _Found())
-            if event.key == "name" and stamp > door.name_stamp:
+            if counts and event.key == "name" and stamp > door.name_stamp:
                 door.name, door.name_stamp = event.value, stamp
 
     def _stretch(self, level: int, x: np.ndarray, y: np.ndarray) -> None:
@@ -215,7 +323,7 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
     """Return the levels with something on them; where there is one, its path is just `/map`."""
     doors = excerpt.log.replay(at=excerpt.last_ns())
     known = doors.levels
-    there = [door for door in pass_.doors.values() if door.added != NEVER]
+    there = [door for door in pass_.doors.values() if door.is_ever_there]
     used = {level for door in there for level in door.levels} | pass_.robot_levels
     if excerpt.doors is None:
         used |= {n for n, level in known.items() if level.floor_map_event is not None}
@@ -242,8 +350,8 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
 
 
 def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, SceneDoor]:
-    """Return the doors that are in the map at some time, ids ascending."""
-    there = {i: door for i, door in sorted(pass_.doors.items()) if door.added != NEVER}
+    """Return the doors that are in the map at some time on some timeline, ids ascending."""
+    there = {i: door for i, door in sorted(pass_.doors.items()) if door.is_ever_there}
     short = {i: _short(door.name, levels[door.last_level]) for i, door in there.items()}
     parts = _parts(there, short)
     return {
@@ -253,11 +361,13 @@ def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, Scene
             short_label=_label(door_id, short[door_id]),
             path=(*levels[found.last_level].path, "doors", parts[door_id]),
             lines={n: (*levels[n].path, "doors", parts[door_id]) for n in found.ever_on},
-            life=Life(found.added, found.removed),
+            life=found.life,
             before=found.before,
+            known=found.known,
             state_changes=found.state_changes,
             has_probabilities=found.has_probabilities,
-            has_late_events=found.has_late_events,
+            is_plain=found.is_plain,
+            disturbed_ns=np.sort(np.concatenate([np.empty(0, np.int64), *found.disturbed])),
         )
         for door_id, found in there.items()
     }
@@ -274,6 +384,11 @@ def _parts(there: Mapping[DoorId, _Found], short: Mapping[DoorId, str]) -> dict[
         for names in here:
             names.add(parts[door_id].casefold())
     return parts
+
+
+def _values(door: Door | None) -> str:
+    """Return what is drawn of a door; NaN is like NaN."""
+    return "" if door is None else repr([getattr(door, name) for name in VALUES])
 
 
 def _label(door_id: DoorId, name: str) -> str:

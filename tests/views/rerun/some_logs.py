@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
+from semmap_log.errors import SemmapError
 from semmap_log.events import (
     Changed,
     DoorAdded,
@@ -25,11 +27,15 @@ from semmap_log.events import (
     LevelAdded,
     PatrolFinished,
     PatrolStarted,
+    Retracted,
     RobotPose,
 )
 from tests.conftest import SteadyClock
 
 SECOND = 10**9
+FIRST_OF_WILD = 4
+"""Number of the first event of a `wild_log` that is about doors; nothing before is taken back."""
+
 START = 1_772_400_000 * SECOND
 """2026-03-01T21:20:00Z"""
 
@@ -127,6 +133,41 @@ def _something_new(rng: random.Random, door_id: int, happened_ns: int) -> Event:
             prob_open=rng.random(), prob_closed=rng.random(), state=rng.choice(list(DoorState)),
         )  # fmt: skip
     return DoorRemoved(door_id=DoorId(door_id))
+
+
+def wild_log(path: Path, *, seed: int, commits: int = 150) -> sl.DoorLog:
+    """As `restless_log`, and more: commits of some events, late removals, much is taken back."""
+    rng = random.Random(seed)
+    clock = SteadyClock(START)
+    with sl.create(path, tz="UTC", clock=clock) as log:
+        log.append([LevelAdded(level=1, name="ground"), LevelAdded(level=2, name="first")])
+        log.append([room(1), room(2)])
+        numbers, doors = FIRST_OF_WILD, 0
+        for turn in range(commits):
+            clock.now_ns = START + turn * 60 * SECOND
+            events: list[Event] = []
+            if numbers == FIRST_OF_WILD or doors < 3 or rng.random() < 0.05:
+                doors += 1
+                early_s = rng.choice([0, rng.randrange(1, 3_000)])
+                new = replace(_new_door(rng, doors), happened_ns=clock.now_ns - early_s * SECOND)
+                events.append(new)
+            elif rng.random() < 0.15:
+                first = rng.randrange(max(FIRST_OF_WILD, numbers - 40), numbers)
+                events.append(Retracted(first_event=first, last_event=min(
+                    first + rng.choice([0, 1, 10]), numbers - 1)))  # fmt: skip
+            else:
+                for _ in range(rng.choice([1, 1, 4])):
+                    told_ns = clock.now_ns - rng.choice([0, 0, rng.randrange(5_000)]) * SECOND
+                    about = rng.randrange(1, doors + 1)
+                    event = _something_new(rng, about, told_ns)
+                    if rng.random() < 0.05:
+                        event = DoorRemoved(door_id=DoorId(about), happened_ns=told_ns)
+                    events.append(event)
+            try:
+                numbers = log.append(events).commit.last_event + 1
+            except SemmapError:
+                continue  # about a door that is not there, or taken back already: not in the log
+    return sl.read(path)
 
 
 class Drawn:

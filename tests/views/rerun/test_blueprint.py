@@ -11,7 +11,7 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import DoorAdded, DoorObserved, LevelAdded
+from semmap_log.events import DoorAdded, DoorObserved, LevelAdded, RobotPose
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, room, small_log
@@ -42,7 +42,9 @@ def test_a_building_of_one_level(tmp_path: Path) -> None:
 
     names = views_of(log, tmp_path)
 
-    assert ["Costmap", "Door states", "Event log (UTC)", "Floor plan", "front"] == names
+    assert [
+        "Costmap", "Door states (UTC)", "Event log (UTC)", "Floor plan", "Rounds (UTC)", "front",
+    ] == names  # fmt: skip
 
 
 def test_the_costmap_can_be_left_out(tmp_path: Path) -> None:
@@ -64,7 +66,7 @@ def test_each_level_has_its_plan(tmp_path: Path) -> None:
         log.append([room(1)])
         log.append([DoorAdded(door_id=DoorId(1), level=2, x=0, y=0, theta=0, width=1)])
 
-    assert ["A", "B", "B costmap", "Door states", "Event log (UTC)"] == views_of(
+    assert ["A", "B", "B costmap", "Door states (UTC)", "Event log (UTC)"] == views_of(
         sl.read(tmp_path / "log"), tmp_path
     )
 
@@ -76,7 +78,7 @@ def test_sensors_without_a_place_need_no_plan(tmp_path: Path) -> None:
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=DoorId(1))])
 
-    assert ["Door states", "Event log (UTC)"] == views_of(sl.read(tmp_path / "log"), tmp_path)
+    assert ["Door states (UTC)", "Event log (UTC)"] == views_of(sl.read(tmp_path / "log"), tmp_path)
 
 
 def test_the_liveliest_doors_stand_before_all_of_them(tmp_path: Path) -> None:
@@ -94,7 +96,7 @@ def test_the_liveliest_doors_stand_before_all_of_them(tmp_path: Path) -> None:
     names = views_of(sl.read(tmp_path / "log"), tmp_path)
 
     assert [f"door {n}" for n in range(13, 21)] == [n for n in names if n.startswith("door")]
-    assert ["16 liveliest doors", "All 20 doors"] == [n for n in names if n.endswith("doors")]
+    assert ["16 liveliest doors (UTC)", "All doors"] == [n for n in names if "doors" in n]
 
 
 def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:
@@ -105,4 +107,38 @@ def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:
 
     names = views_of(log, tmp_path, doors=[DoorId(2)])
 
-    assert ["Costmap", "Door states", "Event log (UTC)", "Floor plan"] == names
+    expected = ["Costmap", "Door states (UTC)", "Event log (UTC)", "Floor plan", "Rounds (UTC)"]
+    assert expected == names
+
+
+def test_the_level_of_a_chosen_door_is_in_front(tmp_path: Path) -> None:
+    """
+    Not that of the robot, which is elsewhere.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([LevelAdded(level=n, name=name) for n, name in enumerate("AB", start=1)])
+        log.append([DoorAdded(door_id=DoorId(n), level=n, x=0, y=0, theta=0, width=1)
+                    for n in (1, 2)])  # fmt: skip
+        log.append([RobotPose(level=1, x=0.0, y=0.0, theta=0.0)])
+    read = sl.read(tmp_path / "log")
+
+    assert ["A", "B"] == [plan_in_front(read, tmp_path, doors=doors) for doors in (None, [2])]
+
+
+def plan_in_front(log: sl.DoorLog, tmp_path: Path, **how: Any) -> str:
+    """Return the name of the view that is on top of the tabs of plans."""
+    import rerun as rr
+
+    save_rrd(log, tmp_path / "x.rrd", **how)
+    reader = rr.chunk.RrdReader(tmp_path / "x.rrd")
+    (store,) = reader.blueprints()
+    names, tops = {}, []
+    for chunk in reader.stream(store=store):
+        batch = chunk.to_record_batch()
+        if "ViewBlueprint:display_name" in batch.schema.names:
+            ((name,),) = batch.column("ViewBlueprint:display_name").to_pylist()
+            names[chunk.entity_path.lstrip("/")] = name
+        if "ContainerBlueprint:active_tab" in batch.schema.names:
+            tops += [path.lstrip("/") for (path,)
+                     in batch.column("ContainerBlueprint:active_tab").to_pylist()]  # fmt: skip
+    return next(names[top] for top in tops if names.get(top) in ("A", "B"))

@@ -33,7 +33,15 @@ from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.costmap import shades_of_costs
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
-from tests.views.rerun.some_logs import SECOND, START, Drawn, restless_log, room, small_log
+from tests.views.rerun.some_logs import (
+    SECOND,
+    START,
+    Drawn,
+    restless_log,
+    room,
+    small_log,
+    wild_log,
+)
 
 pytestmark = pytest.mark.viewer
 
@@ -165,6 +173,31 @@ def test_each_level_has_its_own_layer(seed: int, tmp_path: Path) -> None:
             )
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_was_taken_back_is_in_the_layer_until_then(seed: int, tmp_path: Path) -> None:
+    """
+    Along all timelines, with late events and removals, and doors that return or never were.
+    """
+    log = wild_log(tmp_path / "log", seed=seed)
+    rng = random.Random(seed)
+
+    drawing = recorded(log, tmp_path, beliefs=False)
+
+    numbers = [rng.randrange(4, log.replay().event) for _ in range(25)]
+    happened, known = (
+        [max(getattr(log.event(n), name), START + SECOND) for n in numbers]
+        for name in ("happened_ns", "recorded_ns")
+    )
+    for name, scope, moments in (
+        ("happened", "at", happened), ("recorded", "known_at", known), ("event", "event", numbers),
+    ):  # fmt: skip
+        for moment in moments:
+            how: dict[str, Any] = {scope: moment}
+            expected = costmap_at(log, CostmapOptions(level=1), **how, floor=room(1)).layer.costs
+            seen = layer_seen(drawing, moment, timeline=name, root="/map/ground")
+            np.testing.assert_array_equal(expected, seen)
+
+
 def test_without_a_floor_map_the_cells_lie_on_a_grid_of_5_cm(tmp_path: Path) -> None:
     """
     Its cells begin at multiples of 0.05 m, as those of the costmap around the doors.
@@ -197,8 +230,8 @@ def test_a_part_begins_with_the_layer_as_it_was(tmp_path: Path) -> None:
 
 def test_a_row_is_written_only_when_the_picture_changes(tmp_path: Path) -> None:
     """
-    A sighting that repeats, one that is undone and a change of the probability add nothing; an
-    unknown door shows nothing, and once it is closed again its cells are back.
+    A sighting that repeats and a change of the probability add nothing, one that is undone nothing
+    along `happened`; an unknown door shows nothing, and once it is closed again it is back.
     """
     door = DoorId(1)
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
@@ -214,7 +247,7 @@ def test_a_row_is_written_only_when_the_picture_changes(tmp_path: Path) -> None:
     drawing = recorded(sl.read(tmp_path / "log"), tmp_path)
 
     entity = "/map/costmap/door_1"
-    assert [1, 7] == [number for number, _ in drawing.rows(entity, BUFFER, "event")]
+    assert [1, 4, 5, 7] == [number for number, _ in drawing.rows(entity, BUFFER, "event")]
     assert [6] == [number for number, _ in drawing.rows(entity, "Clear:is_recursive", "event")]
     assert [bytes([LETHAL]) * 21] * 2 == [
         bytes(value[0]) for _, value in drawing.rows(entity, BUFFER)

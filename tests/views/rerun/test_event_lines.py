@@ -30,6 +30,7 @@ from semmap_log.events import (
     RobotPose,
 )
 from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.rerun.door_rows import changes_of
 from semmap_log.views.rerun.event_lines import EventLine, EventLines
 from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.survey import survey
@@ -89,8 +90,8 @@ def lines_of(tmp_path: Path, *commits: Event) -> list[EventLine]:
             clock.now_ns += 60 * SECOND
             log.append([event], note=sl.Note(actor="rover", reason="round 1"))
     excerpt = Excerpt(sl.read(tmp_path / "log"))
-    lines = EventLines(survey(excerpt), excerpt.log.commits())
-    return [line for batch in excerpt.batches() for line in lines.of(batch)]
+    lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
+    return [line for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
 
 
 def test_what_changes_the_map_stands_out_from_what_repeats_it(tmp_path: Path) -> None:
@@ -142,3 +143,21 @@ def test_poses_are_not_told(tmp_path: Path) -> None:
     They would drown everything else.
     """
     assert [] == lines_of(tmp_path, RobotPose(x=0, y=0, theta=0))
+
+
+def test_times_are_those_of_the_building(tmp_path: Path) -> None:
+    """
+    Also over the night in which the clocks change: 03:00 follows 01:59.
+    """
+    change_ns = 1_774_746_000 * SECOND  # 2026-03-29T01:00Z
+    clock = SteadyClock(change_ns - 60 * SECOND)
+    with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:
+        log.append([DoorAdded(door_id=ONE)])
+        clock.now_ns = change_ns
+        log.append([DoorObserved(door_id=ONE, state=DoorState.OPEN)])
+    excerpt = Excerpt(sl.read(tmp_path / "log"))
+
+    lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
+
+    told = [line.text for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
+    assert ["03-29 01:59", "03-29 03:00"] == [text[:11] for text in told]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 import resource
 import signal
 import subprocess
@@ -16,12 +15,12 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorMap, DoorState
+from semmap_log.doors import DoorId, DoorState
 from semmap_log.errors import SemmapError
 from semmap_log.events import DoorAdded, DoorObserved, DoorUpdated, Retracted, RobotPose
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
-from tests.views.rerun.some_logs import SECOND, START, Drawn, restless_log, room, small_log
+from tests.views.rerun.some_logs import SECOND, START, Drawn, room, small_log
 
 pytestmark = pytest.mark.viewer
 
@@ -31,76 +30,6 @@ STATE, STRIPS, SCALARS = "StateChange:state", "LineStrips2D:strips", "Scalars:sc
 def recorded(log: sl.DoorLog, tmp_path: Path, **how: Any) -> Drawn:
     save_rrd(log, tmp_path / "x.rrd", **how)
     return Drawn(tmp_path / "x.rrd")
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_at_any_moment_the_recording_shows_what_a_replay_gives(seed: int, tmp_path: Path) -> None:
-    """
-    Along `happened` it shows what was true, along `recorded` what was known: with events told
-    late, moves between levels, doors without a place, and removals.
-    """
-    log = restless_log(tmp_path / "log", seed=seed)
-    rng = random.Random(seed)
-
-    drawn = recorded(log, tmp_path)
-
-    for moment in [rng.randrange(START, log.end_ns() + 1) for _ in range(40)]:
-        assert _doors_of(log.replay(at=moment)) == _seen(drawn, moment, "happened")
-        assert _doors_of(log.replay(known_at=moment)) == _seen(drawn, moment, "recorded")
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_curves_go_through_the_probabilities_that_were_given(seed: int, tmp_path: Path) -> None:
-    """
-    At any moment the curve of a door is where its probabilities are in a replay.
-    """
-    log = restless_log(tmp_path / "log", seed=seed)
-    rng = random.Random(seed)
-
-    drawn = recorded(log, tmp_path)
-
-    for moment in [rng.randrange(START, log.end_ns() + 1) for _ in range(40)]:
-        for door in log.replay(at=moment).doors.values():
-            point = drawn.latest(_lane(drawn, door.door_id), SCALARS, moment)
-            np.testing.assert_array_equal(
-                [door.prob_open, door.prob_closed], point or [math.nan, math.nan]
-            )
-
-
-def _doors_of(door_map: DoorMap) -> dict[int, Any]:
-    """Return state, level and line of each door."""
-    levels = {1: "ground", 2: "first"}
-    return {
-        door.door_id: (
-            door.state.name,
-            (levels[door.level], _rounded([door.start, door.end])) if door.is_placed else None,
-        )
-        for door in door_map.doors.values()
-    }
-
-
-def _seen(drawn: Drawn, at: int, timeline: str) -> dict[int, Any]:
-    """Return the same as the viewer would draw it."""
-    seen: dict[int, Any] = {}
-    for entity in sorted(drawn.entities):
-        _, _, level, kind, part = (entity.split("/") + [""] * 3)[:5]
-        if kind != "doors":
-            continue
-        door_id = int(part.removeprefix("door_"))
-        state, line = seen.get(door_id, (None, None))
-        (told,) = drawn.latest(entity, STATE, at, timeline) or [None]
-        strips = drawn.latest(entity, STRIPS, at, timeline)
-        seen[door_id] = (told or state, (level, _rounded(strips[0])) if strips else line)
-    return {door_id: both for door_id, both in seen.items() if both != (None, None)}
-
-
-def _rounded(strip: Any) -> Any:
-    return np.asarray(strip, np.float32).round(3).tolist()
-
-
-def _lane(drawn: Drawn, door_id: int) -> str:
-    return next(e for e in drawn.entities
-                if e.endswith(f"/door_{door_id}") and drawn.rows(e, STATE))  # fmt: skip
 
 
 def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
@@ -120,7 +49,7 @@ def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
         "/events/door_added", "/events/door_annotated",
         "/events/door_observed", "/events/door_passed", "/events/door_removed",
         "/events/door_updated", "/events/floor_map", "/events/patrol_started",
-        "/events/patrol_finished",
+        "/events/patrol_finished", "/rounds/rover",
     } == {entity for entity in drawn.entities if not entity.startswith("/__")}  # fmt: skip
     assert {"happened", "recorded", "event"} == drawn.timelines
     assert (log.info.log_id, 1) == (drawn.store.recording_id, drawn.blueprints)
@@ -181,7 +110,7 @@ def test_the_track_breaks_where_the_robot_was_unseen(tmp_path: Path) -> None:
     assert [] == drawn.rows("/map/7/robot/track", STRIPS)
     gone_ns = drawn.rows("/map/7/robot/pose", "Arrows2D:origins")[0][0]
     assert drawn.latest("/map/0/robot/pose", "Arrows2D:origins", gone_ns - 1)
-    assert drawn.latest("/map/0/robot/pose", "Arrows2D:origins", gone_ns) is None
+    assert [] == drawn.latest("/map/0/robot/pose", "Arrows2D:origins", gone_ns)
 
 
 def test_the_plan_lies_where_its_cells_are(tmp_path: Path) -> None:
@@ -232,9 +161,9 @@ def test_chosen_doors_keep_the_robot_and_its_patrols(tmp_path: Path) -> None:
     assert not {"/map/doors/door_2", "/events/door_removed"} & drawn.entities
 
 
-def test_retracted_events_are_not_there(tmp_path: Path) -> None:
+def test_retracted_events_are_told_along_recorded_alone(tmp_path: Path) -> None:
     """
-    An undone sighting leaves no row; the undoing itself is in the event log.
+    There the line of an undone sighting says that it was undone; so does the undoing itself.
     """
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])
@@ -243,8 +172,10 @@ def test_retracted_events_are_not_there(tmp_path: Path) -> None:
 
     drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
 
-    assert [["UNKNOWN"]] == [value for _, value in drawn.rows("/map/doors/door_1", STATE)]
-    assert "/events/door_observed" not in drawn.entities
+    assert [] == drawn.rows("/events/door_observed", "TextLog:text")
+    ((number, (text,)),) = drawn.rows("/events/door_observed", "TextLog:text", "event")
+    assert 1 == number
+    assert text.endswith("door 1  seen OPEN (taken back later)")
     assert "/events/retracted" in drawn.entities
 
 

@@ -138,7 +138,7 @@ def test_the_pass_counts_what_the_layout_needs(tmp_path: Path) -> None:
 
     front, other = scene.doors[DoorId(1)], scene.doors[DoorId(2)]
     assert (2, True, 0, False) == (
-        front.state_changes, front.has_probabilities, scene.robot_level, front.has_late_events
+        front.state_changes, front.has_probabilities, scene.robot_level, not front.is_plain
     )  # fmt: skip
     assert (0, False) == (other.state_changes, other.has_probabilities)
     assert START + 1800 * SECOND <= other.life.removed[0] <= START + 1801 * SECOND

@@ -24,7 +24,9 @@ from tests.views.rerun.some_logs import SECOND, START, small_log
 pytestmark = pytest.mark.viewer
 
 SIZE = (1280, 800)
-VIEWS = {"Floor plan", "Costmap", "front", "Door states", "Event log (UTC)"}
+VIEWS = {
+    "Floor plan", "Costmap", "front", "Rounds (UTC)", "Door states (UTC)", "Event log (UTC)",
+}  # fmt: skip
 OPEN_NS, CLOSED_NS = START + 1000 * SECOND, START + 60 * SECOND
 """When `front` is open, and when it is closed."""
 

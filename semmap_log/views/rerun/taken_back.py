@@ -1,0 +1,43 @@
+"""What was taken back while a recording goes on: when that became known, and of which doors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from semmap_log.doors import DoorId
+from semmap_log.folding.position import Retraction, retractions_behind
+from semmap_log.log.reading.window import Window
+from semmap_log.views.rerun.door_rows import Edge
+from semmap_log.views.rerun.excerpt import Excerpt
+
+
+@dataclass(frozen=True, slots=True)
+class TakenBack:
+    """A retraction."""
+
+    edge: Edge
+    """When it was recorded."""
+    doors: frozenset[DoorId]
+    """Those that the events which it hides are about."""
+
+
+def taken_back(excerpt: Excerpt) -> Iterator[TakenBack]:
+    """Yield the retractions along `recorded` that are about doors, numbers ascending."""
+    reader = excerpt.log.reader
+    for one in retractions_behind(reader, excerpt.number_before()):
+        recorded_ns = reader.event(one.number).recorded_ns
+        if excerpt.until_ns is not None and recorded_ns >= excerpt.until_ns:
+            return
+        if doors := _doors(excerpt, one):
+            yield TakenBack(Edge(recorded_ns, one.number, recorded_ns), doors)
+
+
+def _doors(excerpt: Excerpt, retraction: Retraction) -> frozenset[DoorId]:
+    last = min(retraction.last_event, retraction.number - 1)
+    window = Window(first_event=retraction.first_event, before_event=last + 1)
+    found: set[int] = set()
+    for batch in excerpt.log.reader.batches(window):
+        found.update(batch.door_ids().tolist())
+    chosen = found if excerpt.doors is None else found & excerpt.doors
+    return frozenset(DoorId(door_id) for door_id in chosen if door_id)
