@@ -37,7 +37,7 @@ def run(
     Examples:
       semmap-log report office office.html
       semmap-log report office monday.html --from 2026-03-02 --to 2026-03-03
-      semmap-log report office two.html --door front --door back --palette colour-blind
+      semmap-log report office two.html --door front --palette colour-blind
     """
     import semmap_log as sl
     from semmap_log.exporting.report import write_report

@@ -26,6 +26,13 @@ function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** A long name without its middle: names of doors differ at their ends. */
+function shortened(text, most) {
+  const letters = [...text], head = Math.floor((most - 1) * 0.4);
+  if (letters.length <= most) return text;
+  return `${letters.slice(0, head).join("")}…${letters.slice(head + 1 - most).join("")}`;
+}
+
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 /** The place of the last of some ascending numbers that is not above `limit`; -1: none is. */

@@ -1,6 +1,6 @@
 // Beside the plan: how many doors are in which state, the door that is chosen, what happened last.
 
-const RECENT = 6;
+const RECENT = 6, LONGEST_RECENT = 15;
 
 function setUpBeside() {
   const bar = el("div", { class: "shares", "aria-hidden": "true" });
@@ -60,7 +60,7 @@ const roundText = ([, , name, actor]) => (actor ? `${name} (${actor})` : name);
 
 function detailsOf(t, chosen) {
   if (chosen === null) {
-    return doors.length ? [el("p", { class: "aside" }, "Choose a door on the plan, in the lanes or in the table.")] : [];
+    return doors.length ? [el("p", { class: "aside on-screen" }, "Choose a door on the plan, in the lanes or in the table.")] : [];
   }
   const door = doorOf.get(chosen);
   const close = el("button", { type: "button", class: "close", "aria-label": "Choose no door", onclick: () => clock.choose(null) }, "×");
@@ -87,6 +87,6 @@ function recentLine([door, when, state]) {
   return el("li", { class: door.id === clock.chosen ? "chosen" : null },
     el("button", { type: "button", class: "when", title: `${dateText(when)}: go there`, onclick: () => clock.set(when) },
       dayText(when) === dayText(clock.t) ? clockText(when) : shortTime(when)),
-    el("button", { type: "button", class: "who", title: door.name, onclick: () => clock.choose(door.id) }, dot(state), quoted(door.short)),
+    el("button", { type: "button", class: "who", title: door.name, onclick: () => clock.choose(door.id) }, dot(state), quoted(shortened(door.short, LONGEST_RECENT))),
     el("span", { class: `state ${CLASSES[state]}` }, STATE_WORDS[state].toLowerCase()));
 }

@@ -53,14 +53,14 @@ const levelNames = new Map(data.levels.map((level) => [level.level, level.name])
 
 /** All moments at which a door becomes another, ascending, each once. */
 const momentsOfChange = (() => {
-  const all = [];
-  for (const door of doors) all.push(...momentsOf(door));
-  return Float64Array.from(new Set(all)).sort();
+  const all = new Set();
+  for (const door of doors) for (const t of momentsOf(door)) all.add(t);
+  return Float64Array.from(all).sort();
 })();
 
 function momentsOf(door) {
   const found = [door.added, ...door.placedAt];
-  for (const t of door.changedAt) found.push(t); // may be very many: no spreading
+  for (const t of door.changedAt) found.push(t);
   if (door.removed !== null) found.push(door.removed);
   return found.filter((t) => t >= 0 && t <= END);
 }
@@ -120,8 +120,10 @@ function roundAt(t) {
 
 /* Times as the building's clocks show them. */
 
-const offsetAt = (t) =>
-  data.offsets[Math.max(lastUpTo(data.offsets.map(([from]) => from), data.begin + t), 0)][1];
+const offsetsBegin = Float64Array.from(data.offsets, ([from]) => from);
+
+/** How far the building's clocks are ahead of UTC, seconds. */
+const offsetAt = (t) => data.offsets[Math.max(lastUpTo(offsetsBegin, data.begin + t), 0)][1];
 
 /** A Date whose UTC fields are the wall clock's. */
 const wall = (t) => new Date(data.begin + t + 1000 * offsetAt(t));

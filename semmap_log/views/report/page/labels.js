@@ -9,9 +9,6 @@ function labelWidth(text) {
   return pen.measureText(text).width + 4;
 }
 
-const shortened = (text) =>
-  [...text].length <= LONGEST_LABEL ? text : [...text].slice(0, LONGEST_LABEL - 1).join("") + "…";
-
 /**
  * Give each mark {text, id, a, b} (ends of its line, pixels) a place {text, x, y}, or null.
  * The first marks get the best places; where there is no room for a name its id may fit.
@@ -19,7 +16,7 @@ const shortened = (text) =>
 function placeLabels(marks, width, height) {
   const taken = marks.flatMap(({ a, b }) => boxesAlong(a, b));
   return marks.map((mark) => {
-    for (const text of [shortened(mark.text), String(mark.id)]) {
+    for (const text of [shortened(mark.text, LONGEST_LABEL), String(mark.id)]) {
       const box = freeBox(mark, labelWidth(text), taken, width, height);
       if (box) {
         taken.push(box);

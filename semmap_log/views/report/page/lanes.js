@@ -6,16 +6,15 @@ const TICK_STEPS = [
   10_000, 30_000, MINUTE, 5 * MINUTE, 15 * MINUTE, HOUR, 3 * HOUR, 6 * HOUR, 12 * HOUR,
   DAY, 2 * DAY, 7 * DAY, 14 * DAY, 28 * DAY, 91 * DAY, 364 * DAY,
 ];
-const TICK_ROOM_PX = 88;
+const TICK_ROOM_PX = 88, NARROW_PX = 500;
+const LONGEST_NAME = 21;
+const IS_PHONE = innerWidth < 600; // there is room for the id, and where a name begins
 
 const view = { name: "all", from: 0, till: Math.max(END, 1) };
 const lanes = [];
-let inSight, stateColours;
+let inSight;
 
 function setUpLanes() {
-  const style = getComputedStyle(document.documentElement);
-  stateColours = CLASSES.map((name) => style.getPropertyValue(`--${name}`).trim());
-  stateColours.robot = style.getPropertyValue("--robot").trim();
   const axis = el("div", { class: "axis" }, el("div", { class: "lane-name" }), el("div", { class: "ticks", id: "ticks" }));
   const body = el("div", { class: "lanes-body" });
   if (data.rounds.length) lanes.push(new Lane(null, "Patrol rounds"));
@@ -60,12 +59,12 @@ const shareOf = (t) => (t - view.from) / (view.till - view.from);
 class Lane {
   constructor(door, name) {
     this.door = door;
-    this.canvas = el("canvas", { role: "img", "aria-label": door ? spanText(door) : count(data.rounds.length, "patrol round") });
+    this.picture = drawn("svg", { preserveAspectRatio: "none", role: "img", "aria-label": door ? spanText(door) : count(data.rounds.length, "patrol round") });
     const label = door
-      ? el("button", { type: "button", title: door.name, onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(name))
+      ? el("button", { type: "button", title: door.name, onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(IS_PHONE ? `${door.id} ${name}` : shortened(name, LONGEST_NAME)))
       : el("span", {}, name);
     this.element = el("div", { class: door ? "lane" : "lane rounds", "data-id": door ? door.id : null },
-      el("div", { class: "lane-name" }, label), el("div", { class: "lane-bar" }, this.canvas));
+      el("div", { class: "lane-name" }, label), el("div", { class: "lane-bar" }, this.picture));
     this.element.lane = this;
     this.isSeen = false;
     const bar = this.element.lastChild;
@@ -88,44 +87,43 @@ class Lane {
   see(isSeen) {
     this.isSeen = isSeen;
     if (isSeen) this.draw();
-    else this.canvas.width = this.canvas.height = 0; // gives back its memory
+    else this.picture.replaceChildren(); // gives back its memory
   }
 
+  /** One path a state, as vectors: so it is sharp on paper, too. What is short lies on top. */
   draw() {
-    const scale = Math.min(devicePixelRatio || 1, 2);
-    const width = this.canvas.parentElement.clientWidth * scale, height = LANE_HEIGHT * scale;
-    this.canvas.width = width;
-    this.canvas.height = height;
-    const pen = this.canvas.getContext("2d");
-    if (this.door) this.drawStates(pen, width, height);
-    else this.drawRounds(pen, width, height);
+    const width = this.picture.parentElement.clientWidth || 1000;
+    this.picture.setAttribute("viewBox", `0 0 ${width} ${LANE_HEIGHT}`);
+    const paths = this.door ? this.statePaths(width) : this.roundPaths(width);
+    this.picture.replaceChildren(...Object.entries(paths).filter(([, parts]) => parts.length)
+      .map(([name, parts]) => drawn("path", { class: name, d: parts.join("") })));
   }
 
-  drawStates(pen, width, height) {
+  statePaths(width) {
     const { changedAt, changedTo, added, removed } = this.door;
+    const paths = { open: [], closed: [], unknown: [] }, drawnTo = { open: -1, closed: -1, unknown: -1 };
     const last = Math.min(removed ?? END, END);
-    let drawnTo = -1;
     for (let i = Math.max(lastUpTo(changedAt, view.from), 0); i < changedAt.length; i++) {
       const from = Math.max(changedAt[i], added, view.from);
       const till = Math.min(i + 1 < changedAt.length ? changedAt[i + 1] : last, last, view.till);
       if (from > view.till) break;
+      const name = CLASSES[changedTo[i]];
       const x = shareOf(from) * width, end = Math.max(shareOf(till) * width, x + 1);
-      if (till < from || (end <= drawnTo && end - x <= 1)) continue; // no eye sees it
-      const name = CLASSES[changedTo[i]], tall = Math.round(HEIGHTS[name] * height);
-      // Nothing is ever cleared: in print that would wipe the page around the lane, too.
-      pen.fillStyle = stateColours[changedTo[i]];
-      pen.fillRect(x, height - tall, end - x, tall);
-      drawnTo = Math.ceil(end);
+      if (till < from || end <= drawnTo[name]) continue; // no eye sees it
+      paths[name].push(boxOf(x, end, HEIGHTS[name]));
+      drawnTo[name] = Math.ceil(end);
     }
+    return paths;
   }
 
-  drawRounds(pen, width, height) {
-    pen.fillStyle = stateColours.robot;
+  roundPaths(width) {
+    const paths = { round: [], "round guessed": [] };
     for (const [from, till] of data.rounds) {
-      const x = shareOf(from ?? 0) * width, end = shareOf(till ?? END) * width;
-      pen.globalAlpha = from === null || till === null ? 0.35 : 0.9;
-      pen.fillRect(x, height * 0.2, Math.max(end - x, 1), height * 0.6);
+      const x = shareOf(from ?? 0) * width, end = Math.max(shareOf(till ?? END) * width, x + 1);
+      if (end < 0 || x > width) continue;
+      paths[from === null || till === null ? "round guessed" : "round"].push(boxOf(x, end, 0.6));
     }
+    return paths;
   }
 
   told(t) {
@@ -140,6 +138,9 @@ class Lane {
     return [title, when, el("span", {}, dot(now.state), `${STATE_WORDS[now.state]} ${sinceText(now)}`)];
   }
 }
+
+const boxOf = (x, end, share) =>
+  `M${x.toFixed(1)} ${LANE_HEIGHT}v${-share * LANE_HEIGHT}H${end.toFixed(1)}V${LANE_HEIGHT}z`;
 
 /** The share of its known time that a door was open, for who cannot see its lane. */
 function spanText(door) {
@@ -193,14 +194,14 @@ function setWindow(name) {
 function drawTicks() {
   const width = byId("ticks").clientWidth || 800;
   const length = view.till - view.from;
-  const step = TICK_STEPS.find((ms) => (ms / length) * width >= TICK_ROOM_PX) || length;
+  const step = TICK_STEPS.find((ms) => (ms / length) * width >= (width < NARROW_PX ? 0.7 : 1) * TICK_ROOM_PX) || length;
   const marks = ticksOf(step).map((t) => [100 * shareOf(t), t]);
   const place = (element, left) => {
     element.style.left = `${left}%`;
     return element;
   };
   byId("ticks").replaceChildren(...marks.filter(([left]) => left < 99 - 6000 / width).map(([left, t]) =>
-    place(el("span", {}, tickText(t, step)), left)));
+    place(el("span", {}, tickText(t, step, width < NARROW_PX)), left)));
   byId("grid").replaceChildren(...marks.map(([left, t]) =>
     place(el("i", { class: clockText(t) === "00:00:00" ? "midnight" : null }), left)));
 }
@@ -219,8 +220,8 @@ function ticksOf(step) {
   return ticks;
 }
 
-function tickText(t, step) {
-  if (step >= DAY) return step > 60 * DAY ? `${dayText(t).slice(4)} ${wall(t).getUTCFullYear()}` : dayText(t);
+function tickText(t, step, isNarrow) {
+  if (step >= DAY) return step > 60 * DAY ? `${dayText(t).slice(4)} ${wall(t).getUTCFullYear()}` : dayText(t).slice(isNarrow ? 4 : 0);
   const isMidnight = clockText(t) === "00:00:00";
   return isMidnight ? dayText(t) : clockText(t, step < MINUTE);
 }

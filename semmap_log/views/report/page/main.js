@@ -32,12 +32,18 @@ function showWhereItIs(door, t) {
   const now = door.at(t);
   const panel = panels.find((other) => other.level === (now ? now.level : levelOf(door)));
   if (panel && panel !== front) bringToFront(panel);
+  if (panel && panel.width && now && now.place && !isOnScreen(panel, now.place)) panel.centre(now.place);
   for (const [box, row] of [[byId("lanes"), `.lane[data-id="${door.id}"]`], [byId("table").parentElement, `tr[data-id="${door.id}"]`]]) {
     const found = box.querySelector(row);
     if (!found || found.hidden) continue;
     const top = found.getBoundingClientRect().top - box.getBoundingClientRect().top;
     if (top < 40 || top > box.clientHeight - 30) box.scrollTop += top - box.clientHeight / 2; // the page itself stays
   }
+}
+
+function isOnScreen(panel, [, , x, y]) {
+  const [right, down] = panel.pixel(x, y);
+  return right > 0 && down > 0 && right < panel.width && down < panel.height;
 }
 
 start();

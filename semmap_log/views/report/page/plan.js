@@ -25,7 +25,9 @@ class LevelPanel {
       this.picture, this.track, ...this.marks.map((mark) => mark.group), this.robot, this.labels, this.metres);
     this.unplaced = el("div", { class: "unplaced" });
     this.element = el("div", { class: "level", role: "tabpanel", id: `level-${this.level}`, "aria-label": level.name },
-      el("h3", { class: "printed" }, quoted(level.name)), level.isEmpty ? null : this.svg, this.unplaced);
+      el("h3", { class: "printed" }, quoted(level.name)), level.isEmpty ? el("p", { class: "aside" }, "Nothing on this level has a place: there is no plan to draw.") : this.svg,
+      this.unplaced);
+    this.isEmpty = level.isEmpty;
     this.setUpPointer();
   }
 
@@ -56,7 +58,7 @@ class LevelPanel {
   resize(width) {
     const [left, low, right, high] = this.bounds;
     this.width = Math.max(width, 200);
-    const most = Math.min(640, Math.max(window.innerHeight * 0.72, 320));
+    const most = Math.min(this.floor ? 640 : 420, Math.max(window.innerHeight * 0.72, 320));
     this.height = clamp((this.width * (high - low)) / (right - left), Math.min(220, most), most);
     this.fit = Math.min(this.width / (right - left), this.height / (high - low));
     this.svg.setAttribute("viewBox", `0 0 ${this.width} ${this.height}`);
@@ -75,6 +77,14 @@ class LevelPanel {
     const after = this.fit * this.zoom;
     this.middle[0] += (x - this.width / 2) * (1 / before - 1 / after);
     this.middle[1] -= (y - this.height / 2) * (1 / before - 1 / after);
+    this.keepInside();
+    this.layOut();
+  }
+
+  /** Bring a place into the middle, where only a part of the plan is seen. */
+  centre([, , x, y]) {
+    if (this.zoom === 1) return;
+    this.middle = [x, y];
     this.keepInside();
     this.layOut();
   }
@@ -258,8 +268,7 @@ function setUpPlan() {
   byId("legend").append(...["Open", "Closed", "Unknown"].map((word) =>
     el("li", {}, el("i", { class: `stroke ${word.toLowerCase()}`, "aria-hidden": "true" }), word)),
   ...(runs.length ? [el("li", {}, el("i", { class: "dot robot", "aria-hidden": "true" }), "Robot, and its last 30 minutes")] : []));
-  const robot = robotAt(clock.t);
-  bringToFront(panels.find((panel) => robot && panel.level === robot.level) || panels[0]);
+  bringToFront(mostOfInterest());
   let width = 0;
   new ResizeObserver(() => {
     if (byId("levels").clientWidth === width) return;
@@ -271,8 +280,16 @@ function setUpPlan() {
   });
 }
 
+/** The level where the robot is, or the one with most doors. */
+function mostOfInterest() {
+  const robot = robotAt(clock.t);
+  const withRobot = panels.find((panel) => robot && panel.level === robot.level);
+  return withRobot || panels.reduce((best, panel) => (panel.marks.length > best.marks.length ? panel : best));
+}
+
 function bringToFront(panel, withFocus = false) {
   front = panel;
+  for (const button of document.querySelectorAll(".zooms button")) button.disabled = panel.isEmpty;
   for (const other of panels) {
     other.element.classList.toggle("behind", other !== panel);
     other.tab.setAttribute("aria-selected", String(other === panel));

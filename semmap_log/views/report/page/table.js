@@ -17,7 +17,9 @@ const table = { sort: "id", descends: false, rows: [] };
 function setUpTable() {
   const head = el("tr", {}, COLUMNS.map((column) => (column.head = el("th", { scope: "col", class: `of-${column.key}`, "aria-sort": "none" },
     el("button", { type: "button", onclick: () => sortBy(column.key) }, column.title,
-      column.more ? el("span", { class: "wide" }, column.more) : null)))));
+      column.more ? el("span", { class: "wide" }, column.more) : null),
+    // A head with buttons in it is not repeated on the next sheet of paper.
+    el("span", { class: "on-paper", "aria-hidden": "true" }, column.title, column.more || "")))));
   table.rows = doors.map(rowOf);
   table.body = el("tbody", {}, table.rows.map((row) => row.element));
   byId("table").append(el("caption", { class: "unseen-text" }, "Doors at the moment that is shown"), el("thead", {}, head), table.body);
@@ -33,7 +35,7 @@ function rowOf(door) {
   const cells = Object.fromEntries(COLUMNS.map(({ key, isNumber }) => [key, el("td", { class: `of-${key}${isNumber ? " number" : ""}` })]));
   cells.id.append(String(door.id));
   cells.name.append(el("button", { type: "button", onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(door.name)));
-  if (door.p) cells.p.append(el("b", {}, shortNumber(door.p[0])), ` ${interval(door.p[1], door.p[2])}`);
+  if (door.p) cells.p.append(el("b", {}, shortNumber(door.p[0])), el("span", { class: "wide" }, ` ${interval(door.p[1], door.p[2])}`));
   else cells.p.append(el("span", { class: "aside", title: door.why || "not in the map then" }, "unknown"));
   cells.changes.append(grouped(door.changes));
   const row = { door, cells, now: null, element: el("tr", { "data-id": door.id }, Object.values(cells)) };

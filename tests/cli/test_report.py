@@ -1,0 +1,101 @@
+"""`report` as a user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from semmap_log.cli import main
+from semmap_log.views.palette import COLOUR_BLIND
+from semmap_log.views.report.page import hex_of
+from tests.views.report.pages import data_of
+from tests.views.rerun.some_logs import small_log
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the log `log`."""
+    monkeypatch.chdir(tmp_path)
+    small_log(tmp_path / "log")
+    return tmp_path
+
+
+def run(*arguments: str) -> int:
+    try:
+        main(arguments)
+    except SystemExit as left:
+        return int(left.code or 0)
+    return 0
+
+
+def test_it_says_what_it_wrote(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    On stderr; stdout stays empty.
+    """
+    code = run("report", "log", "page.html")
+
+    said = capsys.readouterr()
+    assert 0 == code
+    assert "" == said.out
+    assert said.err.startswith("page.html: 2 doors, 21 events, ")
+
+
+def test_its_options_choose_what_is_shown(folder: Path) -> None:
+    """
+    Span, doors, zone and colours.
+    """
+    code = run("report", "log", "page.html", "--from", "2026-03-01T21:30Z", "--to",
+               "2026-03-01T21:45Z", "--door", "front", "--tz", "Asia/Tokyo",
+               "--palette", "colour-blind")  # fmt: skip
+
+    html = (folder / "page.html").read_text(encoding="utf-8")
+    data = data_of(html)
+    assert 0 == code
+    assert 1_772_400_600_000 == data["begin"]
+    assert data["end"] < 900_000
+    assert ["front"] == [door["name"] for door in data["doors"]]
+    assert "Asia/Tokyo" == data["log"]["tz"]
+    assert f"--open: {hex_of(COLOUR_BLIND.open)};" in html
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "expected"),
+    [
+        (("report", "log", "log/page.html"), 1, "log's own folder"),
+        (("report", "log", "no/page.html"), 1, "No such file or directory"),
+        (("report", "log", "page.txt"), 1, "ends in .html"),
+        (("report", "nothing", "page.html"), 1, "nothing"),
+        (("report", "log", "page.html", "--tz", "Mars"), 1, "No time zone 'Mars'"),
+        (("report", "log", "page.html", "--door", "back"), 1, "back"),
+        (("report", "log", "page.html", "--from", "now", "--to", "1h ago"), 1, "swap them"),
+        (("report", "log", "page.html", "--palette", "grey"), 2, "colour-blind"),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    code: int,
+    expected: str,
+) -> None:
+    """
+    In a line, with what to do; and no page is written.
+    """
+    left = run(*arguments)
+
+    assert code == left
+    assert expected in capsys.readouterr().err
+    assert ["log"] == [path.name for path in folder.iterdir()]
+
+
+def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    And fits 80 columns.
+    """
+    code = run("report", "--help")
+
+    out = capsys.readouterr().out
+    assert 0 == code
+    assert "semmap-log report office office.html" in out
+    assert max(map(len, out.splitlines())) <= 80

@@ -1,0 +1,421 @@
+"""The page in a headless Chromium: what it shows, at which moment, and that it is left in peace."""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+import semmap_log as sl
+from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
+from semmap_log.views.report.report import report
+from tests.browser import Page, a_page, as_url
+from tests.views.report.pages import (
+    data_of,
+    log_of,
+    replayed_at,
+    retracted_log,
+    telling_moments,
+)
+from tests.views.rerun.some_logs import small_log
+
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+HOSTILE = "</script><img src=x onerror=\"document.title='hacked'\">"
+DESK, PHONE = (1440, 900), (390, 844)
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    with a_page(size=DESK) as opened:
+        yield opened
+
+
+def shown(page: Page, folder: Path, log: sl.DoorLog, fragment: str = "", **how: Any) -> dict:
+    """Open the page of a log, and return its data."""
+    html = report(log, **how).html
+    (folder / "page.html").write_text(html, encoding="utf-8")
+    page.open("about:blank")
+    page.open(as_url(folder / "page.html") + fragment)
+    return data_of(html)
+
+
+def go_to(page: Page, t: int) -> None:
+    """Move the slider as a person does."""
+    page.evaluate(
+        f"(s => {{ s.value = {t}; s.dispatchEvent(new Event('input', {{bubbles: true}})) }})"
+        "(document.getElementById('slider'))"
+    )
+
+
+def rows(page: Page) -> dict[int, str]:
+    """The table's states, of the doors in the map."""
+    said = page.evaluate(
+        "[...document.querySelectorAll('#table tbody tr')]"
+        ".map(row => [row.dataset.id, row.dataset.state])"
+    )
+    return {int(door): state for door, state in said if state}
+
+
+def on_plans(page: Page) -> dict[int, str]:
+    """The states of all doors that are drawn, or named below a plan."""
+    said = page.evaluate(
+        "[...document.querySelectorAll('.door:not(.gone), .chip')]"
+        ".map(d => [d.dataset.id, d.dataset.state])"
+    )
+    return {int(door): state for door, state in said}
+
+
+def ids_shown(page: Page) -> list[int]:
+    found = page.evaluate(
+        "[...document.querySelectorAll('#table tbody tr:not([hidden])')].map(r => +r.dataset.id)"
+    )
+    return list(found)
+
+
+def picture_of(page: Page) -> Image.Image:
+    return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_slider_moves_the_doors_as_a_replay_does(page: Page, tmp_path: Path, seed: int) -> None:
+    """
+    In the table and on the plans, at any moment.
+    """
+    log = retracted_log(tmp_path / "log", seed=seed)
+    data = shown(page, tmp_path, log)
+
+    for t in telling_moments(data, random.Random(seed), 12):
+        go_to(page, t)
+
+        true = {door: now["state"] for door, now in replayed_at(log, data, t).items()}
+        assert true == rows(page), t
+        assert true == on_plans(page), t
+    assert [] == page.complaints
+
+
+@pytest.mark.parametrize("palette", [DEFAULT, COLOUR_BLIND], ids=["default", "colour-blind"])
+def test_a_door_has_its_states_colour_at_its_place(
+    page: Page, tmp_path: Path, palette: Palette
+) -> None:
+    """
+    The pixel in the middle of its line.
+    """
+    log = sl.read(RECORDINGS / "office")
+    data = shown(page, tmp_path, log, palette=palette)
+
+    for t in (data["end"] * 4 // 10, data["end"]):
+        go_to(page, t)
+        true = replayed_at(log, data, t)
+        page.place(".map")
+        picture = picture_of(page)
+        for door, now in true.items():
+            left, top, width, height = page.place(f".door[data-id='{door}'] .leaf")
+            expected = palette.open if now["state"] == "OPEN" else palette.closed
+            middle = round(left + width / 2), round(top + height / 2)
+            assert _distance(picture, middle, expected) < 12, (t, door)
+    assert {"OPEN", "CLOSED"} <= {now["state"] for now in replayed_at(
+        log, data, data["end"] * 4 // 10).values()}  # fmt: skip
+
+
+def _distance(picture: Image.Image, at: tuple[int, int], colour: tuple[int, int, int]) -> int:
+    """How far the pixel that is most like a colour, of those around a point, is from it."""
+    near = [picture.getpixel((at[0] + x, at[1] + y)) for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    return min(max(abs(a - b) for a, b in zip(colour, one, strict=True)) for one in near)
+
+
+def test_it_opens_at_the_end_and_a_link_opens_it_elsewhere(page: Page, tmp_path: Path) -> None:
+    """
+    The fragment keeps the moment to the millisecond, and the door.
+    """
+    log = sl.read(RECORDINGS / "office")
+    data = shown(page, tmp_path, log)
+    at_the_end = page.evaluate("+document.getElementById('slider').value")
+
+    shown(page, tmp_path, log, "#t=2026-03-02T09:15:00.250+01:00&door=2")
+
+    assert data["end"] == at_the_end
+    chosen = page.evaluate("document.querySelector('tr.chosen').dataset.id")
+    moment = page.evaluate("+document.getElementById('slider').value")
+    assert "2" == chosen
+    assert 1_772_439_300_250 - data["begin"] == moment
+    assert "09:15:00" in page.evaluate("document.getElementById('clock').textContent")
+    page.press("ArrowRight")
+    page.wait_until("location.hash.includes('door=2') && !location.hash.includes('09:15')")
+
+
+def test_arrow_keys_step_from_change_to_change(page: Page, tmp_path: Path) -> None:
+    """
+    Each stop is a change; with Shift, one of the chosen door.
+    """
+    log = small_log(tmp_path / "log")
+    data = shown(page, tmp_path, log)
+    moments = sorted({
+        t for door in data["doors"] for t in (
+            door["added"], *([door["removed"]] if door["removed"] else []),
+            *(place[0] for place in door["places"]),
+        )
+    } | {round(t) for t in changes_of_state(data)})  # fmt: skip
+
+    seen = []
+    for _ in moments:
+        seen.append(page.evaluate("+document.getElementById('slider').value"))
+        page.press("ArrowLeft")
+
+    assert moments == sorted(seen)
+    page.press("ArrowRight")
+    assert moments[0] == page.evaluate("+document.getElementById('slider').value")
+
+
+def changes_of_state(data: dict) -> set[int]:
+    """All moments at which a door's state became another."""
+    found = set()
+    for door in data["doors"]:
+        t, before = 0, None
+        for delta, state in zip(door["t"], door["s"], strict=True):
+            t += delta
+            if state != before:
+                found.add(t)
+            before = state
+    return found
+
+
+def test_playing_moves_on_and_stops_at_the_end(page: Page, tmp_path: Path) -> None:
+    """
+    With the space bar or the button; from the end it begins anew.
+    """
+    data = shown(page, tmp_path, small_log(tmp_path / "log"))
+    page.evaluate("document.getElementById('speed').value = 600000")
+
+    page.click("#play")
+    page.wait_until("+document.getElementById('slider').value < "
+                    f"{data['end']} && +document.getElementById('slider').value > 0")  # fmt: skip
+
+    page.wait_until(f"+document.getElementById('slider').value === {data['end']}")
+    assert "false" == page.evaluate("document.getElementById('play').ariaPressed")
+
+
+def test_the_table_is_filtered_and_sorted(page: Page, tmp_path: Path) -> None:
+    """
+    By name, id, level and state; either way up.
+    """
+    shown(page, tmp_path, log_of(tmp_path / "log", "beta", "Alpha", "gamma 10", "gamma 9"))
+
+    page.click("#table th.of-name button")
+    by_name = ids_shown(page)
+    page.click("#table th.of-name button")
+    backwards = ids_shown(page)
+    page.click("#filter")
+    page.press(*"gam")
+    filtered = ids_shown(page)
+
+    assert [2, 1, 4, 3] == by_name
+    assert [3, 4, 1, 2] == backwards
+    assert [3, 4] == filtered
+    assert "2 of 4 doors" == page.evaluate("document.getElementById('shown').textContent")
+    page.evaluate(
+        "(s => { s.value = '1'; s.dispatchEvent(new Event('change')) })"
+        "(document.getElementById('filter-state'))"
+    )
+    assert [] == ids_shown(page)
+
+
+def test_a_door_is_chosen_by_mouse_and_by_key(page: Page, tmp_path: Path) -> None:
+    """
+    Its lane, its row and its details follow; Escape lets it go.
+    """
+    shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+
+    page.click(".door[data-id='2']")
+    by_mouse = page.evaluate("[...document.querySelectorAll('.chosen[data-id]')]"
+                             ".map(e => e.tagName + e.dataset.id)")  # fmt: skip
+    page.press("Escape")
+    page.evaluate("document.querySelector(\".door[data-id='3']\").focus()")
+    page.press("Enter")
+
+    assert {"g2", "DIV2", "TR2"} <= set(by_mouse)
+    assert {"2"} == {said[-1] for said in by_mouse}
+    assert "hardware_door" in page.evaluate("document.querySelector('.details').textContent")
+
+
+def test_hostile_names_are_inert(page: Page, tmp_path: Path) -> None:
+    """
+    They are shown as they are; nothing runs, nothing is asked for.
+    """
+    log = log_of(tmp_path / "log", HOSTILE, "javascript:alert(1)")
+
+    shown(page, tmp_path, log)
+    page.click(".door[data-id='1']")
+    page.hover(".door[data-id='1']")
+
+    assert "hacked" != page.evaluate("document.title")
+    assert 0 == page.evaluate("document.querySelectorAll('img').length")
+    assert HOSTILE == page.evaluate("document.querySelector('#table tbody bdi').textContent")
+    assert HOSTILE in page.evaluate("document.getElementById('hint').textContent")
+    assert [] == page.complaints
+
+
+def test_a_page_asks_for_nothing(tmp_path: Path) -> None:
+    """
+    But for itself; and its policy stops a script that is not its own.
+    """
+    with a_page(size=DESK) as page:
+        shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+        page.evaluate(
+            "document.body.append(Object.assign(document.createElement('script'),"
+            " {textContent: 'window.foreign = 1'}))"
+        )
+
+        asked = {url.rsplit("/", 1)[-1] for url in page.requests}
+        assert {"page.html"} == asked - {"about:blank"}
+        assert page.evaluate("window.foreign === undefined")
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+def test_it_fits_desks_and_phones_by_day_and_night(
+    tmp_path: Path, size: tuple[int, int], dark: bool
+) -> None:
+    """
+    Nothing is wider than the window, the plan is in it, and the themes differ.
+    """
+    with a_page(size=size, dark=dark) as page:
+        shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+        picture = picture_of(page)
+
+        assert size[0] == page.evaluate("document.documentElement.scrollWidth")
+        left, _, width, height = page.place(".map")
+        assert left >= 0
+        assert left + width <= size[0]
+        assert height > 150
+        ground = picture.getpixel((2, 2))
+        assert (max(ground) < 60) if dark else (min(ground) > 200)
+        assert len(picture.getcolors(2**20) or []) > 50
+        assert [] == page.complaints
+
+
+def test_it_prints_all_there_is(page: Page, tmp_path: Path) -> None:
+    """
+    Both levels, every lane and every row of a week of 133 doors; whatever was scrolled away.
+    """
+    data = shown(page, tmp_path, sl.read(RECORDINGS / "clinic_week"))
+    (tmp_path / "page.pdf").write_bytes(page.pdf())
+
+    try:
+        words = subprocess.run(["pdftotext", "-layout", tmp_path / "page.pdf", "-"],
+                               capture_output=True, text=True, check=True).stdout  # fmt: skip
+    except FileNotFoundError:
+        pytest.skip("pdftotext (poppler-utils) is not here: what was printed was not read")
+    pages = words.split("\f")[:-1]
+    assert all(len(text) > 200 for text in pages)
+    there = {door["name"] for door in data["doors"] if door["removed"] is None}
+    assert set() == {name for name in there if f"{name} " not in words}
+    assert words.count("left_treatment_1") >= 3  # lane, row and week
+    tables = [text for text in pages if "ago " in text and "Closed" in text]
+    assert len(tables) >= 2
+    assert all("Last seen" in text for text in tables)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [(), ("only",), ("大门", "قاعة الاجتماعات", "🚪 x"), ("",) * 500],
+    ids=["none", "one", "scripts", "500"],
+)
+@pytest.mark.parametrize("placed", [True, False], ids=["placed", "unplaced"])
+def test_odd_logs_make_pages_too(
+    page: Page, tmp_path: Path, names: tuple[str, ...], placed: bool
+) -> None:
+    """
+    No complaint, and as many rows as doors.
+    """
+    names = tuple(name or f"door no {i}" for i, name in enumerate(names))
+
+    shown(page, tmp_path, log_of(tmp_path / "log", *names, placed=placed))
+
+    said = page.evaluate(
+        "[...document.querySelectorAll('#table .of-name bdi')].map(e => e.textContent)"
+    )
+    assert list(names) == said
+    assert (not names) == (not page.evaluate("document.getElementById('empty').hidden"))
+    assert [] == page.complaints
+
+
+@pytest.mark.parametrize("crowd", ["clinic", "row"])
+def test_labels_do_not_cover_each_other(page: Page, tmp_path: Path, crowd: str) -> None:
+    """
+    On the plan of a clinic, and of doors with names longer than there is room; near and far.
+    """
+    row = [f"conference room {i}" for i in range(20)]
+    log = sl.read(RECORDINGS / "clinic_week") if crowd == "clinic" else None
+    shown(page, tmp_path, log or log_of(tmp_path / "log", *row))
+
+    for _ in range(2):
+        boxes = page.evaluate(
+            "[...document.querySelectorAll('.level:not(.behind) .labels text')]"
+            ".map(e => e.getBBox()).map(b => [b.x, b.y, b.x + b.width, b.y + b.height])"
+        )
+        assert len(boxes) >= 5
+        assert [] == [
+            (a, b) for i, a in enumerate(boxes) for b in boxes[:i]
+            if min(a[2], b[2]) - max(a[0], b[0]) > 1 and min(a[3], b[3]) - max(a[1], b[1]) > 3
+        ]  # fmt: skip
+        page.click("#nearer")
+
+
+def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> None:
+    """
+    Every door, at fifty places along: the pixel at the lane's foot is what a replay says.
+    """
+    log = sl.read(RECORDINGS / "office")
+    data = shown(page, tmp_path, log)
+    page.place("#lanes")
+    page.wait_until("document.querySelector('.lane[data-id] path')")
+    picture = picture_of(page)
+
+    for door in (1, 2, 3):
+        left, top, width, height = page.place(f".lane[data-id='{door}'] svg")
+        for share in range(1, 50):
+            column = width * share / 50
+            around = [round(data["end"] * (column + off) / width) for off in (-1, 0, 1, 2)]
+            true = {replayed_at(log, data, t)[door]["state"] for t in around}
+            if len(true) == 1:  # else a change is near, and one of both is right
+                colour = {"OPEN": DEFAULT.open, "CLOSED": DEFAULT.closed,
+                          "UNKNOWN": DEFAULT.unknown}[true.pop()]  # fmt: skip
+                foot = round(left + column), round(top + height - 2)
+                assert _distance(picture, foot, colour) < 12, (door, share)
+
+
+def test_a_typical_week_has_the_colours_of_its_hours(page: Page, tmp_path: Path) -> None:
+    """
+    Monday's first hour at the upper left; what nobody has seen is left to the hatching below.
+    """
+    data = shown(page, tmp_path, sl.read(RECORDINGS / "clinic_week"))
+    door = data["doors"][0]
+
+    pixels = page.evaluate(
+        "[...document.querySelector('figure[data-id=\"1\"] canvas').getContext('2d')"
+        ".getImageData(0, 0, 24, 7).data]"
+    )
+
+    expected = [
+        [0, 0, 0, 0] if percent < 0 else [*bytes.fromhex(data["shades"][percent][1:]), 255]
+        for percent in door["week"]
+    ]
+    assert expected == [pixels[4 * i : 4 * i + 4] for i in range(168)]
+
+
+def test_json_in_the_page_is_what_python_reads(page: Page, tmp_path: Path) -> None:
+    """
+    The browser's parser and ours agree on every escape.
+    """
+    data = shown(page, tmp_path, log_of(tmp_path / "log", HOSTILE + "\u2028&<!--"))
+
+    read = page.evaluate("document.getElementById('data').textContent")
+
+    assert data == json.loads(read)
