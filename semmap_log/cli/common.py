@@ -64,7 +64,7 @@ class PaletteName(str, Enum):
 
 
 PaletteChoice = Annotated[
-    PaletteName, typer.Option("--palette", help="Colours of states; one for every eye.")
+    PaletteName, typer.Option("--palette", help="Colours of states; one stays apart for colour-blind eyes.")
 ]
 
 PROGRESS_AFTER_S = 1.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +12,7 @@ from semmap_log.cli.common import (
     At,
     KnownAt,
     LogPath,
+    PaletteName,
     UpToEvent,
     progress,
     refuse_nan,
@@ -25,13 +25,6 @@ if TYPE_CHECKING:
 
 MOST_NAMED = 3
 """So many of the doors that are left out are named."""
-
-
-class PaletteName(str, Enum):
-    """`semmap_log.views.palette.PALETTES`, as typer wants its choices."""
-
-    default = "default"
-    colour_blind = "colour-blind"
 
 
 def run(

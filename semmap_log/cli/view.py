@@ -13,18 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import LogPath, progress, say
+from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
     from semmap_log.views.rerun.web import WebViewer
-
-
-class PaletteName(str, Enum):
-    """`palette.PALETTES`, as typer wants its choices."""
-
-    default = "default"
-    colour_blind = "colour-blind"
 
 
 class ThemeName(str, Enum):
@@ -60,9 +53,7 @@ def run(
             help="With what could be believed: P(open) over time, and typical weeks.",
         ),
     ] = True,
-    palette: Annotated[
-        PaletteName, typer.Option("--palette", help="Colours of the states.")
-    ] = PaletteName.default,
+    palette: PaletteChoice = PaletteName.default,
     follow: Annotated[
         bool,
         typer.Option("-f", "--follow", help="Go on with what comes, while another process writes."),
