@@ -38,6 +38,7 @@ class Demo:
     log: Path
     yaml: Path
     costmap: Path
+    report: Path
     rrd: Path | None
     """None: rerun is not installed."""
     rrd_problem: str
@@ -86,10 +87,14 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     tell(f"{yaml}: the door database in the thesis's form")
     costmap = _costmap(made, folder / "costmap.png", middle.moment_ns)
     tell(f"{costmap}: the doors in the middle of it, as a robot's planner would see them")
+    report = folder / "report.html"
+    export(made, report)
+    tell(f"{report}: the history as a page for any browser")
     rrd, problem = _rrd(made, folder / f"{RECORDING}.rrd")
     return Demo(
-        folder=folder, log=path, yaml=yaml, costmap=costmap, rrd=rrd, rrd_problem=problem,
-        copied=half, recorded=recorded, moments=(first, middle, last),
+        folder=folder, log=path, yaml=yaml, costmap=costmap, report=report,
+        rrd=rrd, rrd_problem=problem, copied=half, recorded=recorded,
+        moments=(first, middle, last),
         beliefs=probabilities(made, at=middle.moment_ns),
     )  # fmt: skip
 

@@ -28,6 +28,7 @@ def test_it_records_what_the_recording_holds(tmp_path: Path) -> None:
     assert made.copied + made.recorded == log.replay().event + 1
     assert made.yaml.read_text().startswith("1:\n  position:\n")
     assert made.costmap.read_bytes().startswith(b"\x89PNG")
+    assert made.report.read_text().startswith("<!doctype html>")
     assert [False] == list({door_map.event == -1 for door_map in made.moments})
 
 

@@ -64,7 +64,8 @@ class PaletteName(str, Enum):
 
 
 PaletteChoice = Annotated[
-    PaletteName, typer.Option("--palette", help="Colours of states; one stays apart for colour-blind eyes.")
+    PaletteName,
+    typer.Option("--palette", help="Colours of states; one stays apart for colour-blind eyes."),
 ]
 
 PROGRESS_AFTER_S = 1.0

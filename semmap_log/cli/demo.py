@@ -49,6 +49,7 @@ def run(
         f"  {made.log.name}/      the log: {made.copied} events copied, {made.recorded} recorded\n"
         f"  {made.yaml.name}   the doors, for the thesis's server\n"
         f"  {made.costmap.name}  the costmap in the middle of it\n"
+        f"  {made.report.name}  the history, for any browser\n"
         f"  {picture}"
     )
     if made.rrd_problem:
