@@ -164,6 +164,18 @@ def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path:
     assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
 
 
+def test_an_empty_log_is_shown_at_any_moment(viewer: Viewer, tmp_path: Path) -> None:
+    """
+    A recording without events has no timeline, and is waited for no longer than others.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+    save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
+
+    screenshot(tmp_path / "x.rrd", tmp_path / "x.png", at_ns=START, size=(800, 600))
+
+    assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
+
+
 def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
     """
     An error inside leaves no viewer behind.
