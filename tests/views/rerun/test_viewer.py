@@ -221,6 +221,7 @@ def test_a_missing_recording_is_told_before_anything_starts(tmp_path: Path) -> N
             "INFO hello\\nthread 'main' panicked at 'a bug'",
             "ended: thread 'main' panicked at 'a bug'",
         ),
+        ("\x1b[2mat\x1b[0m an \x1b[31merror\x1b[0m", "ended: at an error"),
         ("", "it did not say why"),
     ],
 )
