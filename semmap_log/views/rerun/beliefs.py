@@ -38,8 +38,8 @@ MOST_CURVES = 16
 MOST_CURVE_DAYS = 2_000
 """For each day of each curve the estimator learns anew, as it would have then: some seconds. So the
 liveliest 16 doors have one, in a recording of years fewer; doors that were asked for all have."""
-MOST_WEEKS = 80
-"""On a level with more doors the liveliest have a week: more of them cannot be read."""
+MOST_WEEKS = 36
+"""On a level with more doors the liveliest have a week: of more, ids would lie on each other."""
 
 
 @dataclass(frozen=True, slots=True)
