@@ -10,6 +10,8 @@ from semmap_log.doors import DoorId, DoorMap, DoorState
 from semmap_log.moments import zone
 from semmap_log.replay import Scope, replay
 from semmap_log.summary import summarize
+from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.beliefs import beliefs_of
 from semmap_log.views.report.changes import changes_of
@@ -21,7 +23,6 @@ from semmap_log.views.report.patrols import rounds_of
 from semmap_log.views.report.plans import levels_of
 from semmap_log.views.report.times import MS_NS, Span, first_ms, zone_offsets
 from semmap_log.views.report.track import track_of
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.week_shades import shade
 
 if TYPE_CHECKING:
@@ -151,6 +152,6 @@ def _door(story: DoorStory, said: dict[str, str], levels: list[dict[str, Any]]) 
     return {
         "id": int(story.door_id),
         "name": name,
-        "short": name.removeprefix(level).lstrip(" ._-:/") or name,
+        "short": without_level(name, level),
         "said": [[key, value] for key, value in sorted(said.items()) if key != "name"],
     }

@@ -184,15 +184,12 @@ class Viewer:
         self.ask(lambda client: client.set_time(timeline, play_state="paused", **where))
 
     def show(self, view: str) -> str:
-        """Bring a view to the front of its tabs, and return its id."""
+        """Let a view have all the room, and return its id."""
         ids = {each.name: each.view_id for each in self.state().views}
         if view not in ids:
             raise ViewerError(f"view {view!r}: expected one of {', '.join(sorted(ids))}.")
         layout = self.ask(lambda client: client.get_blueprint()).blueprint
-        for part in layout.values():
-            container = part.get("ContainerBlueprint", {})
-            if "active_tab" in container and f"view/{ids[view]}" in container["contents"]:
-                container["active_tab"] = f"view/{ids[view]}"
+        layout["/viewport"]["ViewportBlueprint"]["maximized"] = str(ids[view])
         self.ask(lambda client: client.set_blueprint(layout, of="recording"))
         return str(ids[view])
 

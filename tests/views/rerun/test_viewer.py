@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
+from PIL import Image
 
 import semmap_log as sl
 from semmap_log.doors import DoorId
@@ -104,6 +106,18 @@ def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
 
         assert has_colour(cells, colour)
         np.testing.assert_allclose(middle_of(plan, colour), middle_of(cells, colour), atol=3)
+
+
+def test_a_view_alone_has_nearly_all_of_the_picture(viewer: Viewer) -> None:
+    """
+    Whatever room it has beside the others; only the bars of the window are missing.
+    """
+    for name in ("Floor plan", "Event log (UTC)"):
+        with Image.open(io.BytesIO(viewer.picture(name))) as picture:
+            width, height = picture.size
+
+        assert width > 0.95 * SIZE[0], name
+        assert height > 0.8 * SIZE[1], name
 
 
 def test_north_is_up(viewer: Viewer) -> None:
