@@ -147,6 +147,21 @@ def test_a_part_begins_with_the_state_as_it_was(tmp_path: Path) -> None:
     assert ["UNKNOWN"] == drawn.latest("/map/doors/door_2", STATE, since_ns)
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_lies_beyond_all_buildings_is_no_matter(tmp_path: Path) -> None:
+    """
+    A door and poses that a viewer's numbers cannot hold: no warning, and the others are drawn.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.add_door(x=1e300, y=-1e300, theta=0, width=1e300)
+        log.add_door(x=1, y=2, theta=0, width=1)
+        log.append([RobotPose(x=1e300, y=0, theta=1e300), RobotPose(x=2, y=1e300, theta=0)])
+
+    drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
+
+    assert [[[1, 2], [2, 2]]] == drawn.latest("/map/doors/door_2", STRIPS, START + SECOND)
+
+
 def test_a_part_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
     """
     Rather than a recording of nothing.
