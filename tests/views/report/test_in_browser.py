@@ -17,6 +17,7 @@ import semmap_log as sl
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
 from semmap_log.views.report.report import report
 from tests.browser import Page, a_page, as_url
+from tests.conftest import SteadyClock
 from tests.views.report.pages import (
     data_of,
     log_of,
@@ -24,7 +25,7 @@ from tests.views.report.pages import (
     retracted_log,
     telling_moments,
 )
-from tests.views.rerun.some_logs import small_log
+from tests.views.rerun.some_logs import START, small_log
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
 HOSTILE = "</script><img src=x onerror=\"document.title='hacked'\">"
@@ -419,3 +420,16 @@ def test_json_in_the_page_is_what_python_reads(page: Page, tmp_path: Path) -> No
     read = page.evaluate("document.getElementById('data').textContent")
 
     assert data == json.loads(read)
+
+
+def test_a_day_that_a_country_left_out_is_no_trap(page: Page, tmp_path: Path) -> None:
+    """
+    Samoa went from 29 to 31 December 2011: the marks of days get past the one that never was.
+    """
+    with sl.create(tmp_path / "log", tz="Pacific/Apia", clock=SteadyClock(START)) as log:
+        door = log.add_door(x=0, y=0, theta=0, width=1, at="2011-12-28T12:00")
+        log.observe(door, "open", at="2012-01-02T12:00")
+
+    shown(page, tmp_path, sl.read(tmp_path / "log"))
+
+    assert "31 Dec" in page.evaluate("document.body.innerText")

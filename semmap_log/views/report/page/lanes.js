@@ -211,7 +211,8 @@ function ticksOf(step) {
   const ticks = [];
   let day = midnightBefore(view.from);
   while (day <= view.till && ticks.length < 500) {
-    const next = midnightBefore(day + DAY / 2, Math.max(1, Math.round(step / DAY)));
+    const midnight = midnightBefore(day + DAY / 2, Math.max(1, Math.round(step / DAY)));
+    const next = midnight > day ? midnight : day + DAY; // Samoa had no 30 December 2011
     for (let t = day; t < next && t <= view.till; t += Math.min(step, next - day)) {
       if (t >= view.from) ticks.push(t);
     }
