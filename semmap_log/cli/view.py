@@ -101,9 +101,10 @@ def run(
     \b
     Examples:
       semmap-log view office
-      semmap-log view office --from "yesterday 08:00" --door front --save office.rrd
+      semmap-log view office --from "yesterday 08:00" --door front
+      semmap-log view office --save office.rrd
       semmap-log view office --at 2026-03-02T14:02 --screenshot office.png
-      semmap-log view office --screenshot plan.png --view "Floor plan" --size 1280x800
+      semmap-log view office --screenshot plan.png --view "Floor plan"
       semmap-log view office --follow --from "2h ago"
       semmap-log view office --web --follow --palette colour-blind
     """

@@ -122,7 +122,8 @@ def _plans(scene: Scene, palette: Palette, level: int | None, *, costmap: bool) 
 def _plan(level: SceneLevel, palette: Palette) -> View:
     overrides = {entity(track_path(level)): [_recent_track()]} if level.has_robot else {}
     name = "Floor plan" if level.path == (ROOT,) else level.name
-    return _map_view(level, palette, name, [f"+ {entity(level.path)}/**"], overrides)
+    contents = [f"+ {entity(level.path)}/**", f"- {entity((*level.path, COSTMAP))}/**"]
+    return _map_view(level, palette, name, contents, overrides)
 
 
 def _costmap(level: SceneLevel, palette: Palette) -> View:
