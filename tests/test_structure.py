@@ -131,6 +131,35 @@ def test_inside_the_log_imports_point_one_way_too(path: Path) -> None:
     assert [] == wrong
 
 
+VIEWS = {"bounds", "excerpt", "plots", "report", "rerun"}
+"""What is inside `views` beside single files; the last three are ways to look at a log."""
+MAY_USE = {"excerpt": set[str](), "report": {"bounds", "excerpt"}, "plots": {"bounds", "excerpt"},
+           "rerun": {"bounds", "excerpt"}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "views"],
+    ids=lambda path: str(path.relative_to(PACKAGE)),
+)
+def test_no_way_to_look_at_a_log_leans_on_another(path: Path) -> None:
+    """
+    The report needs nothing of rerun's recordings, nor plots: what they share is beside them.
+    """
+    room = path.relative_to(PACKAGE).with_suffix("").parts[1]
+    may_use = {room} | MAY_USE.get(room, set())
+
+    wrong = [
+        f"line {line}: {name}"
+        for line, name in _imports(path)
+        if name.startswith("semmap_log.views.")
+        and name.split(".")[2] in VIEWS
+        and name.split(".")[2] not in may_use
+    ]
+
+    assert [] == wrong
+
+
 PROBABILITIES_ORDER = [
     {"local_clock", "forecast"},
     {"beta", "scores", "evidence"},

@@ -29,6 +29,8 @@ from mutation.mutant import Mutant
 
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("semmap_log", "tests", "tools", "pyproject.toml")
+LINKED = ("recordings",)
+"""What tests read, and nothing writes."""
 TIMEOUT_S = 900
 MEMORY = Path("/dev/shm")  # noqa: S108 - folders of our own, with names nobody can foresee
 
@@ -86,6 +88,8 @@ def fate_of(mutant: Mutant) -> Fate:
         tree.mkdir()
         for name in COPIED:
             _copy(ROOT / name, tree / name)
+        for name in LINKED:
+            (tree / name).symlink_to(ROOT / name)
         if mutant.snippet:
             mutant.apply(tree)
         command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "--no-header",

@@ -12,7 +12,7 @@ from semmap_log.costmaps import CostmapFrame, CostmapOptions, costmap_frames
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.errors import OutputError
 from semmap_log.events import FloorMap
-from semmap_log.formats.bags import new_bag
+from semmap_log.formats.bags import bytes_of, new_bag
 from semmap_log.formats.grid_messages import GRIDS, UPDATES, GridFrame, write_grids
 from semmap_log.log.reading.passage import Progress
 
@@ -81,7 +81,7 @@ def record_costmap(
             every_ns=round(every_s * 1e9),
             updates=updates,
         )
-    return RecordedCostmap(counts[GRIDS.name], counts[UPDATES.name], _bytes_of(out))
+    return RecordedCostmap(counts[GRIDS.name], counts[UPDATES.name], bytes_of(out))
 
 
 def _grid_frames(
@@ -94,8 +94,3 @@ def _grid_frames(
             progress(frame.at_ns - first_ns, end_ns - first_ns)
         grid = frame.costmap.master if which == "master" else frame.costmap.layer
         yield GridFrame(frame.at_ns, grid.costs, frame.windows)
-
-
-def _bytes_of(out: Path) -> int:
-    files = out.iterdir() if out.is_dir() else [out]
-    return sum(file.stat().st_size for file in files)

@@ -19,7 +19,7 @@ from semmap_log.exporting.door_table import DoorTable
 from semmap_log.exporting.in_order import moments, times_of
 from semmap_log.exporting.marker_plan import ROBOT, THESIS, MarkerPlan, plan_of
 from semmap_log.exporting.marker_topics import LevelDoors, ThesisDoors, WholeTopic, heights_of
-from semmap_log.formats.bags import BagTopic, NewBag, new_bag, ros_version_of
+from semmap_log.formats.bags import BagTopic, NewBag, bytes_of, new_bag, ros_version_of
 from semmap_log.formats.door_markers import DoorMarkers, is_drawn
 from semmap_log.formats.event_messages import LogLine, log_message, pose_message
 from semmap_log.formats.grid_messages import grid_message
@@ -96,7 +96,7 @@ def record_markers(
         for at_ns, entries in moments(log, times, progress):
             stream.take(at_ns, entries)
         stream.finish()
-    return RecordedMarkers(stream.counts, plan.every_s, _left_out(log, until_ns), _bytes_of(out))
+    return RecordedMarkers(stream.counts, plan.every_s, _left_out(log, until_ns), bytes_of(out))
 
 
 class _Stream:
@@ -231,8 +231,3 @@ class _Stream:
 def _left_out(log: DoorLog, until_ns: int | None) -> tuple[str, ...]:
     doors = log.replay(at=until_ns).doors.values()
     return tuple(door.label for door in doors if not is_drawn(door))
-
-
-def _bytes_of(out: Path) -> int:
-    files = out.iterdir() if out.is_dir() else [out]
-    return sum(file.stat().st_size for file in files)

@@ -95,3 +95,9 @@ def _form_of(path: Path) -> tuple[OpenBag, Callable[[Path], AbstractContextManag
 
         return ros2_bag, whole_folder
     raise FormatError(path, f"its name tells no bag that can be written; known: {WRITABLE_BAGS}.")
+
+
+def bytes_of(path: Path) -> int:
+    """Return how large a bag is: a file, or a folder's files together."""
+    files = path.iterdir() if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files)

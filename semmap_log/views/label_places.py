@@ -1,4 +1,4 @@
-"""Where labels go, so that none covers another: near first, then farther away."""
+"""Labels on a plan: what they say, and where they go so that none covers another."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Box = tuple[int, int, int, int]
 
 
 class LabelPlaces:
-    """Gives out places in a picture, one label after the other."""
+    """Gives out places in a picture, one label after the other: near first, then farther away."""
 
     def __init__(self, width: int, height: int) -> None:
         self._taken = np.zeros((height, width), np.bool_)
@@ -81,3 +81,8 @@ def _beside(at: Point, size: tuple[int, int], distance: float, angle: float) -> 
     left = round(x + (distance + reach) * cos - width / 2)
     top = round(y + (distance + reach) * sin - height / 2)
     return left, top, left + width, top + height
+
+
+def without_level(name: str, level: str) -> str:
+    """Return a door's name without the level in front, which is told by the plan it is on."""
+    return name.removeprefix(level).lstrip(" ._-:/") or name

@@ -41,6 +41,7 @@ VERBS = [
     "recover",
     "compact",
     "view",
+    "report",
 ]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from semmap_log.doors import DoorId
-from semmap_log.formats.door_markers import DoorLook, DoorMarkers
+from semmap_log.formats.door_markers import DoorLook, DoorMarkers, marker_id_of
 from semmap_log.formats.ros_types import MARKERS, ros_types
 
 BLACK = (0, 0, 0)
@@ -60,3 +60,13 @@ def test_a_leaf_stands_on_its_floor() -> None:
     assert (1.5, 2.0, 4.0) == (leaf.pose.position.x, leaf.pose.position.y, leaf.pose.position.z)
     assert (0.1, 0.1, 2.0) == (post.scale.x, post.scale.y, post.scale.z)
     assert 5.0 == name.pose.position.z
+
+
+@pytest.mark.parametrize(
+    ("door", "marker"), [(1, 1), (2**31 - 1, 2**31 - 1), (2**31, -(2**31)), (2**32 - 1, -1)]
+)
+def test_a_marker_has_an_id_for_every_door(door: int, marker: int) -> None:
+    """
+    Markers count in int32, doors in uint32: no two doors share one.
+    """
+    assert marker == marker_id_of(DoorId(door))

@@ -1,4 +1,7 @@
-"""Every sync, lock, checksum, hash and refusal that a log's safety rests on, one by one."""
+"""Every sync, lock, checksum, hash and refusal that a log's safety rests on, one by one.
+
+What its answers and its pictures rest on is in the files beside this one.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.costmap_guards import COSTMAPS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
+from mutation.picture_guards import PICTURES
 
 LOG = "semmap_log/log/"
 DISK = "tests/faults/test_simulated_disk.py"
@@ -203,5 +207,5 @@ COLUMNS = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
-    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS,
+    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES,
 )  # fmt: skip

@@ -123,6 +123,7 @@ def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT) -> Any:
     lane_in = LOW_LANE_IN if count >= MANY_LANES else TALL_LANE_IN
     figure = new_figure(WIDE_IN, count * lane_in + HEAD_IN + FOOT_IN, layout="constrained")
     panel = figure.subplots()
+    panel.set_autoscale_on(False)  # it looks at all lanes again for each: minutes
     for place, robot in enumerate(robots):
         own = [each for each in lanes.rounds if each.actor == robot]
         _draw_rounds(panel, place, own, lanes, palette)

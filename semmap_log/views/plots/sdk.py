@@ -21,6 +21,8 @@ __all__ = ["Figure", "dates", "mpl", "new_figure", "patches", "save_figure"]
 
 FORMATS = (".png", ".svg")
 DPI = 120
+MOST_PIXELS = 2**16 - 1
+"""A side of a picture, as far as matplotlib goes: thousands of lanes are drawn smaller."""
 SVG_STYLE = {"svg.hashsalt": "semmap-log", "svg.fonttype": "none"}
 """So that the same plot is the same file, and its words can be searched."""
 MORE_FONTS = (
@@ -48,13 +50,14 @@ def save_figure(figure: Any, path: Path) -> None:
     if path.suffix not in FORMATS:
         raise FormatError(path, f"expected a name that ends in {' or '.join(FORMATS)}")
     metadata = {"Date": None} if path.suffix == ".svg" else {}
+    dpi = min(DPI, int(MOST_PIXELS / max(figure.get_size_inches())))
     if path.suffix == ".png":
         _add_letters(figure)
     try:
         with whole_file(path) as temporary, mpl.rc_context(SVG_STYLE), warnings.catch_warnings():
             # A letter that no font has is a box in the picture; in an .svg it stays a letter.
             warnings.filterwarnings("ignore", "Glyph .* missing from font")
-            figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
+            figure.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}.") from None
 

@@ -12,8 +12,8 @@ from semmap_log.beliefs.beliefs import LATER, belief, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.doors import DoorId
 from semmap_log.views.belief_words import why_unknown
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.report.times import first_ms
-from semmap_log.views.rerun.excerpt import Excerpt
 
 UNKNOWN = -1
 """Stands for an hour that nobody has seen."""

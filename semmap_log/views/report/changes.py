@@ -13,8 +13,9 @@ from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.views.event_lines import LATE_NS
 from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.report.doors import DoorStory
-from semmap_log.views.report.gathering import MOST_CHANGES, Rows, in_order
+from semmap_log.views.report.gathering import MOST_CHANGES, Rows
 from semmap_log.views.report.times import Span
 
 
@@ -30,7 +31,7 @@ def changes_of(
         span: Of the page.
     """
     stamps = np.unique(np.concatenate([told, *(story.changes for story in stories)]))
-    latest = in_order(stamps)[-MOST_CHANGES:]["number"]
+    latest = sorted_by_stamp(stamps)[-MOST_CHANGES:]["number"]
     lines = {entry.number: _line(entry, span) for entry in _entries(log, latest[latest >= 0])}
     doors = {None, *(story.door_id for story in stories)}
     in_turn = [lines[number] for number in reversed(latest.tolist()) if number in lines]

@@ -15,10 +15,8 @@ import numpy as np
 
 from semmap_log.doors import Door, DoorId, DoorState
 from semmap_log.events import DoorAdded, DoorRemoved
-from semmap_log.views.report.gathering import STAMP, WORD, Gathered, Rows
-from semmap_log.views.report.times import MS_NS, Span
-from semmap_log.views.rerun.door_fold import DoorFold, DoorPicture
-from semmap_log.views.rerun.door_rows import (
+from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
+from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
     NEVER,
     Changes,
@@ -28,6 +26,8 @@ from semmap_log.views.rerun.door_rows import (
     by_door,
     opening_changes,
 )
+from semmap_log.views.report.gathering import STAMP, WORD, Gathered, Rows
+from semmap_log.views.report.times import MS_NS, Span
 
 MOST_WORDS = 100_000
 """Of more sightings than that, in all, repeats are left out."""

@@ -27,8 +27,8 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.rerun.door_rows import CHANGE, changes_of
-from semmap_log.views.rerun.excerpt import Excerpt
+from semmap_log.views.excerpt.door_rows import CHANGE, changes_of, sorted_by_stamp
+from semmap_log.views.excerpt.excerpt import Excerpt
 
 WORD = np.dtype([("door_id", "u4"), ("folds_ns", "i8"), ("number", "i8"), ("state", "u1")])
 """An event that says what state a door is in."""
@@ -99,7 +99,7 @@ class _Reading:
         poses = np.concatenate(self.poses)
         return Gathered(
             words=words[np.lexsort((words["number"], words["folds_ns"], words["door_id"]))],
-            rest=in_order(rest),
+            rest=sorted_by_stamp(rest),
             poses=poses[np.argsort(poses["folds_ns"], kind="stable")],
             told=self.told,
             events=self.events,
@@ -113,13 +113,7 @@ class _Reading:
             told[batch.where(DoorPassed)[~batch[DoorPassed]["passed"].astype(bool)]] = True
         stamps = np.empty(int(np.count_nonzero(told)), STAMP)
         stamps["folds_ns"], stamps["number"] = batch.folds_ns[told], batch.number[told]
-        self.told = in_order(np.concatenate([self.told, stamps]))[-MOST_CHANGES:]
-
-
-def in_order(rows: Rows) -> Rows:
-    """Return rows by (folds_ns, number)."""
-    ordered: Rows = rows[np.lexsort((rows["number"], rows["folds_ns"]))]
-    return ordered
+        self.told = sorted_by_stamp(np.concatenate([self.told, stamps]))[-MOST_CHANGES:]
 
 
 def _copied(rows: Rows, dtype: np.dtype[Any]) -> Rows:

@@ -14,13 +14,13 @@ from PIL import Image
 
 from semmap_log.doors import DoorMap
 from semmap_log.events import FloorMap
+from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor
+from semmap_log.views.excerpt.door_rows import strips_of
 from semmap_log.views.report.doors import DoorStory
 from semmap_log.views.report.gathering import Rows
-from semmap_log.views.rerun.door_rows import strips_of
-from semmap_log.views.rerun.scene import UNKNOWN_CELL, Bounds, bounds_of_floor
 
 if TYPE_CHECKING:
-    from semmap_log.views.rerun.excerpt import Excerpt
+    from semmap_log.views.excerpt.excerpt import Excerpt
 
 MOST_CELLS = 2000
 """Along a side of the picture; of a finer map several cells become one, the darkest of them."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from semmap_log.doors import DoorId, DoorMap, DoorState
-from semmap_log.errors import MomentError
 from semmap_log.moments import zone
 from semmap_log.replay import Scope, replay
 from semmap_log.summary import summarize
+from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.beliefs import beliefs_of
 from semmap_log.views.report.changes import changes_of
@@ -22,7 +23,6 @@ from semmap_log.views.report.patrols import rounds_of
 from semmap_log.views.report.plans import levels_of
 from semmap_log.views.report.times import MS_NS, Span, first_ms, zone_offsets
 from semmap_log.views.report.track import track_of
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.week_shades import shade
 
 if TYPE_CHECKING:
@@ -67,8 +67,6 @@ def report(
     place = tz or log.info.timezone
     zone(place)
     excerpt = Excerpt.of(log, since, until, doors)
-    if excerpt.since_ns is not None and excerpt.since_ns > (excerpt.last_ns() or excerpt.since_ns):
-        raise MomentError("the first moment lies after the second; swap them.")
     data = report_data(excerpt, place, progress)
     said = [data["log"]["name"], data["log"]["building"]]
     title = " · ".join(part for part in said if part)
@@ -154,6 +152,6 @@ def _door(story: DoorStory, said: dict[str, str], levels: list[dict[str, Any]]) 
     return {
         "id": int(story.door_id),
         "name": name,
-        "short": name.removeprefix(level).lstrip(" ._-:/") or name,
+        "short": without_level(name, level),
         "said": [[key, value] for key, value in sorted(said.items()) if key != "name"],
     }

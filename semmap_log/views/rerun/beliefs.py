@@ -22,10 +22,10 @@ from semmap_log.doors import DoorId
 from semmap_log.moments import DAY_NS
 from semmap_log.probabilities.belief_fold import Beliefs
 from semmap_log.probabilities.methods.by_door import MOST_DOORS
+from semmap_log.views.excerpt.door_rows import NEVER
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_rows import Points, curve, times_of_curve
-from semmap_log.views.rerun.door_rows import NEVER
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.rows import HAPPENED, MOST_ROWS, RowWriter, rgba
 from semmap_log.views.rerun.scene import EntityPath, Scene, SceneDoor
 from semmap_log.views.rerun.sdk import rr

@@ -19,8 +19,8 @@ from semmap_log.costmap.costs import NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLine, cells_of
 from semmap_log.costmap.grid import MOST_CELLS, GridGeometry, Window
 from semmap_log.doors import DoorId
+from semmap_log.views.excerpt.door_rows import CHANGE, Changes
 from semmap_log.views.rerun.costmap_doors import DoorRows, Order
-from semmap_log.views.rerun.door_rows import CHANGE, Changes
 
 RESOLUTION_M = 0.05
 """Of a level without a floor map: that of `CostmapOptions`."""

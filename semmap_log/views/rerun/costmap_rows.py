@@ -15,6 +15,7 @@ from semmap_log.costmap.costs import NO_INFORMATION
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.projections.door_layer import cost_of_state
+from semmap_log.views.excerpt.door_rows import NO_STATE
 from semmap_log.views.rerun.costmap_cells import Patch, Version, versions_of
 from semmap_log.views.rerun.costmap_doors import (
     STAMPS,
@@ -24,7 +25,6 @@ from semmap_log.views.rerun.costmap_doors import (
     recorded_order,
     slim,
 )
-from semmap_log.views.rerun.door_rows import NO_STATE
 
 PICTURE = np.dtype(
     [("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("patch", "i4"), ("cost", "u1")]

@@ -11,10 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from semmap_log.doors import DoorId
-from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.costmap import CostmapWriter
-from semmap_log.views.rerun.door_pen import DoorPen, write_style
-from semmap_log.views.rerun.door_rows import (
+from semmap_log.views.excerpt.door_rows import (
     CHANGE,
     Changes,
     Edge,
@@ -22,7 +19,10 @@ from semmap_log.views.rerun.door_rows import (
     opening_changes,
     sorted_by_stamp,
 )
-from semmap_log.views.rerun.excerpt import Excerpt
+from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.costmap import CostmapWriter
+from semmap_log.views.rerun.door_pen import DoorPen, write_style
 from semmap_log.views.rerun.knowledge import as_recorded
 from semmap_log.views.rerun.rows import EVENT, EVERYWHERE, HAPPENED, MOST_ROWS, RECORDED, RowWriter
 from semmap_log.views.rerun.scene import Scene, SceneDoor

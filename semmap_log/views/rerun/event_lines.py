@@ -26,9 +26,9 @@ from semmap_log.events import (
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.rerun.door_rows import Changes, Stamp
+from semmap_log.views.excerpt.door_rows import Changes, Stamp
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.rerun.drawable import drawable
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.scene import Scene, SceneDoor
 from semmap_log.views.rerun.thinning import Repeats, is_long
 

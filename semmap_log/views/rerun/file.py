@@ -9,15 +9,15 @@ from typing import Any
 
 from semmap_log.commits import Commit
 from semmap_log.event_batch import EventBatch
+from semmap_log.views.excerpt.door_rows import changes_of
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.beliefs import BeliefsShown, write_beliefs
 from semmap_log.views.rerun.costmap import CostmapWriter
-from semmap_log.views.rerun.door_rows import changes_of
 from semmap_log.views.rerun.doors import DoorsWriter
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.event_lines import EventLines
 from semmap_log.views.rerun.events import EventsWriter
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.floor import write_floors
 from semmap_log.views.rerun.pump import pumped
 from semmap_log.views.rerun.robot import RobotWriter

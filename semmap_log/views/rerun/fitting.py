@@ -19,7 +19,8 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.rerun.scene import Bounds, Scene, SceneDoor, SceneLevel
+from semmap_log.views.bounds import Bounds
+from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.survey import Survey
 
 NEVER_FIT = (Retracted, LevelAdded, FloorMap, PatrolStarted, PatrolFinished)

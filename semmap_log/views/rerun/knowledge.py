@@ -16,8 +16,16 @@ from semmap_log.doors import DoorId
 from semmap_log.events import Changed, DoorAdded, DoorRemoved
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.registers import REGISTERS
-from semmap_log.views.rerun.door_fold import FIELDS
-from semmap_log.views.rerun.door_rows import ALWAYS, CHANGE, EVERYTHING, THERE, Changes, Edge, Stamp
+from semmap_log.views.excerpt.door_fold import FIELDS
+from semmap_log.views.excerpt.door_rows import (
+    ALWAYS,
+    CHANGE,
+    EVERYTHING,
+    THERE,
+    Changes,
+    Edge,
+    Stamp,
+)
 
 BITS: Mapping[str, int] = {
     "pose": int(Changed.POSE), "width": int(Changed.WIDTH), "state": int(Changed.STATE),

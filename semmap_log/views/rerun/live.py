@@ -19,10 +19,10 @@ from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId
 from semmap_log.log.reading.following import FollowedCommit
 from semmap_log.log.reading.passage import Progress
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.beliefs import BeliefsShown, beliefs_to_show
 from semmap_log.views.rerun.blueprint import layout
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.file import Converter, open_recording
 from semmap_log.views.rerun.fitting import fits, with_room
 from semmap_log.views.rerun.process import ViewerError

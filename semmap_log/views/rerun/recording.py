@@ -25,8 +25,8 @@ from semmap_log.doors import DoorId
 from semmap_log.errors import SemmapError
 from semmap_log.events import RobotPose
 from semmap_log.log.disk import whole_file
+from semmap_log.views.excerpt.excerpt import Excerpt, instant_ns
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.rerun.excerpt import Excerpt, instant_ns
 from semmap_log.views.rerun.survey import survey
 from semmap_log.views.rerun.thinning import LeftOut
 
@@ -81,7 +81,7 @@ def save_rrd(
 
     Raises:
         MissingExtraError: rerun is not installed.
-        MomentError: A time cannot be read.
+        MomentError: A time cannot be read, or `since` comes after `until`.
         SemmapError: The file cannot be written; what was there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.

@@ -18,10 +18,10 @@ from semmap_log.events import PatrolFinished, PatrolStarted
 from semmap_log.projections.history import HistoryEntry
 from semmap_log.projections.retraction import in_ranges
 from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
+from semmap_log.views.excerpt.door_rows import Edge
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.door_rows import Edge
 from semmap_log.views.rerun.drawable import drawable, unique_parts
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, RowWriter, rgba
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.rerun.sdk import rr

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import Rgb, packed
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.scene import EntityPath
 from semmap_log.views.rerun.sdk import rr
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,7 +10,8 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId
 from semmap_log.events import FloorMap
-from semmap_log.views.rerun.door_rows import Edge, Life
+from semmap_log.views.bounds import Bounds
+from semmap_log.views.excerpt.door_rows import Edge, Life
 from semmap_log.views.rerun.knowledge import Known
 
 EntityPath = tuple[str, ...]
@@ -19,12 +19,6 @@ EntityPath = tuple[str, ...]
 
 ROOT = "map"
 EVENTS = "events"
-
-MARGIN_M = 1.0
-SMALLEST_SIDE_M = 4.0
-"""So that a lone door is not blown up to the size of the screen."""
-
-UNKNOWN_CELL = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,72 +90,3 @@ class Scene:
     def liveliest(self) -> list[SceneDoor]:
         """Return the doors, those whose state changed most often first."""
         return sorted(self.doors.values(), key=lambda door: (-door.state_changes, door.door_id))
-
-
-@dataclass(frozen=True, slots=True)
-class Bounds:
-    """A rectangle, metres, frame `map`; the empty one holds nothing."""
-
-    low_x: float = math.inf
-    low_y: float = math.inf
-    high_x: float = -math.inf
-    high_y: float = -math.inf
-
-    def around(self, x: NDArray[np.floating], y: NDArray[np.floating]) -> Bounds:
-        """Return the smallest rectangle that also holds these points; NaN is not a place."""
-        known = np.isfinite(x) & np.isfinite(y)
-        if not known.any():
-            return self
-        x, y = x[known], y[known]
-        return Bounds(
-            min(self.low_x, float(x.min())), min(self.low_y, float(y.min())),
-            max(self.high_x, float(x.max())), max(self.high_y, float(y.max())),
-        )  # fmt: skip
-
-    def including(self, other: Bounds) -> Bounds:
-        """Return the smallest rectangle that holds both."""
-        x = np.array([other.low_x, other.high_x])
-        return self.around(x, np.array([other.low_y, other.high_y]))
-
-    def framed(self) -> Bounds:
-        """Return the rectangle with a margin, and not too small to look at."""
-        if self.is_empty:
-            return Bounds(0.0, 0.0, 0.0, 0.0).framed()
-        grow_x = max(MARGIN_M, (SMALLEST_SIDE_M - (self.high_x - self.low_x)) / 2)
-        grow_y = max(MARGIN_M, (SMALLEST_SIDE_M - (self.high_y - self.low_y)) / 2)
-        return Bounds(
-            self.low_x - grow_x, self.low_y - grow_y, self.high_x + grow_x, self.high_y + grow_y
-        )
-
-    def without_margin(self) -> Bounds:
-        """Return what `framed` put its margin around, or somewhat more."""
-        return Bounds(
-            self.low_x + MARGIN_M, self.low_y + MARGIN_M,
-            self.high_x - MARGIN_M, self.high_y - MARGIN_M,
-        )  # fmt: skip
-
-    def holds(self, other: Bounds) -> bool:
-        """Tell whether another rectangle lies in this one; the empty one does."""
-        return self.including(other) == self
-
-    @property
-    def is_empty(self) -> bool:
-        """True for a rectangle around nothing."""
-        return self.low_x > self.high_x
-
-    @property
-    def longest_side_m(self) -> float:
-        """The longer of width and height."""
-        return max(self.high_x - self.low_x, self.high_y - self.low_y)
-
-
-def bounds_of_floor(floor: FloorMap) -> Bounds:
-    """Return the rectangle around the known cells: a scanned map has wide unknown margins."""
-    rows, columns = np.nonzero(floor.cells != UNKNOWN_CELL)
-    if not len(rows):
-        return Bounds()
-    along_x = np.array([columns.min(), columns.max() + 1]) * floor.resolution
-    along_y = np.array([rows.min(), rows.max() + 1]) * floor.resolution
-    x, y = (corner.ravel() for corner in np.meshgrid(along_x, along_y))
-    cos, sin = math.cos(floor.origin_theta), math.sin(floor.origin_theta)
-    return Bounds().around(floor.origin_x + cos * x - sin * y, floor.origin_y + sin * x + cos * y)

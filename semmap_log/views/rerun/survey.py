@@ -17,7 +17,8 @@ from semmap_log.doors import Door, DoorId
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Changed, DoorAdded, DoorAnnotated, RobotPose
 from semmap_log.log.reading.state import state_at
-from semmap_log.views.rerun.door_rows import (
+from semmap_log.views.bounds import Bounds, bounds_of_floor
+from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
     NEVER,
     THERE,
@@ -31,17 +32,11 @@ from semmap_log.views.rerun.door_rows import (
     opening_changes,
     strips_of,
 )
+from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.label_places import without_level
 from semmap_log.views.rerun.drawable import drawable, free_part, has_letters, unique_parts
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.knowledge import Known
-from semmap_log.views.rerun.scene import (
-    ROOT,
-    Bounds,
-    Scene,
-    SceneDoor,
-    SceneLevel,
-    bounds_of_floor,
-)
+from semmap_log.views.rerun.scene import ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.taken_back import TakenBack, taken_back
 
 GIVEN = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)
@@ -352,7 +347,7 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
 def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, SceneDoor]:
     """Return the doors that are in the map at some time on some timeline, ids ascending."""
     there = {i: door for i, door in sorted(pass_.doors.items()) if door.is_ever_there}
-    short = {i: _short(door.name, levels[door.last_level]) for i, door in there.items()}
+    short = {i: without_level(door.name, levels[door.last_level].name) for i, door in there.items()}
     parts = _parts(there, short)
     return {
         door_id: SceneDoor(
@@ -393,9 +388,3 @@ def _values(door: Door | None) -> str:
 
 def _label(door_id: DoorId, name: str) -> str:
     return drawable(name) if has_letters(name) else f"door {door_id}"
-
-
-def _short(name: str, level: SceneLevel) -> str:
-    """Return the name without the level in front, which is told by the plan it is on."""
-    rest = name.removeprefix(level.name).lstrip(" ._-:/")
-    return rest or name

@@ -124,6 +124,15 @@ def test_of_very_many_intervals_each_column_shows_the_longest() -> None:
     assert len(found) <= MOST_INTERVALS
 
 
+def test_many_lanes_do_not_look_at_each_other(office: sl.DoorLog) -> None:
+    """
+    The axes are set, not found anew from all bars at each lane: thousands would take minutes.
+    """
+    panel = draw_lanes(Lanes.of(office)).axes[0]
+
+    assert (False, False) == (panel.get_autoscalex_on(), panel.get_autoscaley_on())
+
+
 @pytest.mark.parametrize("name", ["a.svg", "a.png"])
 def test_the_same_lanes_are_the_same_file(name: str, office: sl.DoorLog, tmp_path: Path) -> None:
     """

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -84,6 +87,61 @@ def test_a_part_of_a_log_is_right_too(tmp_path: Path, seed: int) -> None:
         assert replayed_at(log, data, t) == shown_at(data, t), t
 
 
+def test_a_page_ends_before_until(tmp_path: Path) -> None:
+    """
+    Within a millisecond, too: its last one is whole, and a sighting in what is left is not shown.
+    """
+    clock = SteadyClock(START)
+    until = START + SECOND + 7 * MS + 456
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as writer:
+        door = writer.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, state="closed")
+        clock.now_ns = START + 2 * SECOND
+        writer.observe(door, "open", at=until - 1)
+
+    data = data_of(report(sl.read(tmp_path / "log"), until=until).html)
+
+    assert until // MS == data["begin"] + data["end"]
+    assert "CLOSED" == shown_at(data, data["end"])[door]["state"]
+
+
+def test_what_is_told_of_a_door_that_is_gone_is_no_change(tmp_path: Path) -> None:
+    """
+    Somebody saw it open afterwards: it is not among the changes.
+    """
+    clock = SteadyClock(START)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as writer:
+        door = writer.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, state="closed")
+        clock.now_ns = START + 60 * SECOND
+        writer.observe(door, "open", at=START + 50 * SECOND)
+        writer.remove_door(door, at=START + 40 * SECOND)
+
+    changes = data_of(report(sl.read(tmp_path / "log")).html)["changes"]
+
+    assert "removed from the map" == changes[0]["what"]
+    assert 2 == len(changes)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_part_of_some_doors_in_another_zone_is_right_too(tmp_path: Path, seed: int) -> None:
+    """
+    Whatever is chosen: at each moment that the page can show, the doors asked for are a replay's.
+    """
+    rng = random.Random(seed)
+    log = retracted_log(tmp_path / "log", seed=seed)
+    since, until = sorted(START + rng.randrange(300 * 60 * SECOND) for _ in range(2))
+    ever = sorted({each.door_id for each in log.history() if each.door_id is not None})
+    chosen = rng.sample(ever, rng.randint(1, len(ever)))
+    how = {"doors": chosen, "tz": rng.choice(["Asia/Kathmandu", "America/St_Johns"])}
+
+    data = data_of(report(log, since=since, until=until, **how).html)
+
+    moments = [0, data["end"], *(rng.randint(0, data["end"]) for _ in range(25))]
+    for t in moments + (telling_moments(data, rng, 25) if data["doors"] else []):
+        expected = {i: door for i, door in replayed_at(log, data, t).items() if i in chosen}
+        assert expected == shown_at(data, t), t
+    assert how["tz"] == data["log"]["tz"]
+
+
 def test_some_doors_are_shown_without_the_others(tmp_path: Path) -> None:
     """
     Only what was asked for, in doors and in changes; the rounds stay.
@@ -161,7 +219,14 @@ def test_nothing_is_fetched() -> None:
 
     addresses = {piece.split('"')[0] for piece in html.split("http")[1:]}
     assert {"-equiv=", "://www.w3.org/2000/svg"} == addresses
-    assert "default-src 'none'; img-src data:; style-src 'sha256-" in html
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', html)
+    allowed = dict(rule.split(" ", 1) for rule in policy.split("; "))
+    assert "'none'" == allowed["default-src"]
+    assert "data:" == allowed["img-src"]
+    for kind in ("style", "script"):
+        (text,) = re.findall(rf"<{kind}>(.*?)</{kind}>", html, re.DOTALL)
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" == allowed[f"{kind}-src"]
 
 
 def test_an_empty_log_says_so(tmp_path: Path) -> None:

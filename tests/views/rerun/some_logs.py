@@ -36,6 +36,8 @@ SECOND = 10**9
 FIRST_OF_WILD = 4
 """Number of the first event of a `wild_log` that is about doors; nothing before is taken back."""
 
+CLEAR = "Clear:is_recursive"
+
 START = 1_772_400_000 * SECOND
 """2026-03-01T21:20:00Z"""
 
@@ -173,11 +175,13 @@ def wild_log(path: Path, *, seed: int, commits: int = 150) -> sl.DoorLog:
 class Drawn:
     """A recording, asked as the viewer asks it: the latest value of a component at a time."""
 
-    def __init__(self, rrd: Path) -> None:
+    def __init__(self, rrd: Path, recording_id: str | None = None) -> None:
         import rerun as rr
 
         reader = rr.chunk.RrdReader(rrd)
-        (store,) = reader.recordings()
+        (store,) = (
+            store for store in reader.recordings() if recording_id in (None, store.recording_id)
+        )
         self.store = store
         self.blueprints = len(reader.blueprints())
         self.most_rows = 0
@@ -222,11 +226,29 @@ class Drawn:
                  if timeline in at]  # fmt: skip
         return [(time, value) for time, _, value in sorted(found, key=lambda row: row[:2])]
 
+    def shows(self) -> dict[tuple[str, str, str], list[tuple[int, str]]]:
+        """(entity, component, timeline) -> from when on it shows what, as text; NaN is like NaN."""
+        found = {}
+        for entity, component in self._rows:
+            for timeline in self.timelines if component != CLEAR else ():
+                found[entity, component, timeline] = self._steps(entity, component, timeline)
+        return {key: steps for key, steps in found.items() if steps}
+
+    def _steps(self, entity: str, component: str, timeline: str) -> list[tuple[int, str]]:
+        told = [*self._stamped(entity, component, timeline)]
+        told += [(at, row_id, None) for at, row_id, _ in self._stamped(entity, CLEAR, timeline)]
+        last = {at: repr(value) for at, _, value in sorted(told, key=lambda row: row[:2])}
+        steps: list[tuple[int, str]] = []
+        for at, value in last.items():
+            if value != (steps[-1][1] if steps else repr(None)):
+                steps.append((at, value))
+        return steps
+
     def latest(self, entity: str, component: str, at: int, timeline: str = "happened") -> Any:
         """The value that holds at a time, or None; a Clear behind it takes it away."""
         values, clears = (
             [row for row in self._stamped(entity, asked, timeline) if row[0] <= at]
-            for asked in (component, "Clear:is_recursive")
+            for asked in (component, CLEAR)
         )
         if not values:
             return None

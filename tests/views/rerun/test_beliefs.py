@@ -13,6 +13,7 @@ import semmap_log as sl
 from semmap_log.beliefs.beliefs import default_estimator
 from semmap_log.beliefs.learning import learn
 from semmap_log.beliefs.typical_week import typical_weeks
+from semmap_log.doors import DoorId
 from semmap_log.moments import parse_instant
 from semmap_log.views.rerun.belief_rows import TOLERANCE, times_of_curve
 from semmap_log.views.rerun.recording import save_rrd
@@ -26,7 +27,7 @@ from semmap_log.views.rerun.weeks import (
     picture,
 )
 from tests.beliefs.patrolled import FRONT, VIENNA, patrolled
-from tests.views.rerun.some_logs import Drawn, small_log
+from tests.views.rerun.some_logs import Drawn, small_log, wild_log
 from tests.views.rerun.test_blueprint import views_of
 
 pytestmark = pytest.mark.viewer
@@ -65,6 +66,32 @@ def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn)
     assert len(times_ns) > 10
     assert [] == drawn.rows(FRONT_CURVE, SCALARS, "recorded")
     assert [] == drawn.rows(FRONT_CURVE, SCALARS, "event")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_curves_are_right_in_a_wild_log(seed: int, tmp_path: Path) -> None:
+    """
+    Of every door that has one: with late events, much taken back, and doors that are removed, of
+    which nothing is believed from then on.
+    """
+    log = wild_log(tmp_path / "log", seed=seed)
+    beliefs = learn(log, estimator=default_estimator())
+
+    save_rrd(log, tmp_path / "x.rrd")
+
+    drawn = Drawn(tmp_path / "x.rrd")
+    curves = [entity for entity in drawn.entities if entity.endswith("/belief")]
+    assert len(curves) > 1
+    for entity in curves:
+        door_id = DoorId(int(entity.split("/")[-2].removeprefix("door_")))
+        rows = drawn.rows(entity, SCALARS)
+        times_ns = np.array([time for time, _ in rows])
+        said = beliefs.predict(door_id, times_ns, times_ns)
+        believed = np.where(said.is_known, said.p_open, np.nan)
+        np.testing.assert_allclose([value[0] for _, value in rows], believed, atol=1e-9)
+        last = log.replay(at=int(times_ns[-1]))
+        assert door_id in last.doors
+        assert door_id not in log.replay().doors or times_ns[-1] == log.end_ns()
 
 
 def test_between_its_points_the_line_is_right(log: sl.DoorLog, drawn: Drawn) -> None:

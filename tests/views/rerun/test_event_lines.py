@@ -30,9 +30,9 @@ from semmap_log.events import (
     RobotPose,
 )
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.rerun.door_rows import changes_of
+from semmap_log.views.excerpt.door_rows import changes_of
+from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.rerun.event_lines import EventLine, EventLines
-from semmap_log.views.rerun.excerpt import Excerpt
 from semmap_log.views.rerun.survey import survey
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START

@@ -11,7 +11,14 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import DoorAdded, DoorObserved, Retracted, RobotPose
+from semmap_log.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorUpdated,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.views.rerun import thinning
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.thinning import LeftOut, telling_poses
@@ -55,6 +62,22 @@ def test_repeats_have_no_line(tmp_path: Path) -> None:
     drawn = told(tmp_path, [(1, opened), (2, opened), (3, closed), (4, closed), (5, opened)])
 
     assert [1, 3, 5] == lines(drawn)
+
+
+def test_of_repeats_only_sightings_are_left_out(tmp_path: Path) -> None:
+    """
+    What somebody said about a door stays, though it changes nothing.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([DoorAdded(door_id=DOOR, state=DoorState.OPEN)])
+        log.append([DoorObserved(door_id=DOOR, state=DoorState.OPEN)])
+        log.append([DoorUpdated(door_id=DOOR, changed=Changed.STATE, state=DoorState.OPEN)])
+
+    save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
+
+    drawn = Drawn(tmp_path / "x.rrd")
+    assert [] == lines(drawn)
+    assert 1 == len(drawn.rows("/events/door_updated", "TextLog:text"))
 
 
 def test_around_late_and_undone_sightings_every_line_stays(tmp_path: Path) -> None:

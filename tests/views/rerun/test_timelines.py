@@ -74,6 +74,47 @@ def test_a_part_shows_the_same_along_its_timelines(seed: int, tmp_path: Path) ->
     assert_same(drawn, "recorded", moments, lambda at: log.replay(known_at=at))
 
 
+def test_a_part_holds_nothing_that_was_recorded_behind_it(tmp_path: Path) -> None:
+    """
+    A sighting within the part of which the log learnt later: on `happened`, and nowhere else.
+    """
+    clock = SteadyClock(START)
+    until = START + 60 * SECOND
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])
+        clock.now_ns = until + SECOND
+        log.append([DoorObserved(door_id=DoorId(1), state=DoorState.OPEN, happened_ns=until - 1)])
+
+    drawn = drawn_of(sl.read(tmp_path / "log"), tmp_path, until=until)
+
+    lane = "/map/doors/door_1"
+    assert (until - 1, ["OPEN"]) == drawn.rows(lane, STATE)[-1]
+    assert [["UNKNOWN"]] == [value for _, value in drawn.rows(lane, STATE, "recorded")]
+    assert [(0, ["UNKNOWN"])] == drawn.rows(lane, STATE, "event")
+
+
+def test_a_part_goes_on_from_what_was_known_at_its_begin(tmp_path: Path) -> None:
+    """
+    And not from what was known when something was taken back, long before.
+    """
+    clock = SteadyClock(START)
+    door = DoorId(1)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([DoorAdded(door_id=door, x=0, y=0, theta=0, width=1, state=DoorState.CLOSED)])
+        log.append([DoorObserved(door_id=door, state=DoorState.OPEN)])
+        log.append([Retracted(first_event=1, last_event=1)])
+        log.append([DoorObserved(door_id=door, state=DoorState.OPEN)])
+        since = clock.now_ns = START + 60 * SECOND
+        log.append([DoorObserved(door_id=door, state=DoorState.CLOSED)])
+        log.append([DoorObserved(door_id=door, state=DoorState.OPEN)])
+        log.append([Retracted(first_event=5, last_event=5)])
+
+    drawn = drawn_of(sl.read(tmp_path / "log"), tmp_path, since=since)
+
+    rows = drawn.rows("/map/doors/door_1", STATE, "event")
+    assert [(3, ["OPEN"]), (4, ["CLOSED"]), (5, ["OPEN"]), (6, ["CLOSED"])] == rows
+
+
 def assert_same(drawn: Drawn, timeline: str, moments: Any, replay: Replay) -> None:
     for at in moments:
         expected = {door.door_id: _told(door) for door in replay(at).doors.values()}

@@ -178,6 +178,18 @@ def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path:
     assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
 
 
+def test_an_empty_log_is_shown_at_any_moment(viewer: Viewer, tmp_path: Path) -> None:
+    """
+    A recording without events has no timeline, and is waited for no longer than others.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+    save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
+
+    screenshot(tmp_path / "x.rrd", tmp_path / "x.png", at_ns=START, size=(800, 600))
+
+    assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
+
+
 def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
     """
     An error inside leaves no viewer behind.
@@ -223,6 +235,7 @@ def test_a_missing_recording_is_told_before_anything_starts(tmp_path: Path) -> N
             "INFO hello\\nthread 'main' panicked at 'a bug'",
             "ended: thread 'main' panicked at 'a bug'",
         ),
+        ("\x1b[2mat\x1b[0m an \x1b[31merror\x1b[0m", "ended: at an error"),
         ("", "it did not say why"),
     ],
 )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.events import Changed, DoorRemoved
-from semmap_log.views.rerun.door_rows import CHANGE, NO_STATE, THERE, Changes
+from semmap_log.views.excerpt.door_rows import CHANGE, NO_STATE, THERE, Changes
 
 PLACE = ("level", "x", "y", "theta", "width")
 PROBABILITIES = ("prob_open", "prob_closed")
