@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 INTERRUPTED = 130
 
@@ -18,7 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _mend_streams()
     warnings.showwarning = _show_warning
     try:
-        app(args=arguments, prog_name="semmap-log")
+        with _ended_by_signals():
+            app(args=arguments, prog_name="semmap-log")
     except SemmapError as error:
         print(f"semmap-log: {error}", file=sys.stderr)  # noqa: T201
         sys.exit(1)
@@ -31,6 +35,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _forget_output()
         print(f"semmap-log: {error}", file=sys.stderr)  # noqa: T201
         sys.exit(1)
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end us as an exception does: no half file and no viewer stays."""
+
+    def end(number: int, _: object) -> None:
+        sys.exit(128 + number)
+
+    before = {}
+    if threading.current_thread() is threading.main_thread():  # no other may set them
+        for each in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(each) is signal.SIG_DFL:  # `nohup` ignores one: so do we
+                before[each] = signal.signal(each, end)
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -138,8 +137,7 @@ def run(
         elif save is None:
             from semmap_log.views.rerun.viewer import open_viewer
 
-            with _ended_by_signals():
-                open_viewer(rrd, at_ns=at_ns)
+            open_viewer(rrd, at_ns=at_ns)
 
 
 MOST_PIXELS = 8192
@@ -213,8 +211,7 @@ def _recording(opened: DoorLog, save: Path | None, looks: dict[str, Any]) -> Ite
 def _take_picture(rrd: Path, png: Path, **how: Any) -> None:
     from semmap_log.views.rerun.viewer import screenshot
 
-    with _ended_by_signals():
-        screenshot(rrd, png, **how)
+    screenshot(rrd, png, **how)
     say(f"{png}: written.")
 
 
@@ -222,7 +219,7 @@ def _serve(rrd: Path, *, theme: ThemeName | None, browser: bool) -> None:
     from semmap_log.views.rerun.web import web_viewer
 
     try:
-        with _ended_by_signals(), web_viewer(rrd) as viewer:
+        with web_viewer(rrd) as viewer:
             _tell_address(viewer, theme, browser=browser)
             viewer.program.process.wait()
             raise viewer.program.failure()
@@ -251,15 +248,14 @@ def _follow(
         program.ended_well()
 
     try:
-        with _ended_by_signals():
-            if web:
-                with web_viewer() as served:
-                    _tell_address(served, theme, browser=browser)
-                    show(served.program)
-            else:
-                with window() as viewer:
-                    viewer.state()  # or there is no screen, which would be told much later
-                    show(viewer.program, viewer.forget)
+        if web:
+            with web_viewer() as served:
+                _tell_address(served, theme, browser=browser)
+                show(served.program)
+        else:
+            with window() as viewer:
+                viewer.state()  # or there is no screen, which would be told much later
+                show(viewer.program, viewer.forget)
     except KeyboardInterrupt:
         return  # the way to end it
 
@@ -274,18 +270,3 @@ def _tell_address(viewer: WebViewer, theme: ThemeName | None, *, browser: bool) 
 
         if not webbrowser.open(address):
             say("No browser could be opened here.")
-
-
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end us as an exception does, so that the viewer ends, too."""
-
-    def end(number: int, _: object) -> None:
-        sys.exit(128 + number)
-
-    before = {each: signal.signal(each, end) for each in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)

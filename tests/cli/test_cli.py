@@ -519,3 +519,23 @@ def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
         r"semmap-log: warning: .*log_000001.mcap: the keyframe at byte \d+ is not used: it is of "
         r"state version 99, ours is \d+\n", done.stderr
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_leaves_no_half_file(sign: signal.Signals, tmp_path: Path) -> None:
+    """
+    While a bag of a long log is being written, to a file that has another name until it is whole.
+    """
+    clinic = Path(__file__).parents[2] / "recordings" / "clinic_week"
+    command = [sys.executable, "-m", "semmap_log", "export", str(clinic), "x.mcap", "--markers"]
+    env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1])}
+    process = subprocess.Popen(command, cwd=tmp_path, env=env)
+    while not list(tmp_path.iterdir()):
+        assert process.poll() is None
+        time.sleep(0.01)
+
+    process.send_signal(sign)
+    code = process.wait(30)
+
+    assert 128 + sign == code
+    assert [] == list(tmp_path.iterdir())

@@ -103,7 +103,8 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[Runnin
         with log.open("wb") as stderr:
             process = subprocess.Popen(  # noqa: S603 - rerun's own binary, with our arguments
                 command,
-                env=dict(env), stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr,
+                env={**env, "TMPDIR": folder},  # what it leaves behind there goes with the folder
+                stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr,
                 start_new_session=True,  # Ctrl-C is for us; we end it when we are done with it
             )  # fmt: skip
         try:

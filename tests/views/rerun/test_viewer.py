@@ -206,6 +206,21 @@ def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
     assert processes[0].has_ended()
 
 
+def test_a_viewer_that_was_ended_leaves_no_file(
+    viewer: Viewer, rrd: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Rerun has a folder of data that it only takes away itself; a signal does not let it.
+    """
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    with headless(rrd, size=(640, 480)):
+        assert list(tmp_path.rglob("rerun-data-*"))
+
+    assert [] == list(tmp_path.iterdir())
+
+
 def test_without_a_screen_there_is_no_window(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """
     The error says what to do instead.
