@@ -78,9 +78,9 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
         DoorAdded,
         door_id=list(earlier),
         state=[int(door.state) for door in earlier.values()],
-        happened_ns=start_ns,
+        happened_ns=max(start_ns, 0),
     )
-    today = log.batches(f"@{start_ns}", f"@{end_ns}", kinds=STATE_WORDS)
+    today = log.batches(max(start_ns, 0), end_ns, kinds=STATE_WORDS)
     found = timelines(chain([opening], today), end_ns=last_ns)
     names = log.door_names()
     edges_ns = np.arange(start_ns, end_ns + 1, SLOT_NS)

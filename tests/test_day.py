@@ -68,6 +68,21 @@ def test_a_day_is_as_long_as_its_clocks_say(
     assert [SLOT_NS] * slots == np.diff(day.edges_ns).tolist()
 
 
+@pytest.mark.parametrize("tz", ["UTC", "America/New_York", "Pacific/Auckland"])
+def test_the_first_day_of_all_times_is_a_day(tz: str, tmp_path: Path) -> None:
+    """
+    A robot whose clock was never set: its midnights are nanoseconds, few or below 0, not seconds.
+    """
+    with sl.create(tmp_path / "log", tz=tz, clock=SteadyClock(10**9)) as log:
+        log.observe(log.add_door(state="closed"), "open")
+
+        day = day_of_doors(log)
+
+    (only,) = day.doors
+    assert 48 == len(day.edges_ns) - 1
+    assert 1 == only.changes
+
+
 def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> None:
     """
     Before its adding and after the log's end a door is not there; on an empty day there is none.

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 MOST_NAMED = 3
 """So many of the doors that are left out are named."""
 
+MOST_EVERY_S = 1e9
+"""More than thirty years: nanoseconds of it are still whole."""
+
 
 def run(
     log: LogPath,
@@ -141,8 +144,10 @@ def _marker_options(
     refuse_nan(default_prob=default_prob, every=every)
     if default_prob is not None and not 0 <= default_prob <= 1:
         raise typer.BadParameter("expected a number from 0 to 1", param_hint="--default-prob")
-    if every is not None and not 0 <= every < float("inf"):
-        raise typer.BadParameter("expected seconds, 0 or more", param_hint="--every")
+    if every is not None and not 0 <= every <= MOST_EVERY_S:
+        raise typer.BadParameter(
+            f"expected seconds, from 0 to {MOST_EVERY_S:g}, got {every:g}", param_hint="--every"
+        )
     return MarkerOptions(PALETTES[(palette or PaletteName.default).value], default_prob, every)
 
 

@@ -141,6 +141,9 @@ def run(
                 open_viewer(rrd, at_ns=at_ns)
 
 
+MOST_PIXELS = 8192
+"""A side of a picture: what every graphics driver, a software one too, can draw at once."""
+
 EXCLUDES = {
     "--follow": ("--save", "--screenshot", "--at", "--to"),
     "--web": ("--save", "--screenshot", "--at"),
@@ -172,11 +175,13 @@ def _check_ending(option: str, path: Path | None, ending: str) -> None:
 
 def _pixels(size: str) -> tuple[int, int]:
     width, _, height = size.partition("x")
-    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+    sides = [int(side) if side.isdecimal() and len(side) < 6 else 0 for side in (width, height)]
+    if not all(0 < side <= MOST_PIXELS for side in sides):
         raise typer.BadParameter(
-            f"expected width and height such as 1280x800, got {size}", param_hint="--size"
+            f"expected width and height such as 1280x800, neither above {MOST_PIXELS}, got {size}",
+            param_hint="--size",
         )
-    return int(width), int(height)
+    return sides[0], sides[1]
 
 
 def _palette(name: PaletteName) -> Any:

@@ -135,6 +135,13 @@ RECORDINGS = (
 )  # fmt: skip
 
 REPORTS = (
+    _recording(
+        "a span that ends before it begins",
+        "excerpt/excerpt.py",
+        "if since_ns is not None and until_ns is not None and since_ns > until_ns:",
+        "if False:",
+        REPORT,
+    ),
     _report("nothing in the data ends a script", "page.py", 'for character in "<>&\\u2028\\u2029":',
             'for character in "":', REPORT),
     _report("the title is text", "page.py", "html.escape(title)", "title", REPORT),
@@ -157,8 +164,6 @@ REPORTS = (
             "        end_ms = min(end_ms, last_ns // MS_NS)\n", "        pass\n", REPORT),
     _report("doors as they were before `since`", "report.py",
             "stories(found, excerpt.before().doors,", "stories(found, {},", REPORT),
-    _report("a span that ends before it begins", "report.py",
-            "excerpt.since_ns > (excerpt.last_ns() or excerpt.since_ns)", "False", REPORT),
     _report("offsets change where the zone's clocks do", "times.py",
             "_change_ms(max(day_ms - DAY_MS, span.begin_ms), day_ms, place)", "day_ms", TIMES),
     _report("the track is cut where the robot was not seen", "track.py",

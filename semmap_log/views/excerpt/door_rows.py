@@ -168,4 +168,5 @@ def strips_of(placements: Changes) -> NDArray[np.float32]:
     starts = np.stack([placements["x"], placements["y"]], -1)
     along = np.stack([np.cos(placements["theta"]), np.sin(placements["theta"])], -1)
     ends = starts + placements["width"][:, None] * along
-    return np.stack([starts, ends], 1).astype(np.float32)
+    with np.errstate(over="ignore"):  # what float32 cannot hold is nowhere near a building
+        return np.stack([starts, ends], 1).astype(np.float32)

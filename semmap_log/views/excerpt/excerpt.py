@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId, DoorMap
+from semmap_log.errors import MomentError
 from semmap_log.event_batch import EventBatch
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState
@@ -45,10 +46,13 @@ class Excerpt:
         """Return the excerpt between two moments.
 
         Raises:
-            MomentError: A time cannot be read.
+            MomentError: A time cannot be read, or `since` comes after `until`.
         """
         chosen = None if doors is None else frozenset(doors)
-        return cls(log, instant_ns(log, since), instant_ns(log, until), chosen)
+        since_ns, until_ns = instant_ns(log, since), instant_ns(log, until)
+        if since_ns is not None and until_ns is not None and since_ns > until_ns:
+            raise MomentError("the first moment lies after the second; swap them.")
+        return cls(log, since_ns, until_ns, chosen)
 
     def read(self, progress: Callable[[int, int], None] | None = None) -> Iterator[EventBatch]:
         """Yield the events of any of the timelines, about any door, numbers ascending.

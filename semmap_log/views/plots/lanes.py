@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 WIDE_IN = 10.0
 TALL_LANE_IN, LOW_LANE_IN = 0.28, 0.15
 MANY_LANES = 40
-"""From here on lanes are low, and their names small."""
+"""From here on lanes are low, their names small, and the times above them, too."""
 HEAD_IN, FOOT_IN = 0.5, 0.75
 MOST_INTERVALS = 3_000
 """Of one lane; it has some thousand pixels. Of more, each column shows what held longest in it."""
@@ -40,6 +40,10 @@ LANE_FLOOR = 0.4
 """Below the middle of its lane, where a bar stands."""
 NAME_LETTERS = 34
 MINUTES = len("2026-03-02 08:00")
+FORMATS = ["%Y", "%b", "%a %d", "%H:%M", "%H:%M", "%S.%f"]
+"""Of a tick, by its finest part that is not zero: years, months, days, hours, minutes, seconds."""
+FORMATS_OF_FIRST = ["", "%Y", "%a %d %b", "%a %d %b", "%H:%M", "%H:%M"]
+"""Of the first one of the year, the month, the day and so on, where the coarser part is told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +123,7 @@ def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT) -> Any:
     lane_in = LOW_LANE_IN if count >= MANY_LANES else TALL_LANE_IN
     figure = new_figure(WIDE_IN, count * lane_in + HEAD_IN + FOOT_IN, layout="constrained")
     panel = figure.subplots()
+    panel.set_autoscale_on(False)  # it looks at all lanes again for each: minutes
     for place, robot in enumerate(robots):
         own = [each for each in lanes.rounds if each.actor == robot]
         _draw_rounds(panel, place, own, lanes, palette)
@@ -182,8 +187,12 @@ def _time_along(panel: Any, lanes: Lanes) -> None:
     panel.set_xlim(*_days(np.array([lanes.start_ns, lanes.start_ns + wide_ns])))
     tz = zone(lanes.tz)
     locator = dates.AutoDateLocator(tz=tz)
+    formatter = dates.ConciseDateFormatter(
+        locator, tz=tz, formats=FORMATS, zero_formats=FORMATS_OF_FIRST, show_offset=False
+    )
     panel.xaxis.set_major_locator(locator)
-    panel.xaxis.set_major_formatter(dates.ConciseDateFormatter(locator, tz=tz, show_offset=False))
+    panel.xaxis.set_major_formatter(formatter)
+    panel.tick_params(axis="x", labelsize="small", labeltop=len(panel.get_yticks()) >= MANY_LANES)
     panel.grid(axis="x", linewidth=0.4, color="#cccccc")
     panel.set_axisbelow(True)
     for side in ("top", "right", "left"):

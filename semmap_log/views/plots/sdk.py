@@ -11,7 +11,7 @@ from semmap_log.log.disk import whole_file
 
 try:
     import matplotlib as mpl
-    from matplotlib import dates, patches
+    from matplotlib import dates, font_manager, patches, text
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 except ImportError:
@@ -21,8 +21,16 @@ __all__ = ["Figure", "dates", "mpl", "new_figure", "patches", "save_figure"]
 
 FORMATS = (".png", ".svg")
 DPI = 120
+MOST_PIXELS = 2**16 - 1
+"""A side of a picture, as far as matplotlib goes: thousands of lanes are drawn smaller."""
 SVG_STYLE = {"svg.hashsalt": "semmap-log", "svg.fonttype": "none"}
 """So that the same plot is the same file, and its words can be searched."""
+MORE_FONTS = (
+    "Noto Sans CJK SC", "Noto Sans CJK JP", "Source Han Sans SC", "WenQuanYi Zen Hei",
+    "WenQuanYi Micro Hei", "PingFang SC", "Hiragino Sans", "Microsoft YaHei", "Malgun Gothic",
+    "Noto Sans Arabic", "Noto Sans Hebrew", "Noto Sans Thai", "Noto Sans Devanagari",
+)  # fmt: skip
+"""Where there are any, they have the letters of names that matplotlib's own font lacks."""
 
 
 def new_figure(width: float, height: float, **how: Any) -> Any:
@@ -42,10 +50,21 @@ def save_figure(figure: Any, path: Path) -> None:
     if path.suffix not in FORMATS:
         raise FormatError(path, f"expected a name that ends in {' or '.join(FORMATS)}")
     metadata = {"Date": None} if path.suffix == ".svg" else {}
+    dpi = min(DPI, int(MOST_PIXELS / max(figure.get_size_inches())))
+    if path.suffix == ".png":
+        _add_letters(figure)
     try:
         with whole_file(path) as temporary, mpl.rc_context(SVG_STYLE), warnings.catch_warnings():
-            # A letter that the font lacks is a box in the picture; in an .svg it stays a letter.
+            # A letter that no font has is a box in the picture; in an .svg it stays a letter.
             warnings.filterwarnings("ignore", "Glyph .* missing from font")
-            figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
+            figure.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}.") from None
+
+
+def _add_letters(figure: Any) -> None:
+    """Let words be written in fonts that are here, where the usual one lacks their letters."""
+    here = set(font_manager.get_font_names())
+    more = [name for name in MORE_FONTS if name in here]
+    for words in figure.findobj(text.Text) if more else []:
+        words.set_fontfamily([*mpl.rcParams["font.family"], *more])

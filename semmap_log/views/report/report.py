@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from semmap_log.doors import DoorId, DoorMap, DoorState
-from semmap_log.errors import MomentError
 from semmap_log.moments import zone
 from semmap_log.replay import Scope, replay
 from semmap_log.summary import summarize
@@ -68,8 +67,6 @@ def report(
     place = tz or log.info.timezone
     zone(place)
     excerpt = Excerpt.of(log, since, until, doors)
-    if excerpt.since_ns is not None and excerpt.since_ns > (excerpt.last_ns() or excerpt.since_ns):
-        raise MomentError("the first moment lies after the second; swap them.")
     data = report_data(excerpt, place, progress)
     said = [data["log"]["name"], data["log"]["building"]]
     title = " · ".join(part for part in said if part)

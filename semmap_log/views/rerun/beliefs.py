@@ -39,8 +39,8 @@ MOST_CURVES = 8
 MOST_CURVE_DAYS = 1_000
 """For each day of each curve the estimator learns anew, as it would have then: some seconds. In a
 recording of more than four months fewer doors have one."""
-MOST_WEEKS = 80
-"""On a level with more doors the liveliest have a week: more of them cannot be read."""
+MOST_WEEKS = 36
+"""On a level with more doors the liveliest have a week: of more, ids would lie on each other."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ MOST_LANES = 16
 
 MOST_ON_A_PAGE = 100
 """Lanes of all doors come in pages of so many."""
-ROUNDS_SHARE, MORE_ROUNDS_SHARE, MOST_ROUNDS_SHARE = 0.9, 0.35, 2.0
+ROUNDS_SHARE, MORE_ROUNDS_SHARE, MOST_ROUNDS_SHARE = 1.1, 0.35, 2.0
 """Height of the first robot's lane of rounds, of each further one, and of all, where all doors
 have 3."""
 
@@ -83,7 +83,7 @@ def layout(
     lanes = [(_rounds(rounds, axis), share), (_lanes(scene, chosen, axis), 3.0)]
     right = _column([*lanes, (curves, 2), (_event_log(tz), 2)])
     return rrb.Blueprint(
-        right if left is None else rrb.Horizontal(left, right, column_shares=[5, 3]),
+        right if left is None else rrb.Horizontal(left, right, column_shares=[4, 3]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
@@ -179,12 +179,12 @@ def _weeks(
 def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], palette: Palette) -> View:
     sheet = Sheet.of(len(weeks))
     name = "Typical week" if level.path == (ROOT,) else f"{level.name} typical week"
-    if len(weeks) == MOST_WEEKS < level.doors:
-        name += f" of the {MOST_WEEKS} liveliest doors"
+    if level.doors > MOST_WEEKS:
+        name += f", {MOST_WEEKS} liveliest"
     return rrb.Spatial2DView(
         origin=entity(weeks_path(level)),
         # The axis of time is in UTC, habits are not.
-        name=f"{name} (Monday on top, hours of {weeks[0].tz})",
+        name=f"{name} (Monday on top, {weeks[0].tz})",
         background=[*palette.background, 255],
         visual_bounds=rrb.VisualBounds2D(x_range=[0, sheet.width], y_range=[0, sheet.height]),
     )
@@ -279,10 +279,8 @@ def _event_log(tz: str) -> View:
         # The time is in the text: a column for it cannot be made wide enough to be read.
         columns=rrb.TextLogColumns(
             timeline_columns=[rrb.encodings.TimelineColumn(HAPPENED, visible=False)],
-            text_log_columns=[
-                rrb.encodings.TextLogColumn("LogLevel"),
-                rrb.encodings.TextLogColumn("Body"),
-            ],
+            # Nor is there room for the level beside who and why; to filter by it needs no column.
+            text_log_columns=[rrb.encodings.TextLogColumn("Body")],
         ),
         rows=rrb.TextLogRows(filter_by_log_level=["WARN", "INFO"]),
     )

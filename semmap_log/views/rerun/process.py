@@ -133,7 +133,8 @@ def explained(log: str) -> ViewerError:
             "(--save X.rrd) and open it where there is one, or take a picture of it "
             "(--screenshot X.png)."
         )
-    said = [line for line in log.splitlines() if re.search("panicked|[Ee]rror", line)]
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
+    said = [line for line in plain.splitlines() if re.search("panicked|[Ee]rror", line)]
     return ViewerError(f"The rerun viewer ended: {said[0] if said else 'it did not say why'}")
 
 

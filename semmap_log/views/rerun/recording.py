@@ -81,7 +81,7 @@ def save_rrd(
 
     Raises:
         MissingExtraError: rerun is not installed.
-        MomentError: A time cannot be read.
+        MomentError: A time cannot be read, or `since` comes after `until`.
         SemmapError: The file cannot be written; what was there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.

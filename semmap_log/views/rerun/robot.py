@@ -138,12 +138,14 @@ def _arrows(poses: Poses, shows: NDArray[np.bool_], length_m: float) -> Sequence
     heading = np.stack([np.cos(shown["theta"]), np.sin(shown["theta"])], -1) * length_m
     # The arrow stands on the robot, not before it.
     origins = np.stack([shown["x"], shown["y"]], -1) - heading / 2
-    columns = rr.Arrows2D.columns(
-        origins=origins.astype(np.float32), vectors=heading.astype(np.float32)
-    )
+    with np.errstate(over="ignore"):  # as in `strips_of`
+        columns = rr.Arrows2D.columns(
+            origins=origins.astype(np.float32), vectors=heading.astype(np.float32)
+        )
     return list(columns.partition(shows.astype(np.uint32)))
 
 
 def _segments(poses: Poses) -> Sequence[Any]:
     ends = [np.stack([poses[f"{side}x"], poses[f"{side}y"]], -1) for side in ("from_", "")]
-    return list(rr.LineStrips2D.columns(strips=np.stack(ends, 1).astype(np.float32)))
+    with np.errstate(over="ignore"):
+        return list(rr.LineStrips2D.columns(strips=np.stack(ends, 1).astype(np.float32)))

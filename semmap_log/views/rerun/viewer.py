@@ -21,6 +21,8 @@ ANSWER_S = 45.0
 SETTLE_S = 20.0
 """A picture that still changes after this long is taken as it is."""
 REPAINT_S = 0.5
+EMPTY_S = 2.0
+"""So long it has to be without any timeline, all being loaded, to be taken for an empty log's."""
 
 T = TypeVar("T")
 
@@ -136,8 +138,21 @@ class Viewer:
         return self.program.url
 
     def wait_until_loaded(self) -> None:
-        """Return once a recording and its layout are there."""
-        self.program.wait_for("load the recording", lambda: _is_loaded(self.state()), most_s=LOAD_S)
+        """Return once a recording and its layout are there; that of an empty log has no more."""
+        bare_since: float | None = None
+
+        def is_loaded() -> bool:
+            nonlocal bare_since
+            state = self.state()
+            if not _is_laid_out(state):
+                bare_since = None
+                return False
+            if _active(state).timelines:
+                return True
+            bare_since = bare_since or time.monotonic()
+            return time.monotonic() - bare_since > EMPTY_S
+
+        self.program.wait_for("load the recording", is_loaded, most_s=LOAD_S)
 
     def wait_until_closed(self) -> None:
         """Return when the window is closed.
@@ -157,6 +172,8 @@ class Viewer:
         import numpy as np
 
         kinds = {each.name: each.time_type for each in _active(self.state()).timelines}
+        if not kinds:
+            return  # an empty log looks the same at any moment
         if timeline not in kinds:
             raise ViewerError(f"timeline {timeline!r}: expected one of {', '.join(sorted(kinds))}.")
         where: dict[str, Any] = (
@@ -167,15 +184,12 @@ class Viewer:
         self.ask(lambda client: client.set_time(timeline, play_state="paused", **where))
 
     def show(self, view: str) -> str:
-        """Bring a view to the front of its tabs, and return its id."""
+        """Let a view have all the room, and return its id."""
         ids = {each.name: each.view_id for each in self.state().views}
         if view not in ids:
             raise ViewerError(f"view {view!r}: expected one of {', '.join(sorted(ids))}.")
         layout = self.ask(lambda client: client.get_blueprint()).blueprint
-        for part in layout.values():
-            container = part.get("ContainerBlueprint", {})
-            if "active_tab" in container and f"view/{ids[view]}" in container["contents"]:
-                container["active_tab"] = f"view/{ids[view]}"
+        layout["/viewport"]["ViewportBlueprint"]["maximized"] = str(ids[view])
         self.ask(lambda client: client.set_blueprint(layout, of="recording"))
         return str(ids[view])
 
@@ -236,6 +250,5 @@ def _active(state: Any) -> Any:
     return None
 
 
-def _is_loaded(state: Any) -> bool:
-    active = _active(state)
-    return active is not None and bool(active.timelines and state.views) and not state.loading
+def _is_laid_out(state: Any) -> bool:
+    return _active(state) is not None and bool(state.views) and not state.loading

@@ -30,7 +30,7 @@ UNKNOWN_RGB: Rgb = (70, 74, 82)
 NAMES_RGB: Rgb = (255, 255, 255)
 AXES_RGB: Rgb = (225, 228, 233)
 
-ASPECT = 4.2
+ASPECT = 3.3
 """Width of the doors' part of the view over its height."""
 LABELS_ACROSS = 45
 """So many times the height of a label is the width of the view: labels do not grow with it."""

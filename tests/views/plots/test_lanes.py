@@ -124,6 +124,15 @@ def test_of_very_many_intervals_each_column_shows_the_longest() -> None:
     assert len(found) <= MOST_INTERVALS
 
 
+def test_many_lanes_do_not_look_at_each_other(office: sl.DoorLog) -> None:
+    """
+    The axes are set, not found anew from all bars at each lane: thousands would take minutes.
+    """
+    panel = draw_lanes(Lanes.of(office)).axes[0]
+
+    assert (False, False) == (panel.get_autoscalex_on(), panel.get_autoscaley_on())
+
+
 @pytest.mark.parametrize("name", ["a.svg", "a.png"])
 def test_the_same_lanes_are_the_same_file(name: str, office: sl.DoorLog, tmp_path: Path) -> None:
     """
@@ -149,3 +158,38 @@ def test_a_log_of_one_moment_has_a_picture(tmp_path: Path, clock: SteadyClock) -
     plot_lanes(lanes, tmp_path / "x.svg")
 
     assert "a$b$ 門" in (tmp_path / "x.svg").read_text()
+
+
+def test_days_are_told_by_their_names_above_many_lanes_too() -> None:
+    """
+    Over the clinic's week each midnight says which day begins; of three doors, below only.
+    """
+    clinic = draw_lanes(Lanes.of(sl.read(OFFICE.parent / "clinic_week")))
+    few = draw_lanes(Lanes.of(sl.read(OFFICE)))
+
+    for figure, is_above in ((clinic, True), (few, False)):
+        figure.canvas.draw()
+        axis = figure.axes[0].xaxis
+        assert is_above == axis.get_major_ticks()[0].label2.get_visible()
+    days = [label.get_text() for label in clinic.axes[0].get_xticklabels()]
+    assert 2 * ["Tue 03", "Wed 04", "Thu 05", "Fri 06", "Sat 07", "Sun 08"] == days
+
+
+def test_names_are_written_in_a_font_that_has_their_letters(
+    tmp_path: Path, clock: SteadyClock
+) -> None:
+    """
+    Where there is a font with Chinese letters, two names of one length are two pictures.
+    """
+    from matplotlib import font_manager
+
+    if not {"Noto Sans CJK SC", "Noto Sans CJK JP"} & set(font_manager.get_font_names()):
+        pytest.skip("no Chinese font here: apt-get install fonts-noto-cjk")
+    pictures = []
+    for name in ("东门", "西窗"):
+        with sl.create(tmp_path / name, tz="UTC", clock=clock) as log:
+            log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, name=name, at=HOUR_NS)
+        plot_lanes(Lanes.of(sl.read(tmp_path / name)), tmp_path / f"{name}.png")
+        pictures.append((tmp_path / f"{name}.png").read_bytes())
+
+    assert pictures[0] != pictures[1]

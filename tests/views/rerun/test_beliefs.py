@@ -175,9 +175,22 @@ def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> Non
     with_them = views_of(log, tmp_path)
     without = views_of(log, tmp_path, beliefs=False)
 
-    week = "Typical week (Monday on top, hours of Europe/Vienna)"
+    week = "Typical week (Monday on top, Europe/Vienna)"
     assert {week, "front", "store"} <= set(with_them)
     assert not {week, "front", "store", "attic"} & set(without)
+
+
+def test_weeks_of_the_liveliest_doors_are_called_so(tmp_path: Path) -> None:
+    """
+    Each level of the clinic has more doors than can be read; of some of the liveliest too little
+    is known for a week.
+    """
+    names = views_of(sl.read(RECORDINGS / "clinic_week"), tmp_path, costmap=False)
+
+    assert {
+        "L1 typical week, 36 liveliest (Monday on top, Europe/Vienna)",
+        "L2 typical week, 36 liveliest (Monday on top, Europe/Vienna)",
+    } == {name for name in names if "week" in name}
 
 
 def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import SemmapError
+from semmap_log.errors import MomentError, SemmapError
 from semmap_log.events import DoorAdded, DoorObserved, DoorUpdated, Retracted, RobotPose
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
@@ -145,6 +145,31 @@ def test_a_part_begins_with_the_state_as_it_was(tmp_path: Path) -> None:
     assert drawn.latest("/map/doors/door_2", STRIPS, since_ns)
     assert drawn.latest("/map/doors/door_2", STRIPS, START + 1900 * SECOND) is None
     assert ["UNKNOWN"] == drawn.latest("/map/doors/door_2", STATE, since_ns)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_lies_beyond_all_buildings_is_no_matter(tmp_path: Path) -> None:
+    """
+    A door and poses that a viewer's numbers cannot hold: no warning, and the others are drawn.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.add_door(x=1e300, y=-1e300, theta=0, width=1e300)
+        log.add_door(x=1, y=2, theta=0, width=1)
+        log.append([RobotPose(x=1e300, y=0, theta=1e300), RobotPose(x=2, y=1e300, theta=0)])
+
+    drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
+
+    assert [[[1, 2], [2, 2]]] == drawn.latest("/map/doors/door_2", STRIPS, START + SECOND)
+
+
+def test_a_part_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
+    """
+    Rather than a recording of nothing.
+    """
+    log = small_log(tmp_path / "log")
+
+    with pytest.raises(MomentError, match="swap them"):
+        save_rrd(log, tmp_path / "x.rrd", since=START + 2 * SECOND, until=START)
 
 
 def test_chosen_doors_keep_the_robot_and_its_patrols(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
+from PIL import Image
 
 import semmap_log as sl
 from semmap_log.doors import DoorId
@@ -106,6 +108,18 @@ def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
         np.testing.assert_allclose(middle_of(plan, colour), middle_of(cells, colour), atol=3)
 
 
+def test_a_view_alone_has_nearly_all_of_the_picture(viewer: Viewer) -> None:
+    """
+    Whatever room it has beside the others; only the bars of the window are missing.
+    """
+    for name in ("Floor plan", "Event log (UTC)"):
+        with Image.open(io.BytesIO(viewer.picture(name))) as picture:
+            width, height = picture.size
+
+        assert width > 0.95 * SIZE[0], name
+        assert height > 0.8 * SIZE[1], name
+
+
 def test_north_is_up(viewer: Viewer) -> None:
     """
     `front` lies below and left of door 2 in the map, and so it does in the picture.
@@ -164,6 +178,18 @@ def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path:
     assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
 
 
+def test_an_empty_log_is_shown_at_any_moment(viewer: Viewer, tmp_path: Path) -> None:
+    """
+    A recording without events has no timeline, and is waited for no longer than others.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+    save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
+
+    screenshot(tmp_path / "x.rrd", tmp_path / "x.png", at_ns=START, size=(800, 600))
+
+    assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
+
+
 def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
     """
     An error inside leaves no viewer behind.
@@ -209,6 +235,7 @@ def test_a_missing_recording_is_told_before_anything_starts(tmp_path: Path) -> N
             "INFO hello\\nthread 'main' panicked at 'a bug'",
             "ended: thread 'main' panicked at 'a bug'",
         ),
+        ("\x1b[2mat\x1b[0m an \x1b[31merror\x1b[0m", "ended: at an error"),
         ("", "it did not say why"),
     ],
 )
