@@ -13,7 +13,7 @@ from typing import Any
 from semmap_log.beliefs.typical_week import TypicalWeek
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.beliefs import MOST_WEEKS, BeliefsShown
+from semmap_log.views.rerun.beliefs import MOST_CURVES, MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
 from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rounds import ROUNDS, Lane
@@ -22,7 +22,6 @@ from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLe
 from semmap_log.views.rerun.sdk import rr, rrb
 from semmap_log.views.rerun.weeks import Sheet, weeks_on, weeks_path
 
-MOST_CURVES = 8
 MOST_LANES = 16
 """With more doors than this, a tab of the liveliest stands before that of all doors."""
 
