@@ -95,7 +95,8 @@ def run(
     were at first. Close the window, or press Ctrl-C, to end it.
 
     --web serves on 127.0.0.1 alone. The page is rerun's own: it may ask the internet for a font and
-    for news of rerun, and report its use; never the log.
+    for news of rerun, and report its use; never the log. In browsers without WebGPU rerun draws
+    hundreds of doors beside their walls; a window does not.
 
     \b
     Examples:
