@@ -99,3 +99,18 @@ def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> N
     assert [0.5] + [1] * 11 == only.shares.known.tolist()[24:36]
     assert [1] * 12 == only.shares.opened.tolist()[24:36]
     assert 2 == only.changes
+
+
+def test_a_day_begins_as_the_one_before_ended(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    A door that was opened yesterday is open from midnight on, until somebody closes it.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        door = log.add_door(state="open", at="2026-02-26T06:00")
+        log.observe(door, "closed", at="2026-02-27T12:00")
+        log.observe(door, "open", at="2026-02-27T18:00")
+
+        (only,) = day_of_doors(log, "2026-02-27T12:00").doors
+
+    assert [1] * 24 + [0] * 12 == only.shares.opened.tolist()[:36]
+    assert [1] * 36 == only.shares.known.tolist()[:36]

@@ -95,14 +95,16 @@ def run(
     were at first. Close the window, or press Ctrl-C, to end it.
 
     --web serves on 127.0.0.1 alone. The page is rerun's own: it may ask the internet for a font and
-    for news of rerun, and report its use; never the log.
+    for news of rerun, and report its use; never the log. In browsers without WebGPU rerun draws
+    hundreds of doors beside their walls; a window does not.
 
     \b
     Examples:
       semmap-log view office
-      semmap-log view office --from "yesterday 08:00" --door front --save office.rrd
+      semmap-log view office --from "yesterday 08:00" --door front
+      semmap-log view office --save office.rrd
       semmap-log view office --at 2026-03-02T14:02 --screenshot office.png
-      semmap-log view office --screenshot plan.png --view "Floor plan" --size 1280x800
+      semmap-log view office --screenshot plan.png --view "Floor plan"
       semmap-log view office --follow --from "2h ago"
       semmap-log view office --web --follow --palette colour-blind
     """

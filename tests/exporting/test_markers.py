@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorMap, reduced
+from semmap_log.doors import DoorId, DoorMap, reduced
 from semmap_log.errors import FormatError, MomentError, OutputError
 from semmap_log.events import DoorAdded, RobotPose
 from semmap_log.exporting import in_order, marker_plan
@@ -380,3 +380,38 @@ def test_progress_goes_up_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert sorted(told) == told
     assert len(told) > 3
     assert told[-1][0] == told[-1][1] == sum(not e.retracted for e in log.history())
+
+
+def test_doors_come_in_the_order_of_their_ids(tmp_path: Path) -> None:
+    """
+    Whichever was in the map first, in the markers and in the thesis's message.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        for door in (3, 1, 2):
+            log.append([DoorAdded(door_id=DoorId(door), x=door, y=0.0, theta=0.0, width=1.0)])
+
+    record_markers(sl.read(tmp_path / "log"), tmp_path / "x.mcap")
+
+    messages = played(tmp_path / "x.mcap")
+    markers = topic(messages, DOORS)[-1].message.markers
+    assert [1, 2, 3] == [marker.id for marker in markers if marker.ns == "doors"]
+    assert [1, 2, 3] == [entry.door_id for entry in topic(messages, THESIS)[-1].message.door_db]
+
+
+def test_what_waits_is_sent_once_its_time_has_come(tmp_path: Path) -> None:
+    """
+    With nothing else to send then: not only when something happens again, an hour later.
+    """
+    clock = SteadyClock(START)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        door = log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, state="closed")
+        clock.now_ns = START + SECOND
+        log.observe(door, "open")
+        clock.now_ns = START + 3600 * SECOND
+        log.observe(door, "closed")
+
+    record_markers(sl.read(tmp_path / "log"), tmp_path / "x.mcap", MarkerOptions(every_s=60))
+
+    first, waited, last = topic(played(tmp_path / "x.mcap"), DOORS)
+    assert 60 * SECOND == waited.at_ns - first.at_ns
+    assert START + 3600 * SECOND <= last.at_ns

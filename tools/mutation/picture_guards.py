@@ -112,7 +112,7 @@ RECORDINGS = (
                "yield replace(entry, retracted=False)", "yield entry", ROUNDS),
     _recording("curves are of what had happened by then", "rerun/beliefs.py",
                "beliefs.predict(door.door_id, times_ns, times_ns)",
-               "beliefs.predict(door.door_id, times_ns, times_ns[-1:])", CURVES),
+               "beliefs.predict(door.door_id, times_ns, times_ns[:1])", CURVES),
     _recording("a curve ends with its door", "rerun/beliefs.py",
                "return first_ns, max(first_ns, min(end_ns, removed_ns))",
                "return first_ns, max(first_ns, end_ns)", CURVES),
@@ -135,6 +135,13 @@ RECORDINGS = (
 )  # fmt: skip
 
 REPORTS = (
+    _recording(
+        "a span that ends before it begins",
+        "excerpt/excerpt.py",
+        "if since_ns is not None and until_ns is not None and since_ns > until_ns:",
+        "if False:",
+        REPORT,
+    ),
     _report("nothing in the data ends a script", "page.py", 'for character in "<>&\\u2028\\u2029":',
             'for character in "":', REPORT),
     _report("the title is text", "page.py", "html.escape(title)", "title", REPORT),
@@ -157,8 +164,6 @@ REPORTS = (
             "        end_ms = min(end_ms, last_ns // MS_NS)\n", "        pass\n", REPORT),
     _report("doors as they were before `since`", "report.py",
             "stories(found, excerpt.before().doors,", "stories(found, {},", REPORT),
-    _report("a span that ends before it begins", "report.py",
-            "excerpt.since_ns > (excerpt.last_ns() or excerpt.since_ns)", "False", REPORT),
     _report("offsets change where the zone's clocks do", "times.py",
             "_change_ms(max(day_ms - DAY_MS, span.begin_ms), day_ms, place)", "day_ms", TIMES),
     _report("the track is cut where the robot was not seen", "track.py",
@@ -224,8 +229,6 @@ STATES = (
             '            counts &= words["ns"] < self.removed_ns\n', "            pass\n", LINES),
     _states("a day begins with the states before it", "day.py", "chain([opening], today)",
             "chain(today)", DAY),
-    _states("the rest of today is not known", "day.py", "timeline.between(None, last_ns)",
-            "timeline", DAY),
     _states("a lane of very many intervals shows what held longest", "views/plots/lanes.py",
             "spent.argmax(axis=0)", "spent.argmin(axis=0)", LANES),
     _states("options of a view that exclude each other", "cli/view.py",

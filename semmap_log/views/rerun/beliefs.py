@@ -34,10 +34,11 @@ from semmap_log.views.rerun.weeks import write_weeks
 BELIEF = "belief"
 NO_MEANS = rr.components.AggregationPolicy.Off
 """Else the viewer draws points that are less than a pixel apart as their mean: half a jump."""
-MOST_CURVES = 16
-MOST_CURVE_DAYS = 2_000
-"""For each day of each curve the estimator learns anew, as it would have then: some seconds. So the
-liveliest 16 doors have one, in a recording of years fewer; doors that were asked for all have."""
+MOST_CURVES = 8
+"""Doors with a curve, a tab each; those that were asked for all have one."""
+MOST_CURVE_DAYS = 1_000
+"""For each day of each curve the estimator learns anew, as it would have then: some seconds. In a
+recording of more than four months fewer doors have one."""
 MOST_WEEKS = 36
 """On a level with more doors the liveliest have a week: of more, ids would lie on each other."""
 

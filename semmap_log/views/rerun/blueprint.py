@@ -13,7 +13,7 @@ from typing import Any
 from semmap_log.beliefs.typical_week import TypicalWeek
 from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.beliefs import MOST_WEEKS, BeliefsShown
+from semmap_log.views.rerun.beliefs import MOST_CURVES, MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
 from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rounds import ROUNDS, Lane
@@ -22,7 +22,6 @@ from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLe
 from semmap_log.views.rerun.sdk import rr, rrb
 from semmap_log.views.rerun.weeks import Sheet, weeks_on, weeks_path
 
-MOST_CURVES = 8
 MOST_LANES = 16
 """With more doors than this, a tab of the liveliest stands before that of all doors."""
 
@@ -122,7 +121,8 @@ def _plans(scene: Scene, palette: Palette, level: int | None, *, costmap: bool) 
 def _plan(level: SceneLevel, palette: Palette) -> View:
     overrides = {entity(track_path(level)): [_recent_track()]} if level.has_robot else {}
     name = "Floor plan" if level.path == (ROOT,) else level.name
-    return _map_view(level, palette, name, [f"+ {entity(level.path)}/**"], overrides)
+    contents = [f"+ {entity(level.path)}/**", f"- {entity((*level.path, COSTMAP))}/**"]
+    return _map_view(level, palette, name, contents, overrides)
 
 
 def _costmap(level: SceneLevel, palette: Palette) -> View:

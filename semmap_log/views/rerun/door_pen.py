@@ -126,7 +126,9 @@ def write_style(writer: RowWriter, door: SceneDoor, palette: Palette, *, doors_b
         colors=packed(palette.label),
         labels=[label],
         show_labels=doors_beside <= MOST_IDS,
-        draw_order=20.0,
+        # Below all: with WebGL each thing that is drawn is drawn a little larger than the one
+        # below it, half a thousandth, so that lines should come soon after the floor.
+        draw_order=-30.0,
     )
     for path in door.lines.values():
         writer.static(path, line, name)

@@ -89,7 +89,7 @@ class RobotWriter:
         self._writer.static(
             _pose_path(level),
             rr.Arrows2D.from_fields(
-                colors=packed(palette.robot), radii=rr.Radius.ui_points(3.0), draw_order=30.0
+                colors=packed(palette.robot), radii=rr.Radius.ui_points(3.0), draw_order=8.0
             ),
         )
         self._writer.static(

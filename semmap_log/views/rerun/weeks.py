@@ -34,6 +34,8 @@ ASPECT = 3.3
 """Width of the doors' part of the view over its height."""
 LABELS_ACROSS = 45
 """So many times the height of a label is the width of the view: labels do not grow with it."""
+LABELS_DOWN = 9
+"""And so many times the height of all weeks, where these fill the view from top to bottom."""
 MOST_NAMES = 12
 """With more doors their names would lie on each other: there, ids stand for them."""
 
@@ -82,8 +84,9 @@ class Sheet:
 
     @property
     def line(self) -> float:
-        """Height of a label."""
-        return self.columns * self.tile.width / (LABELS_ACROSS - 8)
+        """Height of a label, whether the view's width or, of few doors, its height is filled."""
+        across = self.columns * self.tile.width / (LABELS_ACROSS - 8)
+        return max(across, self.rows * self.tile.height / LABELS_DOWN)
 
     @property
     def left(self) -> int:

@@ -296,3 +296,21 @@ def test_a_curve_goes_on_to_the_end(tmp_path: Path) -> None:
     (update,) = log.history(kinds=[DoorUpdated])
     assert given == (update.happened_ns, [0.5, 0.75])
     assert 3 == len(drawn.rows("/map/doors/front", SCALARS, "recorded"))
+
+
+def test_lines_are_drawn_soon_after_the_floor(tmp_path: Path) -> None:
+    """
+    With WebGL what is drawn later is larger; names, of which each door has one, come before all.
+    """
+    save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
+
+    statics = Drawn(tmp_path / "x.rrd").statics
+    orders = [
+        statics[path, f"{kind}:draw_order"]
+        for path, kind in (
+            ("/map/doors/front", "Points2D"), ("/map/floor", "Image"),
+            ("/map/robot/track", "LineStrips2D"), ("/map/robot/pose", "Arrows2D"),
+            ("/map/doors/front", "LineStrips2D"),
+        )
+    ]  # fmt: skip
+    assert sorted(orders) == orders

@@ -64,7 +64,7 @@ function detailsOf(t, chosen) {
   }
   const door = doorOf.get(chosen);
   const close = el("button", { type: "button", class: "close", "aria-label": "Choose no door", onclick: () => clock.choose(null) }, "×");
-  const title = el("h3", {}, quoted(door.name), close);
+  const title = el("h3", { title: door.name }, quoted(door.short), close);
   const place = [`#${door.id}`, levelNames.get((door.at(t) || { level: door.places.length ? door.places[0][1] : 0 }).level)];
   const said = door.said.map(([key, value]) => el("div", {}, quoted(key), ": ", quoted(value)));
   return [title, el("div", { class: "aside" }, place.filter(Boolean).join(", ")),

@@ -1,7 +1,7 @@
 // Where names go on the plan, so that none covers a door or another name.
 
 const LABEL_FONT = "500 11px system-ui, sans-serif";
-const LABEL_HEIGHT = 13, LONGEST_LABEL = 22, NEAR = [4, 12];
+const LABEL_HEIGHT = 13, LONGEST_LABEL = 28, NEAR = [4, 12];
 const pen = document.createElement("canvas").getContext("2d");
 
 function labelWidth(text) {

@@ -12,7 +12,7 @@ function setUpHead() {
     ["To", data.isEmpty ? null : `${dateText(END)} ${clockText(END, false)} (${length})`],
     ["Zone", log.tz],
     ["Doors", grouped(doors.length)],
-    ["Events", grouped(data.events)],
+    ["Events shown", grouped(data.events)],
     ["Rounds", data.rounds.length ? grouped(data.rounds.length) : null],
     ["Health", health.warnings.length + health.suspects ? count(health.warnings.length + health.suspects, "warning") : "no warnings"],
   ];
