@@ -521,7 +521,8 @@ def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
-def test_a_signal_leaves_no_half_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     """
     While a bag of a long log is being written, to a file that has another name until it is whole.
     """
@@ -533,8 +534,24 @@ def test_a_signal_leaves_no_half_file(tmp_path: Path) -> None:
         assert process.poll() is None
         time.sleep(0.01)
 
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(number)
     code = process.wait(30)
 
-    assert 128 + signal.SIGTERM == code
+    assert 128 + number == code
     assert [] == list(tmp_path.iterdir())
+
+
+def test_ctrl_c_inside_an_exec_is_a_code_too(tmp_path: Path) -> None:
+    """
+    Python would end itself by the signal, at its exit, as an `exec` of a text was interrupted.
+    """
+    (tmp_path / "interrupted.py").write_text(
+        "import semmap_log.cli as cli, semmap_log.cli.app as verbs\n"
+        "verbs.app = lambda **_: exec('import signal; signal.raise_signal(signal.SIGINT)')\n"
+        "cli.main()\n"
+    )
+    env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1])}
+
+    done = subprocess.run([sys.executable, "-m", "interrupted"], cwd=tmp_path, env=env, check=False)
+
+    assert 130 == done.returncode
