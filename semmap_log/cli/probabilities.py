@@ -163,8 +163,11 @@ def _show_typical(
     import semmap_log as sl
     from semmap_log.beliefs.typical_week import typical_weeks
     from semmap_log.formats.beliefs_json import weeks_to_json
+    from semmap_log.log.disk import refuse_own_folder
 
     opened = sl.read(log)
+    if plot is not None:
+        refuse_own_folder(opened.path, plot)
     with progress("Reading") as told:
         weeks = typical_weeks(opened, **asked, progress=told)
     which = by or By.week

@@ -239,6 +239,40 @@ def test_history_as_a_picture(run, tmp_path: Path) -> None:
     assert not (tmp_path / "none.svg").exists()
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("report", "office", "office/x.html"),
+        ("export", "office", "office/x.csv"),
+        ("export", "office", "office/x.mcap", "--markers"),
+        ("costmap", "office", "office/x.npy"),
+        ("history", "office", "--plot", "office/x.png"),
+        ("probabilities", "office", "--plot", "office/x.svg"),
+        ("evaluate", "office", "--plot", "office/x.png"),
+        ("view", "office", "--save", "office/x.rrd"),
+        ("view", "office", "--screenshot", "office/../office/x.png"),
+    ],
+)
+def test_nothing_is_made_in_the_log_s_own_folder(
+    run, tmp_path: Path, arguments: tuple[str, ...]
+) -> None:
+    """
+    There everything is the log's; all verbs that make a file say so, in the same words.
+    """
+    for needed in {"history": ["matplotlib"], "view": ["rerun"]}.get(arguments[0], []):
+        pytest.importorskip(needed)
+    run("add", "office", "--name", "front", "--state", "open")
+    before = sorted((tmp_path / "office").iterdir())
+    (out,) = (each for each in arguments if "/" in each)
+
+    done = run(*arguments)
+
+    assert (1, f"semmap-log: {out}: lies in the log's own folder; choose another place.\n") == (
+        done.code, done.err
+    )  # fmt: skip
+    assert before == sorted((tmp_path / "office").iterdir())
+
+
 def test_info_draws_a_day(run) -> None:
     """
     The last, or the one asked for; of a single file, which knows not all of it, none.
