@@ -123,7 +123,7 @@ def run(
             beliefs = applied.beliefs
         else:
             beliefs = probabilities(opened, **asked, progress=told)
-    zone = tz or opened.info.timezone
+    zone = opened.info.timezone if tz is None else tz
     if as_json:
         print_json(
             beliefs_to_json(beliefs, tz=zone) | (_applied_to_json(applied) if applied else {})
@@ -176,7 +176,8 @@ def _show_typical(
         if by is None and not as_json:
             return
     if as_json:
-        print_json(weeks_to_json(weeks, which.value, tz=asked["tz"] or opened.info.timezone))
+        zone = opened.info.timezone if asked["tz"] is None else asked["tz"]
+        print_json(weeks_to_json(weeks, which.value, tz=zone))
         return
     _print_weeks(weeks, which)
 

@@ -273,6 +273,26 @@ def test_nothing_is_made_in_the_log_s_own_folder(
     assert before == sorted((tmp_path / "office").iterdir())
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("init", "lab"),
+        ("probabilities", "office"),
+        ("probabilities", "office", "--by", "week", "--json"),
+        ("best-time", "office", "front"),
+        ("evaluate", "office"),
+    ],
+)
+def test_no_name_is_no_zone(run, arguments: tuple[str, ...]) -> None:
+    """
+    As a variable of the shell that was never set gives: an error, and not the usual zone.
+    """
+    done = run(*arguments, "--tz", "")
+
+    assert 1 == done.code
+    assert "No time zone '': expected an IANA name" in " ".join(done.err.split())
+
+
 def test_info_draws_a_day(run) -> None:
     """
     The last, or the one asked for; of a single file, which knows not all of it, none.
