@@ -16,6 +16,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from tests.views.rerun.some_logs import small_log
 
 VERBS = [
     "demo",
@@ -513,6 +514,46 @@ def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path)
 
     with sl.append(tmp_path / "office") as log:
         assert log.replay().event >= max(answered, default=1)
+
+
+def test_the_same_log_gives_the_same_pictures(tmp_path: Path) -> None:
+    """
+    Byte for byte, in processes that hash in another order and live in other zones.
+    """
+    pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
+    log = small_log(tmp_path / "log").path
+
+    made = [_pictures(log, seed, zone) for seed, zone in (("0", "UTC"), ("1", "Asia/Tokyo"))]
+
+    assert {"x.html", "x.mcap", "x.svg"} == set(made[0])
+    assert [] == [name for name, data in made[0].items() if data != made[1][name]]
+
+
+RUN_ALL = """
+import json, sys
+from semmap_log.cli import main
+for line in json.loads(sys.argv[1]):
+    try:
+        main(line)
+    except SystemExit as left:
+        assert not left.code
+"""
+
+
+def _pictures(log: Path, seed: str, zone: str) -> dict[str, bytes]:
+    """Return the files, by name, that a process of its own makes from a log."""
+    folder = log.with_name(f"made_{seed}")
+    folder.mkdir()
+    lines = [
+        ["report", str(log), "x.html"],
+        ["export", str(log), "x.mcap", "--markers"],
+        ["history", str(log), "--plot", "x.svg"],
+    ]
+    env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1]),
+           "PYTHONHASHSEED": seed, "TZ": zone}  # fmt: skip
+    command = [sys.executable, "-c", RUN_ALL, json.dumps(lines)]
+    subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True)
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
 def test_python_m_is_the_same(tmp_path: Path) -> None:
