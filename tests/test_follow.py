@@ -165,6 +165,30 @@ def test_a_log_that_was_put_back_is_noticed(rolled: Path, tmp_path: Path) -> Non
         next(following)
 
 
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_log_that_was_put_back_is_noticed_before_it_grows(
+    rolled: Path, tmp_path: Path, more: int
+) -> None:
+    """
+    The backup ends before what was read, or at the same number with another event.
+    """
+    backup = tmp_path / "backup"
+    shutil.copytree(rolled, backup)
+    for path, count in ((rolled, 1), (backup, more)):
+        with sl.append(path) as log:
+            for _ in range(count):
+                log.add_door()
+    following = sl.read(rolled).follow(14, poll_s=0)
+    assert [15] == [recorded.number for recorded in next(following)]
+    assert [16] == [recorded.number for recorded in next(following)]
+
+    shutil.rmtree(rolled)
+    backup.rename(rolled)
+
+    with pytest.raises(CorruptLogError, match=r"of event 16, which was read before, is not there"):
+        next(following)
+
+
 def test_another_log_in_its_place_is_noticed(rolled: Path) -> None:
     """
     The numbers would go on as if nothing were wrong.

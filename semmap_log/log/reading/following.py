@@ -58,10 +58,12 @@ def follow(
         if reader.info.log_id != log_id:
             raise LogError(f"{reader.folder}: another log lies here now; open it anew.")
         if not are_same(seen, reader.segments):
-            seen = reader.segments
+            seen, before = reader.segments, position.event
             for followed in commits_after(reader, position.event):
                 position.advance(reader, followed.commit)
                 yield followed
+            if position.event == before:
+                position.check_is_in(reader)  # or nobody would, until the log is longer again
         if is_last_look:
             return
         time.sleep(poll_s)
@@ -120,6 +122,24 @@ class _Position:
                 f"{last.last_event}, which was read before: the log was put back, or exchanged",
             )
         self.event, self.commit = commit.last_event, commit
+
+    def check_is_in(self, reader: LogReader) -> None:
+        """Return if the log still holds the commit that was last.
+
+        Raises:
+            CorruptLogError: It does not.
+        """
+        last = self.commit
+        if last is None:
+            return
+        found = reader.find_commit(last.last_event)
+        if found is None or found.hash != last.hash:
+            raise CorruptLogError(
+                reader.folder,
+                0,
+                f"the commit of event {last.last_event}, which was read before, is not there: "
+                "the log was put back, or exchanged",
+            )
 
 
 class _Cutter:
