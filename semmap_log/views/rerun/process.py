@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import socket
 import subprocess
 import tempfile
@@ -86,7 +87,7 @@ class Running:
 
     def failure(self) -> ViewerError:
         """Return why it ended, as far as it said."""
-        return explained(self.log.read_text(errors="replace"))
+        return explained(self.log.read_text(errors="replace"), self.process.poll())
 
 
 @contextmanager
@@ -121,8 +122,8 @@ def free_port() -> int:
         return port
 
 
-def explained(log: str) -> ViewerError:
-    """Return what rerun's own words mean."""
+def explained(log: str, code: int | None = None) -> ViewerError:
+    """Return what rerun's own words mean, or else its exit code."""
     if re.search("graphics adapter|render context", log):
         return ViewerError(
             "The rerun viewer found no graphics driver. Without a GPU, a software one will do: "
@@ -136,7 +137,11 @@ def explained(log: str) -> ViewerError:
         )
     plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
     said = [line for line in plain.splitlines() if re.search("panicked|[Ee]rror", line)]
-    return ViewerError(f"The rerun viewer ended: {said[0] if said else 'it did not say why'}")
+    if said:
+        return ViewerError(f"The rerun viewer ended: {said[0]}")
+    if code is not None and code < 0:
+        return ViewerError(f"The rerun viewer was ended by {signal.Signals(-code).name}.")
+    return ViewerError(f"The rerun viewer ended: it did not say why; its exit code was {code}.")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

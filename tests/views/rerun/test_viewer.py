@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -251,11 +252,11 @@ def test_a_missing_recording_is_told_before_anything_starts(tmp_path: Path) -> N
             "ended: thread 'main' panicked at 'a bug'",
         ),
         ("\x1b[2mat\x1b[0m an \x1b[31merror\x1b[0m", "ended: at an error"),
-        ("", "it did not say why"),
+        ("", "was ended by SIGKILL"),
     ],
 )
 def test_the_viewers_last_words_are_explained(said: str, expected: str) -> None:
     """
     What the viewer prints when it ends becomes one line that says what to do.
     """
-    assert expected in str(explained(said.replace("\\n", "\n")))
+    assert expected in str(explained(said.replace("\\n", "\n"), -signal.SIGKILL))
