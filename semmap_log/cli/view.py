@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -231,9 +232,15 @@ def _serve(rrd: Path, *, theme: ThemeName | None, browser: bool) -> None:
         return  # the way to end it
 
 
+SDK_SAYS = "warn,re_grpc_client=off,re_sdk=off"
+"""Read as rerun is loaded. That the viewer has gone is no error when its window was closed; if it
+is one, we say so."""
+
+
 def _follow(
     opened: DoorLog, looks: dict[str, Any], *, web: bool, theme: ThemeName | None, browser: bool
 ) -> None:
+    os.environ.setdefault("RUST_LOG", SDK_SAYS)
     from semmap_log.views.rerun.live import Shown, follow_in_viewer
     from semmap_log.views.rerun.process import Running, ViewerError
     from semmap_log.views.rerun.viewer import window

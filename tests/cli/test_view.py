@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -126,6 +127,24 @@ def test_a_log_is_followed_while_another_process_records(log: Path, ending: sign
     assert [] == [pid for pid in children if _is_alive(pid)]
     assert (0 if ending == signal.SIGINT else 128 + signal.SIGTERM) == code
     assert ["Open this address in a browser of this machine; Ctrl-C ends it."] == said.splitlines()
+
+
+@pytest.mark.viewer
+def test_a_viewer_that_is_killed_ends_the_following(log: Path) -> None:
+    """
+    That is said in one line, without what rerun's own library has to say of it.
+    """
+    with _serving(log, "--follow", "--no-beliefs") as (process, _):
+        _wait_for(lambda: len(_family(process.pid)) > 1)
+        (viewer,) = _family(process.pid)[1:]
+        time.sleep(2)  # it has the history by then
+        os.kill(viewer, signal.SIGKILL)
+        code = process.wait(30)
+        said = process.stderr.read() if process.stderr else ""
+
+    assert 1 == code
+    assert "semmap-log: The rerun viewer was ended by SIGKILL." == said.splitlines()[-1]
+    assert 2 == len(said.splitlines())  # the other one is about the address
 
 
 @pytest.mark.viewer
