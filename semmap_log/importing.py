@@ -140,7 +140,7 @@ def _plan_table(log: DoorLogWriter, table: DoorTable, options: ImportOptions) ->
 
 
 def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
-    zone = options.tz or log.info.timezone
+    zone = log.info.timezone if options.tz is None else options.tz
     sightings = read_door_csv(path, windows=options.windows, tz=zone)
     door_map = log.state.door_map()
     level = None if options.level is None else resolve_level(options.level, door_map)
@@ -148,7 +148,8 @@ def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportP
 
 
 def _plan_event_lines(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
-    return plan_event_lines(path, _present(log), tz=options.tz or log.info.timezone)
+    zone = log.info.timezone if options.tz is None else options.tz
+    return plan_event_lines(path, _present(log), tz=zone)
 
 
 def _present(log: DoorLogWriter) -> Present:

@@ -53,7 +53,7 @@ def create(
         InvalidEventError: No such durability.
     """
     promise = Promise.of(durability, batch_events, batch_s)
-    timezone = tz or machine_zone()
+    timezone = machine_zone() if tz is None else tz
     zone(timezone)
     check_text("building", building)
     check_text("robot", robot)

@@ -95,7 +95,7 @@ def apply_probabilities(
         return Applied(beliefs, [], unknown, None)
     appended = log.append(
         [_update(belief) for belief in written],
-        note=_told(note, written, tz or log.info.timezone),
+        note=_told(note, written, log.info.timezone if tz is None else tz),
         command_id=command_id,
         content=content,
         expected_event=expected_event,

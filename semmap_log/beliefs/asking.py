@@ -94,7 +94,7 @@ def ask(
     at_ns = log.instant(at)
     door_map = log.replay(at=at_ns, known_at=at_ns)
     chosen = door_map.doors if doors is None else {resolve_door(d, door_map) for d in doors}
-    clock = LocalClock(tz or log.info.timezone)
+    clock = LocalClock(log.info.timezone if tz is None else tz)
     return Asked(
         beliefs=learn(log, at=at_ns, estimator=estimator, tz=clock.tz, progress=progress),
         estimator=estimator,

@@ -121,7 +121,7 @@ def evaluate_all(
     evidence = log.fold(EvidenceProjection())
     chosen = [d for d in evidence.door_ids if doors is None or d in doors]
     span = log.instant(since), log.instant(until)
-    clock = LocalClock(tz or log.info.timezone)
+    clock = LocalClock(log.info.timezone if tz is None else tz)
     is_truth = holds_truth(evidence, chosen)
     stretches = (
         {d: found.between(*span) for d, found in truths(log, evidence, chosen)} if is_truth else {}

@@ -30,5 +30,5 @@ def learn(
         MomentError: No such time, or no such zone.
     """
     moment = log.moment(at)
-    projection = BeliefProjection(estimator, tz or log.info.timezone)
+    projection = BeliefProjection(estimator, log.info.timezone if tz is None else tz)
     return log.fold(projection, moment, moment, progress=progress)

@@ -13,6 +13,14 @@ from contextlib import contextmanager
 INTERRUPTED = 130
 
 
+class _CtrlC(KeyboardInterrupt):
+    """Ctrl-C, told apart from Python's own.
+
+    Where Python's own passes through an `exec` of a text, as rosbags and dataclasses have them, it
+    is remembered, and ends the process by the signal whatever code it exits with.
+    """
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a verb and leave with its exit code: 0 good, 1 our error, 2 usage."""
     from semmap_log.cli.app import app
@@ -39,15 +47,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end us as an exception does: no half file and no viewer stays."""
+    """Let signals end us as an exception does: no half file and no viewer stays."""
 
     def end(number: int, _: object) -> None:
+        if number == signal.SIGINT:
+            raise _CtrlC
         sys.exit(128 + number)
 
+    usual = (signal.SIG_DFL, signal.default_int_handler)
     before = {}
     if threading.current_thread() is threading.main_thread():  # no other may set them
-        for each in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(each) is signal.SIG_DFL:  # `nohup` ignores one: so do we
+        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(each) in usual:  # `nohup` ignores one: so do we
                 before[each] = signal.signal(each, end)
     try:
         yield

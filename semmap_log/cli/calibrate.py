@@ -60,7 +60,7 @@ def run(
 
     opened = sl.read(log)
     chosen = {opened.resolve_ever(name) for name in door} if door else None
-    truths = _truths(opened, truth, windows, tz or opened.info.timezone, chosen)
+    truths = _truths(opened, truth, windows, opened.info.timezone if tz is None else tz, chosen)
     found = calibrate(opened, truths, source=source)
     names = opened.door_names()
     if as_json:

@@ -86,6 +86,7 @@ def run(
     from semmap_log.beliefs.evaluation import evaluate
     from semmap_log.beliefs.protocol import Protocol
     from semmap_log.formats.evaluation_json import evaluation_to_json
+    from semmap_log.log.disk import refuse_own_folder
     from semmap_log.moments import parse_duration
     from semmap_log.probabilities.estimators import ESTIMATORS, by_name
     from semmap_log.views.evaluation_table import evaluation_table
@@ -96,6 +97,8 @@ def run(
     )  # fmt: skip
     methods = [by_name(name) for name in dict.fromkeys(estimator or ESTIMATORS)]
     opened = sl.read(log)
+    if plot is not None:
+        refuse_own_folder(opened.path, plot)
     start, end = opened.span(since) if since and ".." in since else (since, until)
     with progress("Forecasting", unit="forecasts") as told:
         found = evaluate(

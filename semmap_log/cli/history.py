@@ -86,8 +86,10 @@ def run(
                 "draws the states; it goes with DOOR, --since, --until and --palette only",
                 param_hint="--plot",
             )
+        from semmap_log.log.disk import refuse_own_folder
         from semmap_log.views.plots.lanes import Lanes  # needs matplotlib
 
+        refuse_own_folder(opened.path, plot)
         doors = None if door_id is None else [door_id]
         with progress("Reading") as told:
             lanes = Lanes.of(opened, doors, start, end, progress=told)

@@ -123,7 +123,7 @@ def run(
             beliefs = applied.beliefs
         else:
             beliefs = probabilities(opened, **asked, progress=told)
-    zone = tz or opened.info.timezone
+    zone = opened.info.timezone if tz is None else tz
     if as_json:
         print_json(
             beliefs_to_json(beliefs, tz=zone) | (_applied_to_json(applied) if applied else {})
@@ -163,8 +163,11 @@ def _show_typical(
     import semmap_log as sl
     from semmap_log.beliefs.typical_week import typical_weeks
     from semmap_log.formats.beliefs_json import weeks_to_json
+    from semmap_log.log.disk import refuse_own_folder
 
     opened = sl.read(log)
+    if plot is not None:
+        refuse_own_folder(opened.path, plot)
     with progress("Reading") as told:
         weeks = typical_weeks(opened, **asked, progress=told)
     which = by or By.week
@@ -173,7 +176,8 @@ def _show_typical(
         if by is None and not as_json:
             return
     if as_json:
-        print_json(weeks_to_json(weeks, which.value, tz=asked["tz"] or opened.info.timezone))
+        zone = opened.info.timezone if asked["tz"] is None else asked["tz"]
+        print_json(weeks_to_json(weeks, which.value, tz=zone))
         return
     _print_weeks(weeks, which)
 

@@ -119,8 +119,11 @@ def run(
     pixels = (1920, 1080) if size is None else _pixels(size)
 
     import semmap_log as sl
+    from semmap_log.log.disk import refuse_own_folder
 
     opened = sl.read(log)
+    if screenshot is not None:
+        refuse_own_folder(opened.path, screenshot)
     doors = [opened.resolve_ever(name) for name in door] if door else None
     at_ns = opened.moment(at).ns if at else None
     looks: dict[str, Any] = {

@@ -19,7 +19,7 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import Door
 from semmap_log.errors import FormatError, OutputError
 from semmap_log.formats.map_server_out import write_costs, write_map
-from semmap_log.log.disk import replace_file, whole_file
+from semmap_log.log.disk import refuse_own_folder, replace_file, whole_file
 from semmap_log.moments import format_local
 from semmap_log.replay import Scope
 from semmap_log.views.costmap_picture import DoorMark, costmap_png
@@ -62,8 +62,7 @@ def write_costmap(
         FormatError: The name tells no format, or one that cannot hold that part.
         OutputError: The file cannot be written; what was there is whole.
     """
-    if out.parent.resolve() == log.path.resolve():
-        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+    refuse_own_folder(log.path, out)
     write = _writer(out, part)
     shown, left_out = _sorted(costmap)
     page = _Page(costmap, part, shown, _title(log, costmap, part, scope))

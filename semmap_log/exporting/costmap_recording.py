@@ -10,10 +10,10 @@ from typing import Literal
 
 from semmap_log.costmaps import CostmapFrame, CostmapOptions, costmap_frames
 from semmap_log.door_log import DoorLog, Time
-from semmap_log.errors import OutputError
 from semmap_log.events import FloorMap
 from semmap_log.formats.bags import bytes_of, new_bag
 from semmap_log.formats.grid_messages import GRIDS, UPDATES, GridFrame, write_grids
+from semmap_log.log.disk import refuse_own_folder
 from semmap_log.log.reading.passage import Progress
 
 Which = Literal["master", "door"]
@@ -67,8 +67,7 @@ def record_costmap(
         FormatError: The name tells no bag.
         OutputError: It cannot be written; what was there is whole.
     """
-    if log.path.resolve() in {out.resolve(), out.parent.resolve()}:
-        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+    refuse_own_folder(log.path, out)
     frames = costmap_frames(log, options, since=since, until=until, floor=floor)
     first = next(frames)  # before the file is begun: what is wrong with the question shows here
     until_ns = log.instant(until)

@@ -16,7 +16,7 @@ from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
-from semmap_log.log.disk import whole_file
+from semmap_log.log.disk import refuse_own_folder, whole_file
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.window import Window
@@ -72,8 +72,7 @@ def export(
         ".rrd": lambda path: _rrd(log, path, scope),
         ".html": lambda path: _html(log, path, scope, progress),
     }
-    if out.parent.resolve() == log.path.resolve():
-        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+    refuse_own_folder(log.path, out)
     if out.suffix == ".pgm":
         return _ros_map(log, out, scope)  # two files, which it puts in place together
     writer = writers.get(out.suffix.lower())

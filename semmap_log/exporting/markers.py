@@ -13,7 +13,7 @@ from pathlib import Path
 
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import MomentError, OutputError
+from semmap_log.errors import MomentError
 from semmap_log.events import DoorEvent, FloorMap, LevelAdded, RobotPose
 from semmap_log.exporting.door_table import DoorTable
 from semmap_log.exporting.in_order import moments, times_of
@@ -25,6 +25,7 @@ from semmap_log.formats.event_messages import LogLine, log_message, pose_message
 from semmap_log.formats.grid_messages import grid_message
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.thesis_messages import ThesisMessages
+from semmap_log.log.disk import refuse_own_folder
 from semmap_log.log.reading.passage import Progress
 from semmap_log.projections.history import HistoryEntry
 from semmap_log.views.event_words import printable, words_of
@@ -81,8 +82,7 @@ def record_markers(
         MomentError: `since` comes after `until`.
         OutputError: It cannot be written, or a time cannot be a ROS stamp; what was there is whole.
     """
-    if log.path.resolve() in {out.resolve(), out.parent.resolve()}:
-        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+    refuse_own_folder(log.path, out)
     since_ns, until_ns = log.instant(since), log.instant(until)
     if since_ns is not None and until_ns is not None and since_ns > until_ns:
         raise MomentError("the first moment lies after the second; swap them.")

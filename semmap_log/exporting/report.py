@@ -9,7 +9,7 @@ from pathlib import Path
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId
 from semmap_log.errors import FormatError, OutputError
-from semmap_log.log.disk import whole_file
+from semmap_log.log.disk import refuse_own_folder, whole_file
 from semmap_log.log.reading.passage import Progress
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.report import report
@@ -56,8 +56,7 @@ def write_report(
     """
     if out.suffix.lower() not in SUFFIXES:
         raise FormatError(out, "expected a name that ends in .html.")
-    if out.parent.resolve() == log.path.resolve():
-        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+    refuse_own_folder(log.path, out)
     made = report(
         log, since=since, until=until, doors=doors, tz=tz, palette=palette, progress=progress
     )

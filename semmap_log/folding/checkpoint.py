@@ -27,7 +27,7 @@ from typing import Any, Generic, TypeVar
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.folding.plain_state import dump_plain, load_plain
 from semmap_log.folding.position import Position, Retraction
-from semmap_log.log.disk import replace_file
+from semmap_log.log.disk import refuse_own_folder, replace_file
 from semmap_log.log.form import TEMPORARY_SUFFIX
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.projections.projection import Dumping, Projection, name_of, version_of
@@ -56,8 +56,7 @@ class Checkpoint(Generic[S]):
         folder = path.absolute().parent
         if not folder.is_dir():
             raise OutputError(f"{path}: there is no such folder; make it first.")
-        if folder.resolve() == reader.folder.resolve():
-            raise OutputError(f"{path}: lies in the log's own folder; choose another place.")
+        refuse_own_folder(reader.folder, path)
         self.path = path
         self._projection = projection
         self._of = {

@@ -68,6 +68,20 @@ def _is_leftover(path: Path) -> bool:
     return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
 
 
+def refuse_own_folder(folder: Path, out: Path) -> None:
+    """Keep what is made from a log out of the log's folder, where everything is the log's.
+
+    Args:
+        folder: The log's.
+        out: The file or folder to be written.
+
+    Raises:
+        OutputError: It would lie there.
+    """
+    if folder.resolve() in (out.resolve(), out.parent.resolve()):
+        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Hand out a temporary path beside `path`; on success it takes the name, synced, at once.

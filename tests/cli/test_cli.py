@@ -16,6 +16,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from tests.views.rerun.some_logs import small_log
 
 VERBS = [
     "demo",
@@ -237,6 +238,60 @@ def test_history_as_a_picture(run, tmp_path: Path) -> None:
     assert "--plot" in both.err
     assert "no door was in the map then" in nothing.err
     assert not (tmp_path / "none.svg").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("report", "office", "office/x.html"),
+        ("export", "office", "office/x.csv"),
+        ("export", "office", "office/x.mcap", "--markers"),
+        ("costmap", "office", "office/x.npy"),
+        ("history", "office", "--plot", "office/x.png"),
+        ("probabilities", "office", "--plot", "office/x.svg"),
+        ("evaluate", "office", "--plot", "office/x.png"),
+        ("view", "office", "--save", "office/x.rrd"),
+        ("view", "office", "--screenshot", "office/../office/x.png"),
+    ],
+)
+def test_nothing_is_made_in_the_log_s_own_folder(
+    run, tmp_path: Path, arguments: tuple[str, ...]
+) -> None:
+    """
+    There everything is the log's; all verbs that make a file say so, in the same words.
+    """
+    for needed in {"history": ["matplotlib"], "view": ["rerun"]}.get(arguments[0], []):
+        pytest.importorskip(needed)
+    run("add", "office", "--name", "front", "--state", "open")
+    before = sorted((tmp_path / "office").iterdir())
+    (out,) = (each for each in arguments if "/" in each)
+
+    done = run(*arguments)
+
+    assert (1, f"semmap-log: {out}: lies in the log's own folder; choose another place.\n") == (
+        done.code, done.err
+    )  # fmt: skip
+    assert before == sorted((tmp_path / "office").iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("init", "lab"),
+        ("probabilities", "office"),
+        ("probabilities", "office", "--by", "week", "--json"),
+        ("best-time", "office", "front"),
+        ("evaluate", "office"),
+    ],
+)
+def test_no_name_is_no_zone(run, arguments: tuple[str, ...]) -> None:
+    """
+    As a variable of the shell that was never set gives: an error, and not the usual zone.
+    """
+    done = run(*arguments, "--tz", "")
+
+    assert 1 == done.code
+    assert "No time zone '': expected an IANA name" in " ".join(done.err.split())
 
 
 def test_info_draws_a_day(run) -> None:
@@ -461,6 +516,46 @@ def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path)
         assert log.replay().event >= max(answered, default=1)
 
 
+def test_the_same_log_gives_the_same_pictures(tmp_path: Path) -> None:
+    """
+    Byte for byte, in processes that hash in another order and live in other zones.
+    """
+    pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
+    log = small_log(tmp_path / "log").path
+
+    made = [_pictures(log, seed, zone) for seed, zone in (("0", "UTC"), ("1", "Asia/Tokyo"))]
+
+    assert {"x.html", "x.mcap", "x.svg"} == set(made[0])
+    assert [] == [name for name, data in made[0].items() if data != made[1][name]]
+
+
+RUN_ALL = """
+import json, sys
+from semmap_log.cli import main
+for line in json.loads(sys.argv[1]):
+    try:
+        main(line)
+    except SystemExit as left:
+        assert not left.code
+"""
+
+
+def _pictures(log: Path, seed: str, zone: str) -> dict[str, bytes]:
+    """Return the files, by name, that a process of its own makes from a log."""
+    folder = log.with_name(f"made_{seed}")
+    folder.mkdir()
+    lines = [
+        ["report", str(log), "x.html"],
+        ["export", str(log), "x.mcap", "--markers"],
+        ["history", str(log), "--plot", "x.svg"],
+    ]
+    env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1]),
+           "PYTHONHASHSEED": seed, "TZ": zone}  # fmt: skip
+    command = [sys.executable, "-c", RUN_ALL, json.dumps(lines)]
+    subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True)
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
 def test_python_m_is_the_same(tmp_path: Path) -> None:
     """
     `python -m semmap_log` runs the same program, with `--version`.
@@ -521,7 +616,8 @@ def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
-def test_a_signal_leaves_no_half_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     """
     While a bag of a long log is being written, to a file that has another name until it is whole.
     """
@@ -533,8 +629,24 @@ def test_a_signal_leaves_no_half_file(tmp_path: Path) -> None:
         assert process.poll() is None
         time.sleep(0.01)
 
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(number)
     code = process.wait(30)
 
-    assert 128 + signal.SIGTERM == code
+    assert 128 + number == code
     assert [] == list(tmp_path.iterdir())
+
+
+def test_ctrl_c_inside_an_exec_is_a_code_too(tmp_path: Path) -> None:
+    """
+    Python would end itself by the signal, at its exit, as an `exec` of a text was interrupted.
+    """
+    (tmp_path / "interrupted.py").write_text(
+        "import semmap_log.cli as cli, semmap_log.cli.app as verbs\n"
+        "verbs.app = lambda **_: exec('import signal; signal.raise_signal(signal.SIGINT)')\n"
+        "cli.main()\n"
+    )
+    env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1])}
+
+    done = subprocess.run([sys.executable, "-m", "interrupted"], cwd=tmp_path, env=env, check=False)
+
+    assert 130 == done.returncode

@@ -67,6 +67,7 @@ def test_its_options_choose_what_is_shown(folder: Path) -> None:
         (("report", "log", "page.txt"), 1, "ends in .html"),
         (("report", "nothing", "page.html"), 1, "nothing"),
         (("report", "log", "page.html", "--tz", "Mars"), 1, "No time zone 'Mars'"),
+        (("report", "log", "page.html", "--tz", ""), 1, "No time zone ''"),
         (("report", "log", "page.html", "--door", "back"), 1, "back"),
         (("report", "log", "page.html", "--from", "now", "--to", "1h ago"), 1, "swap them"),
         (("report", "log", "page.html", "--palette", "grey"), 2, "colour-blind"),

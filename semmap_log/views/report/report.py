@@ -64,7 +64,7 @@ def report(
     Raises:
         MomentError: A time or the zone cannot be read, or `since` comes after `until`.
     """
-    place = tz or log.info.timezone
+    place = log.info.timezone if tz is None else tz
     zone(place)
     excerpt = Excerpt.of(log, since, until, doors)
     data = report_data(excerpt, place, progress)

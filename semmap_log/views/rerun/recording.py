@@ -24,7 +24,7 @@ import numpy as np
 from semmap_log.doors import DoorId
 from semmap_log.errors import SemmapError
 from semmap_log.events import RobotPose
-from semmap_log.log.disk import whole_file
+from semmap_log.log.disk import refuse_own_folder, whole_file
 from semmap_log.views.excerpt.excerpt import Excerpt, instant_ns
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.survey import survey
@@ -82,7 +82,8 @@ def save_rrd(
     Raises:
         MissingExtraError: rerun is not installed.
         MomentError: A time cannot be read, or `since` comes after `until`.
-        SemmapError: The file cannot be written; what was there stays.
+        OutputError: The file would lie in the log's own folder.
+        SemmapError: It cannot be written; what was there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.
     from semmap_log.views.rerun.beliefs import beliefs_to_show
@@ -90,6 +91,7 @@ def save_rrd(
     from semmap_log.views.rerun.file import write_recording
     from semmap_log.views.rerun.rounds import round_lanes
 
+    refuse_own_folder(log.path, path)
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)
     scene = survey(excerpt)
