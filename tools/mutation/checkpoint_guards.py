@@ -25,7 +25,7 @@ CHECKPOINTS = (
              '(("log_id", "the log"), ("projection", "the projection"))', CHECKPOINT,
              put='(("projection", "the projection"),)'),
     _without("a checkpoint among the segments", "checkpoint.py",
-             "if folder.resolve() == reader.folder.resolve():", CHECKPOINT, put="if False:"),
+             "refuse_own_folder(reader.folder, path)", CHECKPOINT, put="pass"),
     _without("retractions of what a checkpoint took in", "running.py",
              "begins_anew = self.position.is_touched_by(later)", CHECKPOINT,
              put="begins_anew = False"),
