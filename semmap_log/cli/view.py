@@ -78,7 +78,7 @@ def run(
     size: Annotated[
         str | None,
         typer.Option(
-            "--size", metavar="WxH", help="Of the picture, in pixels.", show_default="1920x1080"
+            "--size", metavar="WxH", help="Of the picture, in pixels; default: 1920x1080."
         ),
     ] = None,
     view: Annotated[
