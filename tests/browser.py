@@ -97,6 +97,13 @@ class Page:
         while not any(e["method"] == "Page.loadEventFired" for e in self._line.events[seen:]):
             assert time.monotonic() < deadline, f"{url} did not load within {most_s:.0f} s"
             self._line.listen(POLL_S)
+        self.let_draw()
+
+    def let_draw(self) -> None:
+        """Wait until what changed is on the screen: till then a click goes to what was there."""
+        self.evaluate(
+            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
+        )
 
     def evaluate(self, script: str) -> Any:
         """Return what a JavaScript expression gives, as JSON would; a promise is waited for."""
@@ -141,9 +148,11 @@ class Page:
 
     def place(self, selector: str) -> tuple[float, float, float, float]:
         """Return where an element is, scrolled into view: left, top, width, height in pixels."""
+        element = f"document.querySelector({selector!r})"
+        self.evaluate(f"{element}.scrollIntoView({{block: 'nearest'}})")
+        self.let_draw()
         box = self.evaluate(
-            f"(e => {{ e.scrollIntoView({{block: 'nearest'}}); const b = e.getBoundingClientRect();"
-            f"return [b.x, b.y, b.width, b.height] }})(document.querySelector({selector!r}))"
+            f"(b => [b.x, b.y, b.width, b.height])({element}.getBoundingClientRect())"
         )
         return tuple(box)
 
