@@ -37,7 +37,7 @@ from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import Window
-from semmap_log.moments import Moment, parse_moment, parse_range
+from semmap_log.moments import Moment, parse_moment, parse_range, refuse_reversed
 from semmap_log.projections.diff import Diff, diff
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry, history
@@ -401,8 +401,7 @@ class DoorLog:
         """
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
-        if since_ns is not None and until_ns is not None and since_ns > until_ns:
-            raise MomentError("the first moment lies after the second; swap them.")
+        refuse_reversed(since_ns, until_ns)
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         batches = visible_batches(self.reader, scope, progress=progress)
         found = timelines(batches, doors, end_ns=asked_ns)

@@ -80,6 +80,16 @@ def parse_duration(text: str) -> int:
     return _decimal_ns(found["count"], _UNIT_NS[found["unit"]])
 
 
+def refuse_reversed(since_ns: int | None, until_ns: int | None) -> None:
+    """Refuse a span that ends before it begins; None: it is open there.
+
+    Raises:
+        MomentError: `since_ns` comes after `until_ns`.
+    """
+    if since_ns is not None and until_ns is not None and since_ns > until_ns:
+        raise MomentError("the first moment lies after the second; swap them.")
+
+
 def parse_range(text: str, *, tz: str, end_ns: int) -> tuple[Moment, Moment]:
     """Return the two moments of `T1..T2`.
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from semmap_log.door_log_writer import About
     from semmap_log.log.reading.passage import Progress
+    from semmap_log.views.palette import Palette
 
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")]
 DoorName = Annotated[
@@ -61,6 +62,13 @@ class PaletteName(str, Enum):
 
     default = "default"
     colour_blind = "colour-blind"
+
+    @property
+    def colours(self) -> Palette:
+        """The palette of that name."""
+        from semmap_log.views.palette import PALETTES
+
+        return PALETTES[self.value]
 
 
 PaletteChoice = Annotated[

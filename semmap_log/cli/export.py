@@ -139,7 +139,6 @@ def _marker_options(
     palette: PaletteName | None, default_prob: float | None, every: float | None
 ) -> MarkerOptions:
     from semmap_log.exporting.markers import MarkerOptions
-    from semmap_log.views.palette import PALETTES
 
     refuse_nan(default_prob=default_prob, every=every)
     if default_prob is not None and not 0 <= default_prob <= 1:
@@ -148,7 +147,7 @@ def _marker_options(
         raise typer.BadParameter(
             f"expected seconds, from 0 to {MOST_EVERY_S:g}, got {every:g}", param_hint="--every"
         )
-    return MarkerOptions(PALETTES[(palette or PaletteName.default).value], default_prob, every)
+    return MarkerOptions((palette or PaletteName.default).colours, default_prob, every)
 
 
 def _told(done: RecordedMarkers) -> str:

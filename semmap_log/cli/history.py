@@ -122,11 +122,10 @@ def run(
 
 
 def _draw(lanes: Lanes, path: Path, palette: PaletteName) -> None:
-    from semmap_log.views.palette import PALETTES
     from semmap_log.views.plots.lanes import plot_lanes
 
     if not lanes.doors and not lanes.rounds:
         say("no door was in the map then; nothing is drawn.")
         raise typer.Exit(1)
-    plot_lanes(lanes, path, PALETTES[palette.value])
+    plot_lanes(lanes, path, palette.colours)
     say(f"{path}: doors: {len(lanes.doors)}, rounds: {len(lanes.rounds)}.")

@@ -42,7 +42,6 @@ def run(
     import semmap_log as sl
     from semmap_log.exporting.report import write_report
     from semmap_log.views.health import count
-    from semmap_log.views.palette import PALETTES
 
     opened = sl.read(log)
     doors = [opened.resolve_ever(name) for name in door] if door else None
@@ -54,7 +53,7 @@ def run(
             until=until,
             doors=doors,
             tz=tz,
-            palette=PALETTES[palette.value],
+            palette=palette.colours,
             progress=told,
         )
     size = f"{done.bytes / 1e6:.1f} MB" if done.bytes >= 1e6 else f"{done.bytes / 1e3:.0f} kB"

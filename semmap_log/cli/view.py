@@ -128,7 +128,7 @@ def run(
     doors = [opened.resolve_ever(name) for name in door] if door else None
     at_ns = opened.moment(at).ns if at else None
     looks: dict[str, Any] = {
-        "since": since, "doors": doors, "palette": _palette(palette), "costmap": costmap,
+        "since": since, "doors": doors, "palette": palette.colours, "costmap": costmap,
         "beliefs": beliefs,
     }  # fmt: skip
     if follow:
@@ -186,12 +186,6 @@ def _pixels(size: str) -> tuple[int, int]:
             param_hint="--size",
         )
     return sides[0], sides[1]
-
-
-def _palette(name: PaletteName) -> Any:
-    from semmap_log.views.palette import PALETTES
-
-    return PALETTES[name.value]
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby, pairwise
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,17 +53,12 @@ def moments(
     starts = np.unique(times[::SLICE_EVENTS]).tolist()
     behind = int(times[-1]) + 1 if len(times) else 0
     for first_ns, before_ns in pairwise([*starts, behind]):
-        entries = sorted(_slice(log, first_ns, before_ns), key=lambda e: (folds_ns(e), e.number))
-        for at_ns, together in groupby(entries, folds_ns):
+        entries = sorted(_slice(log, first_ns, before_ns), key=attrgetter("folds_ns", "number"))
+        for at_ns, together in groupby(entries, attrgetter("folds_ns")):
             yield at_ns, list(together)
         done += len(entries)
         if progress is not None:
             progress(done, len(times))
-
-
-def folds_ns(entry: HistoryEntry) -> int:
-    """Return the time by which an event is ordered: never after it was recorded."""
-    return min(entry.happened_ns, entry.recorded_ns)
 
 
 def _slice(log: DoorLog, first_ns: int, before_ns: int) -> Iterator[HistoryEntry]:

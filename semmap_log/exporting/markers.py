@@ -13,7 +13,6 @@ from pathlib import Path
 
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import MomentError
 from semmap_log.events import DoorEvent, FloorMap, LevelAdded, RobotPose
 from semmap_log.exporting.door_table import DoorTable
 from semmap_log.exporting.in_order import moments, times_of
@@ -27,6 +26,7 @@ from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.thesis_messages import ThesisMessages
 from semmap_log.log.disk import refuse_own_folder
 from semmap_log.log.reading.passage import Progress
+from semmap_log.moments import refuse_reversed
 from semmap_log.projections.history import HistoryEntry
 from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.palette import DEFAULT, Palette
@@ -84,8 +84,7 @@ def record_markers(
     """
     refuse_own_folder(log.path, out)
     since_ns, until_ns = log.instant(since), log.instant(until)
-    if since_ns is not None and until_ns is not None and since_ns > until_ns:
-        raise MomentError("the first moment lies after the second; swap them.")
+    refuse_reversed(since_ns, until_ns)
     before = DoorMap({}, {}) if since_ns is None else log.replay(at=since_ns)
     times = times_of(log, None if since_ns is None else since_ns + 1, until_ns)
     plan = plan_of(log, before, times, ros_version=ros_version_of(out), every_s=options.every_s)

@@ -5,6 +5,8 @@ The higher a bar, the more of its half hour the door was open, of the time in wh
 
 from __future__ import annotations
 
+import math
+
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -44,7 +46,7 @@ def _bars(shares: TimeShares) -> Text:
     for opened, there in zip(shares.opened.tolist(), shares.there.tolist(), strict=True):
         if not there:
             line.append(NOT_THERE)
-        elif opened != opened:  # noqa: PLR0124 - NaN: not known at all
+        elif math.isnan(opened):
             line.append(NOT_KNOWN, style=OTHER_STATE_COLOUR)
         else:
             mostly = DoorState.OPEN if opened >= 0.5 else DoorState.CLOSED

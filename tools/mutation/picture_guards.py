@@ -138,8 +138,8 @@ REPORTS = (
     _recording(
         "a span that ends before it begins",
         "excerpt/excerpt.py",
-        "if since_ns is not None and until_ns is not None and since_ns > until_ns:",
-        "if False:",
+        "refuse_reversed(since_ns, until_ns)",
+        "pass",
         REPORT,
     ),
     _report("nothing in the data ends a script", "page.py", 'for character in "<>&\\u2028\\u2029":',
@@ -197,7 +197,7 @@ MARKED = (
              "if door is None or not is_drawn(door):", MARKERS),
     _markers("events in the order in which they count", "exporting/in_order.py",
              "entries = sorted(_slice(log, first_ns, before_ns), "
-             "key=lambda e: (folds_ns(e), e.number))",
+             'key=attrgetter("folds_ns", "number"))',
              "entries = list(_slice(log, first_ns, before_ns))", MARKERS),
     _markers("what was taken back is not there", "exporting/in_order.py",
              "seen = (hidden.visible(batch) for batch in batches)", "seen = batches", MARKERS),

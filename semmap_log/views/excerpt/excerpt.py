@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import MomentError
 from semmap_log.event_batch import EventBatch
 from semmap_log.log.reading.window import Window
+from semmap_log.moments import refuse_reversed
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions, in_ranges
 from semmap_log.replay import Scope, replay
@@ -50,8 +50,7 @@ class Excerpt:
         """
         chosen = None if doors is None else frozenset(doors)
         since_ns, until_ns = instant_ns(log, since), instant_ns(log, until)
-        if since_ns is not None and until_ns is not None and since_ns > until_ns:
-            raise MomentError("the first moment lies after the second; swap them.")
+        refuse_reversed(since_ns, until_ns)
         return cls(log, since_ns, until_ns, chosen)
 
     def read(self, progress: Callable[[int, int], None] | None = None) -> Iterator[EventBatch]:
