@@ -239,6 +239,7 @@ def test_a_command_of_columns_is_known_again(log: sl.DoorLogWriter) -> None:
         )
 
 
+@pytest.mark.usefixtures("patient_poses")
 def test_poses_that_wait_go_before_a_batch(log: sl.DoorLogWriter) -> None:
     """
     As before single events.

@@ -69,6 +69,7 @@ def test_other_content_under_the_same_id_is_refused(log, other, note) -> None:
     assert before == log.end_ns()
 
 
+@pytest.mark.usefixtures("patient_poses")
 def test_poses_that_waited_are_no_part_of_the_command(log: sl.DoorLogWriter) -> None:
     """
     The same answer, though the first time a pose stood before its events.

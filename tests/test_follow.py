@@ -269,7 +269,7 @@ def test_following_a_writer_that_is_killed_again_and_again(tmp_path: Path) -> No
             compact(path)
     done.set()
     for follower in followers:
-        follower.join(60)
+        follower.join(300)
 
     log = sl.read(path)
     end = [n for batch in log.reader.batches() for n in batch.number.tolist()]

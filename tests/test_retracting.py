@@ -147,6 +147,7 @@ def test_in_an_empty_log_there_is_nothing(tmp_path: Path) -> None:
         log.retract(0)
 
 
+@pytest.mark.usefixtures("patient_poses")
 def test_poses_that_wait_are_no_events_yet(log: sl.DoorLogWriter) -> None:
     """
     They get their numbers in the retraction's own commit: it cannot mean them.

@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from semmap_log.errors import OutputError
 from semmap_log.log.form import BAG_METADATA_NAME, LOCK_NAME, TEMPORARY_SUFFIX
@@ -131,5 +132,13 @@ def _give_name(temporary: Path, path: Path) -> None:
 
 def replace_file(path: Path, data: bytes) -> None:
     """Put a file of these bytes in place of `path`, whole or not at all, synced."""
-    with whole_file(path) as temporary:
-        temporary.write_bytes(data)
+    with whole_file(path) as temporary, _new_file(temporary) as file:
+        file.write(data)
+
+
+def _new_file(path: Path) -> BinaryIO:
+    try:
+        return path.open("xb")
+    except FileExistsError:  # of a process that was killed; or a stranger's link
+        path.unlink()
+        return path.open("xb")

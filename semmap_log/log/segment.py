@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import zlib
 from collections import Counter
@@ -151,10 +152,16 @@ class SegmentWriter:
             write_all(self._fd, data)
 
     def sync(self) -> None:
-        """Return once all that was added survives a power cut."""
+        """Return once all that was added survives a power cut.
+
+        Raises:
+            OSError: As the kernel says; or the file was removed, and ends with this process.
+        """
         if self._held_back:
             self.flush()
         os.fdatasync(self._fd)
+        if not os.fstat(self._fd).st_nlink:
+            raise FileNotFoundError(errno.ENOENT, "it was removed while it was written")
 
     def install(self) -> None:
         """Give the file its name, in place of any file that has it; survives a power cut."""

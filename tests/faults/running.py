@@ -21,7 +21,7 @@ def faults(kind: str, count: int, folder: Path, *more: str) -> dict[str, Any]:
     """
     command = [sys.executable, TOOLS / "faults.py", kind, "--faults", str(count), "--json",
                "--keep", folder / "kept", *more]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=550)
     assert done.returncode in {0, 1}, done.stderr
     (said,) = json.loads(done.stdout)["kinds"]
     if said["skipped"]:

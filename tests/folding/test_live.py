@@ -360,7 +360,7 @@ def test_a_writer_in_the_same_process(path: Path) -> None:
     thread.start()
     _observe(path, 200)
     done.set()
-    thread.join(60)
+    thread.join(300)
 
     assert list(range(202)) == states[-1].state
     assert all(list(range(now.event + 1)) == now.state for now in states)

@@ -45,10 +45,10 @@ def race(folder: Path, *, races: int = RACES) -> Iterator[Outcome]:
     acknowledged: list[tuple[int, int]] = []
     with _children(_racer, [(log, races, n, answers) for n in range(RACERS)]) as racers:
         for _ in range(races * RACERS):
-            acknowledged.append(answers.get(timeout=60))
+            acknowledged.append(answers.get(timeout=300))
             yield Outcome(f"race of {RACERS} writers: commit {len(acknowledged)}", checked=1)
         for racer in racers:
-            racer.join(60)
+            racer.join(300)
     stored = [(e.number, int(e.event.x)) for b in sl.read(log).batches() for e in b]
     lost = sum(answer not in stored for answer in acknowledged)
     invented = sum(event not in acknowledged for event in stored)
@@ -80,7 +80,7 @@ def read_during_everything(folder: Path, seed: int, *, seconds: float) -> Iterat
     folder.mkdir()
     sl.create(log, tz="UTC").close()
     _write_once(log, random.Random(seed), COMMITS_A_SEGMENT)
-    until = time.time() + seconds
+    until = time.monotonic() + seconds
     said = _spawn.Queue()
     readers = [(log, until, way, said) for way in WAYS_TO_READ]
     with _children(_reader, readers), _children(_busy_writer, [(log, until, seed)]) as (writer,):
@@ -88,7 +88,7 @@ def read_during_everything(folder: Path, seed: int, *, seconds: float) -> Iterat
         kills = sum(1 for _ in supervised)
         for _ in readers:
             try:
-                way, readings, problem = said.get(timeout=60)
+                way, readings, problem = said.get(timeout=300)
             except Empty:
                 way, readings, problem = "?", 0, "a reader that says nothing"
             yield Outcome(
@@ -106,9 +106,9 @@ def _keep_writing(
     writer: BaseProcess, log: Path, until: float, dice: random.Random
 ) -> Iterator[None]:
     """Kill the writer now and then and start another: yields once for each kill."""
-    while time.time() < until:
+    while time.monotonic() < until:
         before = _bytes_of(log)
-        while time.time() < until and writer.is_alive() and _bytes_of(log) == before:
+        while time.monotonic() < until and writer.is_alive() and _bytes_of(log) == before:
             time.sleep(0.01)
         time.sleep(dice.uniform(0.1, 1.0))
         if writer.is_alive() and dice.random() < 0.7:
@@ -118,7 +118,7 @@ def _keep_writing(
             writer.join()
             writer = _spawn.Process(target=_busy_writer, args=(log, until, dice.random()))
             writer.start()
-    writer.join(60)
+    writer.join(300)
 
 
 def _bytes_of(log: Path) -> int:
@@ -131,7 +131,7 @@ def _busy_writer(log: Path, until: float, seed: float) -> None:
     """Append, roll, close, compact and reopen until the time is over."""
     dice = random.Random(seed)
     with small_segments(COMMITS_A_SEGMENT, chunk_bytes=200):
-        while time.time() < until:
+        while time.monotonic() < until:
             _write_once(log, dice, dice.randrange(60))
             if dice.random() < 0.5:
                 compact_folder(log)
@@ -174,19 +174,19 @@ Reading = tuple[int, str]
 
 
 def _opened_anew(log: Path, until: float) -> Iterator[Reading]:
-    while time.time() < until:
+    while time.monotonic() < until:
         yield _check_prefix(sl.read(log))
 
 
 def _refreshed(log: Path, until: float) -> Iterator[Reading]:
     opened = sl.read(log)
-    while time.time() < until:
+    while time.monotonic() < until:
         opened.refresh()
         yield _check_prefix(opened)
 
 
 def _followed(log: Path, until: float) -> Iterator[Reading]:
-    following = sl.read(log).follow(-1, poll_s=0.01, stop=lambda: time.time() >= until)
+    following = sl.read(log).follow(-1, poll_s=0.01, stop=lambda: time.monotonic() >= until)
     count = 0
     for followed in following:
         for recorded in followed:

@@ -61,8 +61,9 @@ def stopped(path: Path, seconds: float) -> Outcome:
     problems: list[str] = []
 
     def stop(child: int) -> None:
-        time.sleep(0.2)
+        _until(lambda: len(sl.read(path).replay()) > 0)
         os.kill(child, signal.SIGSTOP)
+        _until(lambda: _state_of(child) == "T")  # not before its system call is over
         before = len(sl.read(path).replay())
         with suppress(LogLockedError):
             sl.append(path, compact=False).close()
@@ -77,6 +78,18 @@ def stopped(path: Path, seconds: float) -> Outcome:
 
     outcome = _in_a_child(path, _append_for_ever, stop).outcome(path, f"stopped for {seconds} s")
     return replace(outcome, problem="; ".join([*problems, outcome.problem]).strip("; "))
+
+
+def _until(is_so: Callable[[], bool]) -> None:
+    """Return once something is so, or no child lives that could make it so."""
+    deadline = time.monotonic() + CHILD_S
+    while not is_so() and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def _state_of(process: int) -> str:
+    """Return the letter that ps has for it."""
+    return Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2][0]
 
 
 def _in_a_child(

@@ -132,16 +132,18 @@ def _compare(
 def _contents(segments: Sequence[ClosedSegment]) -> tuple[dict[int, int], int, int]:
     """Return messages by channel, and the first and last log time, of segments together.
 
-    Keyframes are not counted: some may be left out.
+    Keyframes are not counted: some may be left out. So the end is that of the last segment that has
+    more: one was killed, or refused what it was given, before its first commit.
     """
     counts: Counter[int] = Counter()
     for segment in segments:
         counts.update(segment.counts)
     del counts[KEYFRAME_CHANNEL]
+    with_commits = [segment for segment in segments if segment.counts.keys() - {KEYFRAME_CHANNEL}]
     return (
         dict(counts),
         min(segment.start_ns for segment in segments),
-        max(segment.end_ns for segment in segments),
+        max(segment.end_ns for segment in with_commits or segments[:1]),
     )
 
 

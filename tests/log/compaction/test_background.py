@@ -47,7 +47,7 @@ class Installed:
 
     def wait_for(self, count: int) -> None:
         with self._more:
-            assert self._more.wait_for(lambda: len(self.calls) >= count, timeout=20)
+            assert self._more.wait_for(lambda: len(self.calls) >= count, timeout=100)
 
 
 @pytest.fixture
@@ -64,9 +64,9 @@ def compactor(installed: Installed) -> Iterator[BackgroundCompactor]:
 
 def wait_until(true: Callable[[], bool]) -> None:
     """Return once something is true."""
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 100
     while not true():
-        assert time.monotonic() < deadline, "waited 20 s in vain"
+        assert time.monotonic() < deadline, "waited 100 s in vain"
         time.sleep(0.001)
 
 
@@ -163,21 +163,43 @@ def test_an_interrupted_close_replaces_nothing_afterwards(
     """
     Ctrl-C while `close` waits: the lock will be let go, so the segment must stay as it is.
     """
-    monkeypatch.setattr(background, "PAUSE_S", 0.3)
-    before = segment_files(log)[0].read_bytes()
-    compactor.add(segment_files(log)[0])
-    wait_until(lambda: bool(temporaries(log)))
-    main = threading.main_thread().ident
-    assert main is not None
-    threading.Timer(0.05, signal.pthread_kill, (main, signal.SIGINT)).start()
+    (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
+    before = path.read_bytes()
+    compactor.add(path)
+    assert ready.wait(100)
+
+    def interrupted() -> None:
+        monkeypatch.undo()
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(compactor._ended, "wait", interrupted)
 
     with pytest.raises(KeyboardInterrupt):
         compactor.close()
-    wait_until(lambda: not temporaries(log))
-    time.sleep(0.1)
+    go_on.set()
+    wait_until(compactor._ended.is_set)
 
     assert [] == installed.calls
-    assert before == segment_files(log)[0].read_bytes()
+    assert [] == temporaries(log)
+    assert before == path.read_bytes()
+
+
+def _held_before_the_swap(
+    monkeypatch: pytest.MonkeyPatch,
+) -> tuple[threading.Event, threading.Event]:
+    """Return what is set when a copy is whole and compared, and what lets it go on."""
+    ready, go_on = threading.Event(), threading.Event()
+
+    def held_up(path: Path, *, pause: Any, install: Any) -> bool:
+        def late(copy: SegmentWriter) -> None:
+            ready.set()
+            assert go_on.wait(100)
+            install(copy)
+
+        return compact_segment(path, pause=pause, install=late)
+
+    monkeypatch.setattr(background, "compact_segment", held_up)
+    return ready, go_on
 
 
 def test_an_append_does_not_wait(
@@ -335,21 +357,10 @@ def test_abandoned_before_the_swap(
     """
     The copy is whole and compared: it is thrown away all the same, since the lock may be gone.
     """
-    path = segment_files(log)[0]
+    (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
-    ready, go_on = threading.Event(), threading.Event()
-
-    def held_up(path: Path, *, pause: Any, install: Any) -> bool:
-        def late(copy: SegmentWriter) -> None:
-            ready.set()
-            assert go_on.wait(20)
-            install(copy)
-
-        return compact_segment(path, pause=pause, install=late)
-
-    monkeypatch.setattr(background, "compact_segment", held_up)
     compactor.add(path)
-    assert ready.wait(20)
+    assert ready.wait(100)
     closing = threading.Thread(target=compactor.close, kwargs={"wait": False})
     closing.start()
     wait_until(compactor._abandoned.is_set)

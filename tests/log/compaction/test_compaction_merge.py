@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import yaml
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
+from semmap_log.events import Event
 from semmap_log.log import disk, segment
 from semmap_log.log.compaction import Compacted, compact, merge, plan_compaction, repaging
 from semmap_log.log.form import KEYFRAME_CHANNEL
@@ -364,3 +366,31 @@ def test_parts_go_only_once_the_merged_name_is_on_the_disk(
     expected = ["replace metadata.yaml", "sync", "replace log_000000.mcap", "sync"]
     assert [*expected, *7 * ["unlink"], "sync"] == merging
     assert ["sync", *7 * ["unlink"], "sync"] == steps
+
+
+def test_a_segment_without_a_commit_is_merged_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    One that was begun for events which were then refused, or whose writer was killed right there:
+    it holds a keyframe, later than all else, that the merged file need not have.
+    """
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
+    path = tmp_path / "log"
+
+    def refused() -> Iterator[Event]:
+        raise RuntimeError
+        yield
+
+    with sl.create(path, tz="UTC") as log:
+        door = log.add_door(name="front")
+        log.observe(door, "open")
+        log.observe(door, "closed")
+        with pytest.raises(RuntimeError):
+            log.append(refused())
+    before = answers(path)
+
+    done = compact(path)
+
+    assert (2, 1, 4) == (done.segments_before, done.segments_after, done.events)
+    assert before == answers(path)

@@ -59,7 +59,7 @@ _BEGIN = """
     from semmap_log.log.reading.ahead import ahead
 
     os.sched_getaffinity = lambda _: {0, 1}
-    signal.alarm(20)  # what hangs fails
+    signal.alarm(100)  # what hangs fails
 
     def squares():
         return ahead(partial(pow, n, 2) for n in range(50))
@@ -106,7 +106,7 @@ def test_a_forked_child_reads_on() -> None:
         results = squares()
         first = next(results)
         pid = os.fork()
-        signal.alarm(20)  # a child's own
+        signal.alarm(100)  # a child's own
         say(results)
         if pid == 0:
             os._exit(0)

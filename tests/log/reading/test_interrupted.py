@@ -83,7 +83,7 @@ def test_a_slow_refresh_does_not_take_back_a_fast_one(
         found = refreshed(reader)
         if threading.current_thread() is first:
             has_looked.set()
-            may_return.wait(10)
+            may_return.wait(100)
         return found
 
     with sl.create(tmp_path / "log", tz="UTC") as writer:
@@ -91,12 +91,12 @@ def test_a_slow_refresh_does_not_take_back_a_fast_one(
         monkeypatch.setattr(LogReader, "refreshed", slow)
         first, second = threading.Thread(target=log.refresh), threading.Thread(target=log.refresh)
         first.start()
-        has_looked.wait(10)
+        has_looked.wait(100)
         writer.append([DoorAdded(door_id=DoorId(1))])
         second.start()
         second.join(0.2)  # it is through, or waits for the first
         may_return.set()
-        first.join(10)
-        second.join(10)
+        first.join(100)
+        second.join(100)
 
         assert DoorId(1) in log.replay().doors

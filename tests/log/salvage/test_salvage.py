@@ -237,7 +237,8 @@ def test_a_torn_tail_is_no_damage(original: Path, tmp_path: Path) -> None:
 
 
 @settings(max_examples=40, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
+          suppress_health_check=[HealthCheck.function_scoped_fixture,
+                                 HealthCheck.too_slow])  # fmt: skip
 @given(
     places=st.lists(
         st.tuples(st.integers(0, 2), st.floats(0, 1, exclude_max=True), st.sampled_from(

@@ -235,7 +235,8 @@ def mutated(data: bytes, changes: list[tuple[str, float, int, int]]) -> bytes:
 
 
 @settings(max_examples=150, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
+          suppress_health_check=[HealthCheck.function_scoped_fixture,
+                                 HealthCheck.too_slow])  # fmt: skip
 @given(number=st.integers(0, 2), changes=mutations())
 def test_no_bytes_are_too_wild(
     log: Path, original: Path, number: int, changes: list[tuple[str, float, int, int]]

@@ -85,10 +85,12 @@ def test_batch_is_durable_after_a_while_without_anybody_asking(tmp_path: Path) -
     """
     with sl.create(tmp_path / "log", tz="UTC", durability="batch", batch_s=0.2) as log:
         door = log.add_door()
+        begin = time.monotonic()
         last = log.observe(door, "open").commit.last_event
+        durable_before, took_s = log.durable_before, time.monotonic() - begin
 
-        assert log.durable_before <= last
-        deadline = time.monotonic() + 10
+        assert durable_before <= last or took_s > 0.2
+        deadline = time.monotonic() + 100
         while log.durable_before <= last and time.monotonic() < deadline:
             time.sleep(0.01)
         assert last + 1 == log.durable_before
@@ -243,20 +245,20 @@ def test_one_sync_serves_all_who_wait(tmp_path: Path) -> None:
         def slow() -> None:
             syncs.append(log._writer.next_event)
             first_is_in.set()
-            go_on.wait(10)
+            go_on.wait(100)
             real()
 
         live.sync = slow  # type: ignore[method-assign]  # the real sync, only later
         threads = [threading.Thread(target=log.observe, args=(door, "open")) for _ in range(9)]
         threads[0].start()
-        first_is_in.wait(10)
+        first_is_in.wait(100)
         for thread in threads[1:]:
             thread.start()
         while log._writer.next_event < 10:
             time.sleep(0.001)
         go_on.set()
         for thread in threads:
-            thread.join(10)
+            thread.join(100)
 
         assert [2, 10] == syncs
         assert 10 == log.durable_before
@@ -324,7 +326,7 @@ def test_a_batch_that_cannot_be_synced_is_told_at_the_next_append(tmp_path: Path
     log.sync()
     _break_syncs(log)
     appended = log.observe(door, "open")
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 100
     while not log._writer._syncs.is_broken and time.monotonic() < deadline:
         time.sleep(0.01)
 
@@ -394,6 +396,6 @@ def test_a_timer_is_closed_at_any_moment_of_its_round() -> None:
     timer._appended.clear = close_first  # type: ignore[method-assign]
     timer.start()
     timer._closed.wait()
-    closing.join(10)
+    closing.join(100)
 
     assert not closing.is_alive()
