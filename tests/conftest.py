@@ -12,6 +12,7 @@ from pathlib import Path
 from shutil import which
 
 import pytest
+from hypothesis import HealthCheck, settings
 from steady_clock import SteadyClock
 
 MEMORY = Path("/dev/shm")
@@ -27,6 +28,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a shell's background job, which would hand it on to all that the tests interrupt.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+settings.register_profile(
+    "steady", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+)
+settings.load_profile("steady")
+"""The same examples at each run, however slow the machine is; for others, some day:
+`pytest --hypothesis-profile default`."""
+
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 
 
@@ -41,6 +49,12 @@ def shared_data() -> Path:
 @pytest.fixture
 def clock() -> SteadyClock:
     return SteadyClock()
+
+
+@pytest.fixture
+def patient_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let poses wait for a commit to join, however slow this machine is: not only a second."""
+    monkeypatch.setattr("semmap_log.appendable_log.POSES_WAIT_S", 100)
 
 
 @pytest.fixture
@@ -62,14 +76,17 @@ def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "@foxglove/rosmsg@5",
         "@foxglove/rosmsg2-serialization@3",
     ]
-    done = subprocess.run(
-        ["npm", "install", "--no-audit", "--no-fund", "--silent", *packages],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=240,
-    )
+    try:
+        done = subprocess.run(
+            ["npm", "install", "--no-audit", "--no-fund", "--silent", *packages],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=240,
+        )
+    except subprocess.TimeoutExpired:
+        pytest.skip("npm does not get @mcap/core here within 4 minutes")
     if done.returncode:
         pytest.skip(f"npm cannot install @mcap/core here: {done.stderr.strip()[:200]}")
     return folder

@@ -32,7 +32,7 @@ MIB = 2**20
 
 def bench(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, TOOLS / "bench.py", "--events", "300", "--rounds", "1", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=550)
 
 
 def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_nothing_is_left_of_a_run_that_was_stopped(tmp_path: Path, number: int) 
             time.sleep(0.05)
 
         process.send_signal(number)
-        code = process.wait(timeout=60)
+        code = process.wait(timeout=300)
 
     assert 130 == code
     assert [] == list(tmp_path.iterdir())
@@ -301,12 +301,14 @@ def test_slow_peers_take_fewer_turns() -> None:
     """
     A round ends with the burst, or when its time is over; a turn is never cut off.
     """
-    peers = tuple(Peer(str(s), partial(_takes, s), expected=None) for s in (0.0, 0.2))
-    case = Case("group", "A task", "ms", peers, rounds=1, burst=5, burst_s=0.3)
+    peers = tuple(Peer(str(s), partial(_takes, s), expected=None) for s in (0.0, 0.8))
+    case = Case("group", "A task", "ms", peers, rounds=1, burst=5, burst_s=3.0)
 
     quick, slow = measure(case)
 
-    assert (5, 2) == (len(quick.seconds), len(slow.seconds))
+    assert 5 == len(quick.seconds)
+    assert 1 <= len(slow.seconds) < 5  # four on an idle machine
+    assert min(slow.seconds) >= 0.8
 
 
 def _cores() -> Work:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,9 +74,10 @@ def test_what_goes_wrong_in_a_page_is_told(
     page.open(html)
 
     page.evaluate(f"void {script}" if script.startswith("set") else script)
-    page.wait(0.5)
-
-    assert any(complaint in each for each in page.complaints), page.complaints
+    deadline = time.monotonic() + 60
+    while not any(complaint in each for each in page.complaints):
+        assert time.monotonic() < deadline, page.complaints
+        page.wait(0.1)
 
 
 def test_the_browser_ends_with_the_block() -> None:

@@ -31,7 +31,7 @@ from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.rerun.survey import Survey
 
 POLL_S = 0.1
-SEND_S = 20.0
+SEND_S = 60.0
 """What has not arrived by then will not: the viewer has gone, or is stuck."""
 
 

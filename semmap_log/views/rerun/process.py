@@ -6,6 +6,7 @@ import re
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -97,9 +98,8 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[Runnin
     Raises:
         MissingExtraError: rerun is not installed.
     """
-    port = free_port()
-    command = [str(_binary()), "--bind", LOCAL, "--port", str(port), *arguments]
-    with tempfile.TemporaryDirectory(prefix="semmap-viewer-") as folder:
+    with reserved_port() as port, tempfile.TemporaryDirectory(prefix="semmap-viewer-") as folder:
+        command = [str(_binary()), "--bind", LOCAL, "--port", str(port), *arguments]
         log = Path(folder) / "viewer.log"
         with log.open("wb") as stderr:
             process = subprocess.Popen(  # noqa: S603 - rerun's own binary, with our arguments
@@ -114,12 +114,19 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[Runnin
             _end(process)
 
 
-def free_port() -> int:
-    """Return a port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind((LOCAL, 0))
-        port: int = probe.getsockname()[1]
-        return port
+@contextmanager
+def reserved_port() -> Iterator[int]:
+    """Hand out a port that nobody listens on; on Linux nobody else gets it within the block.
+
+    There it stays bound, and rerun may listen on it all the same, as both say SO_REUSEADDR.
+    """
+    with socket.socket() as holder:
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        holder.bind((LOCAL, 0))
+        port: int = holder.getsockname()[1]
+        if sys.platform != "linux":
+            holder.close()
+        yield port
 
 
 def explained(log: str, code: int | None = None) -> ViewerError:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import urlencode
 
-from semmap_log.views.rerun.process import LOCAL, Running, ViewerError, free_port, running
+from semmap_log.views.rerun.process import LOCAL, Running, ViewerError, reserved_port, running
 
 START_S = 60.0
 MEMORY_LIMIT = "75%"
@@ -52,13 +52,15 @@ def web_viewer(source: Path | None = None) -> Iterator[WebViewer]:
     """
     if source is not None and not source.is_file():
         raise ViewerError(f"{source}: there is no such recording.")
-    port = free_port()
-    options = ["--serve-web", "--web-viewer-port", str(port), "--server-memory-limit", MEMORY_LIMIT]
     shown = [] if source is None else [str(source)]
-    with running([*options, *shown], os.environ) as program:
+    with reserved_port() as port, running(_options(port) + shown, os.environ) as program:
         program.wait_for(
             "serve its page",
             lambda: program.is_listening(port) and program.is_listening(),
             most_s=START_S,
         )
         yield WebViewer(program, port)
+
+
+def _options(port: int) -> list[str]:
+    return ["--serve-web", "--web-viewer-port", str(port), "--server-memory-limit", MEMORY_LIMIT]

@@ -6,6 +6,7 @@ import os
 import random
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,7 +38,7 @@ from tests.views.rerun.some_logs import SECOND, START, Drawn, restless_log, room
 
 pytestmark = pytest.mark.viewer
 
-ARRIVES_S = 20.0
+ARRIVES_S = 120.0
 MOST_COMMITS = 90
 LAST_LOOKS = 4
 """So often the log is looked at once nothing more comes: to find it, to send it, to begin anew."""
@@ -91,7 +92,20 @@ class Growing:
                 sl.read(self.path), rerun.url, Shown(beliefs=False),
                 stop=lambda: self._look(writer), forget=self.replaced.append,
             )  # fmt: skip
-            _wait_until_written(rrd)
+            self._wait_until_written(rrd)
+        return self._drawn(rrd)
+
+    def _wait_until_written(self, rrd: Path) -> None:
+        """Rerun has taken all, and writes it from a thread of its own: some time it is there."""
+        wanted = in_a_file(self, rrd.parent)
+        deadline = time.monotonic() + ARRIVES_S
+        while time.monotonic() < deadline:
+            with suppress(Exception):  # half a file is whatever it is
+                if self._drawn(rrd).shows() == wanted:
+                    return
+            time.sleep(0.2)
+
+    def _drawn(self, rrd: Path) -> Drawn:
         turns = len(self.replaced)
         return Drawn(rrd, sl.read(self.path).info.log_id + (f"-{turns}" if turns else ""))
 
@@ -103,13 +117,6 @@ class Growing:
             return False
         self.looks_left -= 1
         return self.looks_left < 0
-
-
-def _wait_until_written(rrd: Path) -> None:
-    """Rerun has taken all, and writes it from a thread of its own."""
-    size = -1
-    while size != (size := rrd.stat().st_size if rrd.exists() else -2):
-        time.sleep(0.5)
 
 
 @pytest.fixture(autouse=True)

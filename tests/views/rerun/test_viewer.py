@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import signal
+import socket
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +19,7 @@ import semmap_log as sl
 from semmap_log.doors import DoorId
 from semmap_log.events import DoorAdded, DoorAnnotated
 from semmap_log.views.palette import DEFAULT
-from semmap_log.views.rerun.process import ViewerError, explained
+from semmap_log.views.rerun.process import LOCAL, ViewerError, explained, reserved_port
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.viewer import Viewer, headless, open_viewer, screenshot
 from tests.conftest import SteadyClock
@@ -220,6 +222,20 @@ def test_a_viewer_that_was_ended_leaves_no_file(
         assert list(tmp_path.rglob("rerun-data-*"))
 
     assert [] == list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it is only a port that was free")
+def test_a_port_that_is_reserved_is_rerun_s_alone() -> None:
+    """
+    Who listens as rerun does may have it, another may not, so long as the block is not over.
+    """
+    with reserved_port() as port, socket.socket() as other, socket.socket() as rerun:
+        rerun.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+
+        with pytest.raises(OSError, match="in use"):
+            other.bind((LOCAL, port))
+        rerun.bind((LOCAL, port))
+        rerun.listen()
 
 
 def test_without_a_screen_there_is_no_window(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
