@@ -56,6 +56,19 @@ class DoorState(IntEnum):
         return self in (DoorState.OPEN, DoorState.CLOSED)
 
 
+THESIS_STATES = {state.name: state for state in (DoorState.OPEN, DoorState.CLOSED,
+                                                 DoorState.UNKNOWN)}  # fmt: skip
+"""The states that the thesis's formats know: its YAML, its DoorMap, the goals of its actions."""
+
+
+def thesis_state(text: str) -> DoorState | None:
+    """Return the state of that name, in any case of letters; None: the thesis knows none such.
+
+    Its server takes such a text for UNKNOWN (4.2.2).
+    """
+    return THESIS_STATES.get(text.strip().upper())
+
+
 def reduced(state: DoorState) -> DoorState:
     """Return the state as the thesis's formats know it: all but OPEN and CLOSED are UNKNOWN."""
     return state if state.is_known else DoorState.UNKNOWN

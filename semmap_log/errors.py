@@ -22,6 +22,7 @@
     ├── EstimatorError              an estimator that there is not, or that cannot say  (ValueError)
     ├── CheckpointError             a checkpoint of something else, or of an odd state
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
+    ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
 and one warning:
@@ -164,6 +165,10 @@ class CheckpointError(SemmapError):
 
 class OutputError(SemmapError, OSError):
     """A file could not be written; what had that name before is still whole."""
+
+
+class RosError(SemmapError):
+    """ROS is not there, does not answer, or lacks what was asked of it."""
 
 
 class MissingExtraError(SemmapError, ImportError):

@@ -17,11 +17,13 @@ from semmap_log.cli.common import (
     progress,
     refuse_nan,
     say,
+    size_of,
 )
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
-    from semmap_log.exporting.markers import MarkerOptions, RecordedMarkers
+    from semmap_log.exporting.log_bag import RecordedBag
+    from semmap_log.exporting.stream import StreamOptions
 
 MOST_NAMED = 3
 """So many of the doors that are left out are named."""
@@ -50,19 +52,21 @@ def run(
     markers: Annotated[
         bool,
         typer.Option(
-            "--markers", help="Doors over time, for Foxglove, Lichtblick and RViz: a bag."
+            "--markers", help="Bags: doors and events as Foxglove, Lichtblick and RViz show them."
         ),
     ] = False,
     since: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="Markers: the first moment.")
+        str | None, typer.Option("--from", metavar="TIME", help="Bags: the first moment.")
     ] = None,
     until: Annotated[
-        str | None, typer.Option("--to", metavar="TIME", help="Markers: the last moment.")
+        str | None, typer.Option("--to", metavar="TIME", help="Bags: the last moment.")
     ] = None,
     every: Annotated[
         float | None,
         typer.Option(
-            "--every", metavar="S", help="Markers: doors at most so often; default: by its size."
+            "--every",
+            metavar="S",
+            help="Bags: doors at most so often; default: at each change, markers by size.",
         ),
     ] = None,
     palette: Annotated[
@@ -81,14 +85,15 @@ def run(
       .rrd     a recording for the rerun viewer
       .html    a page for any browser; `semmap-log report` has more choices
       .pgm     a costmap with its .yaml; `semmap-log costmap` has levels and more
-      .mcap    with --markers: what was true, over time, for players; .bag: the
-               same for ROS 1; without an extension: a rosbag2 folder. Topics:
-                 /semmap/doors              MarkerArray: all doors and their names
+      .bag     what was true, over time, for ROS 1's `rosbag play`; .mcap: for ROS 2
+               and Foxglove; without an extension: a folder for `ros2 bag play`. Topics:
+                 /lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
                  /map                       OccupancyGrid: the floor plan
                  /semmap/robot_pose         PoseStamped
+               and with --markers
+                 /semmap/doors              MarkerArray: all doors and their names
                  /semmap/events             Log: who, what and why
-                 /lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
-               With several levels: /semmap/doors/1, /map/1, …; 0 has no number
+               With several levels: /map/level_1, /semmap/doors/level_1; 0: no suffix
 
     \b
     Examples:
@@ -97,19 +102,24 @@ def run(
       semmap-log export office events.jsonl
       semmap-log export office march.parquet --at 2026-04-01
       semmap-log export office day.mcap --markers
-      semmap-log export office morning.bag --markers --from 06:00 --to 12:00
+      semmap-log export office morning.bag --from 06:00 --to 12:00
     """
     import semmap_log as sl
     from semmap_log.exporting.log_files import export
+    from semmap_log.formats.bags import tells_a_bag
 
-    over_time = {"--from": since, "--to": until, "--every": every, "--palette": palette}
-    of_a_moment = {"--at": at, "--known-at": known_at, "--event": event}
-    _refuse_given(of_a_moment if markers else over_time, markers=markers)
+    is_bag = markers or tells_a_bag(out)
+    if is_bag:
+        of_a_moment = {"--at": at, "--known-at": known_at, "--event": event}
+        _refuse_given(of_a_moment, "a bag shows a range: --from, --to")
+    else:
+        _refuse_given({"--from": since, "--to": until, "--every": every}, "only for bags")
+    if not markers:
+        _refuse_given({"--palette": palette}, "only with --markers")
     opened = sl.read(log)
-    if markers:
-        _write_markers(
-            opened, out, _marker_options(palette, default_prob, every), since=since, until=until
-        )
+    if is_bag:
+        options = _stream_options(palette, default_prob, every, markers=markers)
+        _write_bag(opened, out, options, since=since, until=until)
         return
     scope = opened.scope(at, known_at, event)
     with progress("Exporting") as told:
@@ -119,26 +129,26 @@ def run(
     say(f"{out}: {done.what}.")
 
 
-def _write_markers(
-    log: DoorLog, out: Path, options: MarkerOptions, *, since: str | None, until: str | None
+def _write_bag(
+    log: DoorLog, out: Path, options: StreamOptions, *, since: str | None, until: str | None
 ) -> None:
-    from semmap_log.exporting.markers import record_markers
+    from semmap_log.exporting.log_bag import record_bag
 
     with progress("Exporting", unit="events") as told:
-        done = record_markers(log, out, options, since=since, until=until, progress=told)
+        done = record_bag(log, out, options, since=since, until=until, progress=told)
     if done.left_out:
         more = ", …" if len(done.left_out) > MOST_NAMED else ""
         named = ", ".join(done.left_out[:MOST_NAMED])
         say(f"left out: {len(done.left_out)} without a place: {named}{more}")
     if done.every_s and options.every_s is None:
         say(f"many changes: all doors come at most every {done.every_s:g} s; --every 0: at each.")
-    say(f"{out}: {_told(done)}, {done.bytes / 1e6:.1f} MB.")
+    say(f"{out}: {_told(done)}, {size_of(done.bytes)}.")
 
 
-def _marker_options(
-    palette: PaletteName | None, default_prob: float | None, every: float | None
-) -> MarkerOptions:
-    from semmap_log.exporting.markers import MarkerOptions
+def _stream_options(
+    palette: PaletteName | None, default_prob: float | None, every: float | None, *, markers: bool
+) -> StreamOptions:
+    from semmap_log.exporting.stream import StreamOptions
 
     refuse_nan(default_prob=default_prob, every=every)
     if default_prob is not None and not 0 <= default_prob <= 1:
@@ -147,16 +157,15 @@ def _marker_options(
         raise typer.BadParameter(
             f"expected seconds, from 0 to {MOST_EVERY_S:g}, got {every:g}", param_hint="--every"
         )
-    return MarkerOptions((palette or PaletteName.default).colours, default_prob, every)
+    return StreamOptions(markers, (palette or PaletteName.default).colours, default_prob, every)
 
 
-def _told(done: RecordedMarkers) -> str:
+def _told(done: RecordedBag) -> str:
     return ", ".join(f"{count:,} on {topic}" for topic, count in done.messages.items())
 
 
-def _refuse_given(options: Mapping[str, object], *, markers: bool) -> None:
-    """Refuse options that mean nothing with, or without, --markers."""
+def _refuse_given(options: Mapping[str, object], instead: str) -> None:
+    """Refuse options that mean nothing for that file."""
     given = [name for name, value in options.items() if value is not None]
     if given:
-        instead = "markers show a range: --from, --to" if markers else "only with --markers"
         raise typer.BadParameter(instead, param_hint=", ".join(given))

@@ -180,11 +180,14 @@ def _around(ends: Sequence[Point], level: int, cell_m: float) -> GridGeometry:
         )
     if not (math.isfinite(cell_m) and cell_m > 0):
         raise CostmapError(f"the resolution: expected metres a cell, above 0, got {cell_m!r}")
-    low = np.floor((points.min(axis=0) - MARGIN_M) / cell_m)
-    width, height = (int(n) for n in np.ceil((points.max(axis=0) + MARGIN_M) / cell_m) - low)
-    if width * height > MOST_CELLS:
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite: too many, or NaN, told below
+        low = np.floor((points.min(axis=0) - MARGIN_M) / cell_m)
+        width, height = np.ceil((points.max(axis=0) + MARGIN_M) / cell_m) - low
+        fits = bool(width * height <= MOST_CELLS)
+    if not fits:
         raise CostmapError(
             f"a grid around the doors: expected at most {MOST_CELLS:,} cells of {cell_m:g} m, "
-            f"got {width:,} x {height:,}; give a map, or a greater resolution"
+            f"got {width:,.15g} x {height:,.15g}; give a map, or a greater resolution, or remove "
+            "the door that is far away"
         )
-    return GridGeometry(width, height, cell_m, *(low * cell_m).tolist())
+    return GridGeometry(int(width), int(height), cell_m, *(low * cell_m).tolist())

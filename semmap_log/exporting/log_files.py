@@ -25,8 +25,8 @@ from semmap_log.replay import Scope, visible_batches
 
 WRITABLE = (
     ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun), "
-    ".html (a page), .pgm (a costmap, with its .yaml), .mcap or .bag with --markers (a bag for "
-    "players)"
+    ".html (a page), .pgm (a costmap, with its .yaml); over time .mcap, .bag (ROS 1) or, without "
+    "an extension, a rosbag2 folder"
 )
 
 

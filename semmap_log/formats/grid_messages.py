@@ -65,21 +65,29 @@ def write_grids(
     Raises:
         OutputError: A time cannot be a ROS stamp.
     """
-    publisher = _Publisher(bag, geometry, every_ns=every_ns, updates=updates)
+    stream = GridStream(bag, geometry, every_ns=every_ns, updates=updates)
     for frame in frames:
-        publisher.take(frame)
-    publisher.finish()
-    return publisher.counts
+        stream.take(frame)
+    stream.finish()
+    return stream.counts
 
 
-class _Publisher:
+class GridStream:
     """Remembers what was published, and so which cells really changed."""
 
     def __init__(
-        self, bag: NewBag, geometry: GridGeometry, *, every_ns: int, updates: bool
+        self,
+        bag: NewBag,
+        geometry: GridGeometry,
+        *,
+        every_ns: int,
+        updates: bool,
+        topics: tuple[BagTopic, BagTopic] = (GRIDS, UPDATES),
     ) -> None:
+        """Begin; arguments as for `write_grids`, and the topics of grids and updates."""
         self.counts: Counter[str] = Counter()
         self._bag = bag
+        self._of_grids, self._of_updates = topics
         self._messages = _Messages(bag.ros_version, geometry)
         self._every_ns = every_ns
         self._updates = updates
@@ -91,6 +99,7 @@ class _Publisher:
         """When the grid last became another than the last whole one."""
 
     def take(self, frame: GridFrame) -> None:
+        """Publish what changed; frames come with ascending times."""
         if self._changed_ns is not None and self._next_ns < frame.at_ns:
             self._publish_grid(self._next_ns)
         if self._grid is None:
@@ -103,6 +112,7 @@ class _Publisher:
             self._publish_grid(frame.at_ns)
 
     def finish(self) -> None:
+        """Publish what waits."""
         if self._changed_ns is not None:
             self._publish_grid(self._changed_ns)
 
@@ -113,13 +123,15 @@ class _Publisher:
             self._changed_ns = frame.at_ns
             if self._updates:
                 x, y = window.x0 + inside.x0, window.y0 + inside.y0
-                self._publish(UPDATES, frame.at_ns,
-                              self._messages.update(frame.at_ns, self.counts[UPDATES.name],
-                                                    x, y, after[inside.slices]))  # fmt: skip
+                number = self.counts[self._of_updates.name]
+                self._publish(self._of_updates, frame.at_ns,
+                              self._messages.update(frame.at_ns, number, x, y,
+                                                    after[inside.slices]))  # fmt: skip
 
     def _publish_grid(self, at_ns: int) -> None:
         assert self._grid is not None
-        self._publish(GRIDS, at_ns, self._messages.grid(at_ns, self.counts[GRIDS.name], self._grid))
+        number = self.counts[self._of_grids.name]
+        self._publish(self._of_grids, at_ns, self._messages.grid(at_ns, number, self._grid))
         self._next_ns, self._changed_ns = at_ns + self._every_ns, None
 
     def _publish(self, topic: BagTopic, at_ns: int, message: Any) -> None:

@@ -205,16 +205,16 @@ class _DoorPlanner:
             yield DoorAnnotated(happened_ns=self.at_ns, door_id=door_id, key=key, value=value)
 
     def known_door(self, door: TableDoor, there: Door) -> Iterator[Event]:
-        differences = list(_differences(door, there))
-        if not differences:
+        found = list(differences(door, there))
+        if not found:
             self.same += 1
             return
         self.updated += 1
-        said = ", ".join(f"{name} {old} there, {new} in the file" for name, old, new in differences)
+        said = ", ".join(f"{name} {old} there, {new} in the file" for name, old, new in found)
         self.existing.append(
             f"{self.where(door)}: door {there.door_id} is there with other values: {said}"
         )
-        yield from self.update_of(door, there, {name for name, _, _ in differences})
+        yield from self.update_of(door, there, {name for name, _, _ in found})
 
     def update_of(self, door: TableDoor, there: Door, names: set[str]) -> Iterator[Event]:
         changed = Changed(0)
@@ -261,7 +261,7 @@ _CHANGED_BY: Mapping[Changed, frozenset[str]] = {
 }
 
 
-def _differences(door: TableDoor, there: Door) -> Iterator[tuple[str, object, object]]:
+def differences(door: TableDoor, there: Door) -> Iterator[tuple[str, object, object]]:
     """Yield (name, value there, value in the file) of each value that the file gives otherwise."""
     for name in ("x", "y", "theta", "width", "prob_open", "prob_closed"):
         old, new = getattr(there, name), getattr(door, name)

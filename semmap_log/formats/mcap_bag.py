@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion, ros_types
+from semmap_log.formats.ros_types import RosVersion, encoded, ros_types
 from semmap_log.log.form import LIBRARY, PROFILE, TRANSIENT_LOCAL, VOLATILE, offered_qos
 
 CHUNK_BYTES = 4 * 2**20
@@ -44,7 +44,7 @@ class _McapBag:
         self._counts: Counter[BagTopic] = Counter()
 
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
-        self.write_encoded(topic, at_ns, bytes(self._types.serialize_cdr(message, topic.ros_type)))
+        self.write_encoded(topic, at_ns, encoded(2, message, topic.ros_type))
 
     def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         self._writer.add_message(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion, ros_types
+from semmap_log.formats.ros_types import RosVersion, encoded, ros_types
 
 CALLER = "/semmap_log"
 """Who published it: without a caller, rosbag does not replay a topic as latched."""
@@ -37,12 +37,11 @@ class _Ros1Bag:
 
     def __init__(self, writer: Any, topics: Sequence[BagTopic]) -> None:
         self._writer = writer
-        self._types = ros_types(1)
         self._connections = {
             topic: writer.add_connection(
                 topic.name,
                 topic.ros_type,
-                typestore=self._types,
+                typestore=ros_types(1),
                 callerid=CALLER,
                 latching=int(topic.is_latched),
             )
@@ -50,7 +49,7 @@ class _Ros1Bag:
         }
 
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
-        self.write_encoded(topic, at_ns, bytes(self._types.serialize_ros1(message, topic.ros_type)))
+        self.write_encoded(topic, at_ns, encoded(1, message, topic.ros_type))
 
     def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         self._writer.write(self._connections[topic], at_ns, data)

@@ -12,6 +12,11 @@ GRID_UPDATE = "map_msgs/msg/OccupancyGridUpdate"
 MARKER = "visualization_msgs/msg/Marker"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
+CLOCK = "rosgraph_msgs/msg/Clock"
+POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+RMF_DOOR_STATE = "rmf_door_msgs/msg/DoorState"
+RMF_DOOR_REQUEST = "rmf_door_msgs/msg/DoorRequest"
 DOOR_ENTRY = "lta_semantic_map/msg/DoorEntry"
 DOOR_MAP = "lta_semantic_map/msg/DoorMap"
 
@@ -26,8 +31,29 @@ uint32 width
 uint32 height
 int8[] data
 """,
+    TRANSFORMS: "geometry_msgs/TransformStamped[] transforms\n",
+    "rmf_door_msgs/msg/DoorMode": """\
+uint32 value
+uint32 MODE_CLOSED=0
+uint32 MODE_MOVING=1
+uint32 MODE_OPEN=2
+uint32 MODE_OFFLINE=3
+uint32 MODE_UNKNOWN=4
+""",
+    RMF_DOOR_STATE: """\
+builtin_interfaces/Time door_time
+string door_name
+DoorMode current_mode
+""",
+    RMF_DOOR_REQUEST: """\
+builtin_interfaces/Time request_time
+string requester_id
+string door_name
+DoorMode requested_mode
+""",
 }
-"""Types that rosbags does not know; the texts are those of ros-planning/navigation_msgs."""
+"""Types that rosbags does not know, or not of both ROS; their texts are those of
+ros-planning/navigation_msgs, ros/geometry2 and open-rmf/rmf_internal_msgs."""
 
 
 def log_type(version: RosVersion) -> str:
@@ -42,10 +68,25 @@ def ros_types(version: RosVersion) -> Any:
 
     types = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_JAZZY)
     for name, text in _LEFT_OUT.items():
-        types.register(get_types_from_msg(text, name))
+        if name not in types.types:
+            types.register(get_types_from_msg(text, name))
     for name, text in _thesis_texts():
         types.register(get_types_from_msg(text, name))
     return types
+
+
+def encoded(version: RosVersion, message: Any, ros_type: str) -> bytes:
+    """Return a message as the bytes that this ROS sends: CDR with its header, or ROS 1's own."""
+    types = ros_types(version)
+    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
+    return bytes(serialize(message, ros_type))
+
+
+def decoded(version: RosVersion, data: bytes, ros_type: str) -> Any:
+    """Return the message that these bytes are: the way back of `encoded`."""
+    types = ros_types(version)
+    deserialize = types.deserialize_ros1 if version == 1 else types.deserialize_cdr
+    return deserialize(data, ros_type)
 
 
 def _thesis_texts() -> Iterator[tuple[str, str]]:
@@ -54,3 +95,20 @@ def _thesis_texts() -> Iterator[tuple[str, str]]:
     for file in (files("semmap_log") / "ros" / package / "msg").iterdir():
         name = file.name.removesuffix(".msg")
         yield f"{package}/msg/{name}", file.read_text(encoding="utf-8")
+
+
+def short_name(ros_type: str) -> str:
+    """Return a type's name as ROS 1 has it: `std_msgs/Bool`."""
+    return ros_type.replace("/msg/", "/")
+
+
+def long_name(ros_type: str) -> str:
+    """Return a type's name as ROS 2 has it: `std_msgs/msg/Bool`."""
+    package, _, name = short_name(ros_type).partition("/")
+    return f"{package}/msg/{name}"
+
+
+def ros1_definition(ros_type: str) -> tuple[str, str]:
+    """Return the text of a type and of all it is made of, and its md5 sum, as ROS 1 has them."""
+    text, md5 = ros_types(1).generate_msgdef(ros_type, ros_version=1)
+    return str(text), str(md5)

@@ -20,7 +20,17 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.doors import MAX_DOOR_ID, NAN, Door, DoorId, DoorMap, DoorState, reduced
+from semmap_log.doors import (
+    MAX_DOOR_ID,
+    NAN,
+    THESIS_STATES,
+    Door,
+    DoorId,
+    DoorMap,
+    DoorState,
+    reduced,
+    thesis_state,
+)
 from semmap_log.errors import CommandError
 from semmap_log.formats.door_table import DoorTable, TableDoor
 from semmap_log.formats.problems import Problems, shown
@@ -29,13 +39,13 @@ from semmap_log.formats.yaml_values import Fields, described, mapping_of
 
 DOOR_KEYS = ("position", "width", "status", "closed_prob", "open_prob")
 POSITION_KEYS = ("x", "y", "theta")
-STATES = {state.name: state for state in (DoorState.OPEN, DoorState.CLOSED, DoorState.UNKNOWN)}
 
 
 def read_thesis_yaml(path: Path) -> DoorTable:
     """Return the doors of the file, in its order; an empty file has none.
 
-    A status that is none of the three is UNKNOWN, as the thesis's server has it, with a warning.
+    A status is in any case of letters; one that is none of the three is UNKNOWN, as the thesis's
+    server has it, with a warning.
 
     Raises:
         FormatError: The file cannot be read, or is not such a database.
@@ -155,11 +165,12 @@ class _Reader:
         node = fields.mapping.entries.get("status")
         if node is None:
             return None
-        if isinstance(node, Scalar) and node.text in STATES:
-            return STATES[node.text]
+        known = thesis_state(node.text) if isinstance(node, Scalar) else None
+        if known is not None:
+            return known
         self.warnings.append(
             f"{self.problems.path}:{node.line}: {fields.what}: status: expected one of "
-            f"{', '.join(STATES)}, got {described(node)}; taken for UNKNOWN"
+            f"{', '.join(THESIS_STATES)}, got {described(node)}; taken for UNKNOWN"
         )
         return DoorState.UNKNOWN
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import ItemsView, Iterator, Mapping, ValuesView
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId, DoorState
@@ -54,6 +55,31 @@ class DoorsPresent(Mapping[DoorId, Door]):
     def values(self) -> ValuesView[Door]:
         """Return all doors."""
         return self._all().values()
+
+    def placed_levels(self) -> set[int]:
+        """Return the levels of all doors that have a place; none of the doors is made for it."""
+        is_placed = ~np.isnan(self._columns["x"])
+        return set(np.unique(self._columns["level"][is_placed]).tolist())
+
+    def others_than(self, before: DoorsPresent) -> tuple[list[DoorId], list[DoorId]]:
+        """Return the doors that are new or not as they were, and those that are gone.
+
+        What is the same costs next to nothing: the columns are compared, and no door is made.
+        """
+        mine, theirs = self._columns["door_id"], before._columns["door_id"]
+        common, at, there = np.intersect1d(mine, theirs, assume_unique=True, return_indices=True)
+        differs = np.zeros(len(common), np.bool_)
+        for name, column in self._columns.items():
+            now, then = column[at], before._columns[name][there]
+            differs |= (now != then) & ~((now != now) & (then != then))  # noqa: PLR0124 - NaN
+        names, old_names = self._annotations.names(), before._annotations.names()
+        renamed = {i for i in names.keys() | old_names if names.get(i) != old_names.get(i)}
+        changed = {*common[differs].tolist(), *np.setdiff1d(mine, theirs).tolist(), *renamed}
+        gone = np.setdiff1d(theirs, mine).tolist()
+        return (
+            [DoorId(i) for i in sorted(changed) if i in self._places],
+            [DoorId(i) for i in gone],
+        )
 
     def __repr__(self) -> str:
         return repr(self._all())

@@ -17,7 +17,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from semmap_log.exporting.markers import record_markers
+from semmap_log.exporting.log_bag import record_bag
+from semmap_log.exporting.stream import StreamOptions
 from semmap_log.formats.ros_types import ros_types
 from tests.exporting.lively import lively_log, seen_in, some_moments
 from tests.formats.marked import doors_in, shown_after
@@ -25,12 +26,14 @@ from tests.views.rerun.some_logs import small_log
 
 LATCHED = {"/map", "/semmap/doors", "/lta_semantic_map_door_db"}
 
+MARKED = StreamOptions(markers=True)
+
 
 def test_the_mcap_library_decodes_every_message(tmp_path: Path) -> None:
     """
     By its CRCs, its index and mcap-ros2-support; stamps of log and publishing are the same.
     """
-    done = record_markers(lively_log(tmp_path / "log", seed=1), tmp_path / "x.mcap")
+    done = record_bag(lively_log(tmp_path / "log", seed=1), tmp_path / "x.mcap", MARKED)
 
     with (tmp_path / "x.mcap").open("rb") as file:
         kinds = [type(r).__name__ for r in StreamReader(file, validate_crcs=True).records]
@@ -40,7 +43,7 @@ def test_the_mcap_library_decodes_every_message(tmp_path: Path) -> None:
     assert "Footer" == kinds[-1]
     assert Counter(done.messages) == Counter(m.channel.topic for m in read)
     assert all(m.message.log_time == m.message.publish_time for m in read)
-    last = [m.decoded_message for m in read if m.channel.topic == "/semmap/doors/1"][-1]
+    last = [m.decoded_message for m in read if m.channel.topic == "/semmap/doors/level_1"][-1]
     markers = [m for m in last.markers if m.action != 3]
     assert len(markers) > 1
     assert {"doors", "names"} == {m.ns for m in markers}
@@ -51,7 +54,7 @@ def test_who_comes_late_gets_the_whole_truths(name: str, tmp_path: Path) -> None
     """
     ROS 2's players offer maps and arrays as transient_local, single events as volatile.
     """
-    record_markers(small_log(tmp_path / "log"), tmp_path / name)
+    record_bag(small_log(tmp_path / "log"), tmp_path / name, MARKED)
 
     with AnyReader([tmp_path / name]) as reader:
         offered = {c.topic: c.ext.offered_qos_profiles[0].durability for c in reader.connections}
@@ -65,7 +68,7 @@ def test_ros_1_latches_the_whole_truths(tmp_path: Path) -> None:
     """
     The connections of a ROS 1 bag say so.
     """
-    record_markers(small_log(tmp_path / "log"), tmp_path / "x.bag")
+    record_bag(small_log(tmp_path / "log"), tmp_path / "x.bag", MARKED)
 
     with AnyReader([tmp_path / "x.bag"]) as reader:
         latched = {c.topic for c in reader.connections if c.ext.latching}
@@ -94,7 +97,7 @@ def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
     has_rosbag = subprocess.run([python, "-c", "import rosbag"], capture_output=True, check=False)
     if has_rosbag.returncode:
         pytest.skip("ROS 1's rosbag is not installed (Debian: python3-rosbag)")
-    done = record_markers(lively_log(tmp_path / "log", seed=1), tmp_path / "x.bag")
+    done = record_bag(lively_log(tmp_path / "log", seed=1), tmp_path / "x.bag", MARKED)
     code = (
         "import rosbag, sys\nfor topic, *_ in rosbag.Bag(sys.argv[1]).read_messages(): print(topic)"
     )
@@ -114,7 +117,7 @@ def test_rerun_finds_nothing_wrong(tmp_path: Path) -> None:
     rerun_cli = pytest.importorskip("rerun_cli")
     from rerun.chunk import McapReader
 
-    record_markers(small_log(tmp_path / "log"), tmp_path / "x.mcap")
+    record_bag(small_log(tmp_path / "log"), tmp_path / "x.mcap", MARKED)
     binary = Path(rerun_cli.__path__[0]) / "rerun"
 
     done = subprocess.run([binary, "mcap", "check", tmp_path / "x.mcap"], capture_output=True,
@@ -132,7 +135,7 @@ def test_foxglove_shows_the_doors_of_any_moment(tmp_path: Path, node_packages: P
     @mcap/core backward to the last message of each topic, decoded by Foxglove's own decoder.
     """
     log = lively_log(tmp_path / "log", seed=3)
-    done = record_markers(log, tmp_path / "x.mcap")
+    done = record_bag(log, tmp_path / "x.mcap", MARKED)
     moments = some_moments(log, seed=3)
 
     (counts,) = run_node(tmp_path / "x.mcap", ["all"], node_packages)
@@ -142,7 +145,7 @@ def test_foxglove_shows_the_doors_of_any_moment(tmp_path: Path, node_packages: P
     for moment, last in zip(moments, found, strict=True):
         now = log.replay(at=moment)
         for level in (1, 2):
-            messages = [namespace(last[t]) for t in [f"/semmap/doors/{level}"] if t in last]
+            messages = [namespace(last[t]) for t in [f"/semmap/doors/level_{level}"] if t in last]
             assert seen_in(now, level) == doors_in(shown_after(messages))
         placed = [door.door_id for door in now.doors.values() if door.is_placed]
         assert placed == [e["door_id"] for e in last["/lta_semantic_map_door_db"]["door_db"]]

@@ -111,7 +111,7 @@ def read_in_child(path):
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     return subprocess.run(
         [sys.executable, "-c", CHILD, path], env=environment, capture_output=True, text=True,
-        timeout=60, check=False,
+        timeout=500, check=False,
     )  # fmt: skip
 
 

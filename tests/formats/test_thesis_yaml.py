@@ -77,7 +77,17 @@ def test_what_is_left_out_is_not_given():
     assert math.isnan(found.prob_closed)
 
 
-@pytest.mark.parametrize("text", ["MOVING", "OFFLINE", "open", "ajar", "1", ""])
+@pytest.mark.parametrize("text", ["OPEN", "open", "Open"])
+def test_a_status_is_in_any_case_of_letters(text):
+    """
+    As in the goals of its actions and in its DoorMap.
+    """
+    table = read(FIGURE_4_1.replace("CLOSED", text))
+
+    assert (DoorState.OPEN, ()) == (table.doors[0].state, table.warnings)
+
+
+@pytest.mark.parametrize("text", ["MOVING", "OFFLINE", "ajar", "1", ""])
 def test_a_status_it_does_not_know_is_unknown_with_a_warning(text):
     """
     As the thesis's server has it (4.2.2); the warning names the line.

@@ -1,8 +1,9 @@
-"""A log as a bag of markers: whatever moment a player goes to, it shows what a replay gives."""
+"""A log as messages in a bag: whatever moment a player goes to, it shows what a replay gives."""
 
 from __future__ import annotations
 
 import math
+import re
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
@@ -15,8 +16,10 @@ import semmap_log as sl
 from semmap_log.doors import DoorId, DoorMap, reduced
 from semmap_log.errors import FormatError, MomentError, OutputError
 from semmap_log.events import DoorAdded, RobotPose
-from semmap_log.exporting import in_order, marker_plan
-from semmap_log.exporting.markers import MarkerOptions, record_markers
+from semmap_log.exporting import in_order, stream_plan
+from semmap_log.exporting.log_bag import record_bag
+from semmap_log.exporting.stream import StreamOptions, log_stream
+from semmap_log.formats.ros_types import RosVersion
 from semmap_log.views.palette import COLOUR_BLIND
 from tests.conftest import SteadyClock
 from tests.exporting.lively import lively_log, seen, seen_in, some_moments
@@ -27,6 +30,8 @@ from tests.views.rerun.some_logs import SECOND, START, small_log
 BAGS = ["x.mcap", "x.bag", "x"]
 DOORS = "/semmap/doors"
 THESIS = "/lta_semantic_map_door_db"
+
+MARKED = StreamOptions(markers=True)
 
 
 def topic(messages: list[Played], name: str, until_ns: int | None = None) -> list[Played]:
@@ -45,12 +50,12 @@ def test_whoever_played_from_the_start_sees_what_a_replay_gives(
     log = lively_log(tmp_path / "log", seed=seed)
     moments = some_moments(log, seed)
 
-    record_markers(log, tmp_path / name)
+    record_bag(log, tmp_path / name, MARKED)
 
     messages = played(tmp_path / name)
     for level in (1, 2):
         for moment in moments:
-            arrays = [m.message for m in topic(messages, f"{DOORS}/{level}", moment)]
+            arrays = [m.message for m in topic(messages, f"{DOORS}/level_{level}", moment)]
             expected = seen_in(log.replay(at=moment), level)
             assert expected == doors_in(shown_after(arrays))
 
@@ -62,14 +67,14 @@ def test_whoever_jumps_to_a_moment_sees_the_same(seed: int, tmp_path: Path) -> N
     """
     log = lively_log(tmp_path / "log", seed=seed)
 
-    record_markers(log, tmp_path / "x.mcap")
+    record_bag(log, tmp_path / "x.mcap", MARKED)
 
     messages = played(tmp_path / "x.mcap")
     shown = dict.fromkeys((1, 2), 0)
     for moment in some_moments(log, seed):
         now = log.replay(at=moment)
         for level in (1, 2):
-            (last,) = topic(messages, f"{DOORS}/{level}", moment)[-1:] or [None]
+            (last,) = topic(messages, f"{DOORS}/level_{level}", moment)[-1:] or [None]
             found = doors_in(shown_after([last.message])) if last else {}
             assert seen_in(now, level) == found
             shown[level] += len(found)
@@ -77,17 +82,20 @@ def test_whoever_jumps_to_a_moment_sees_the_same(seed: int, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", BAGS)
-def test_the_thesis_message_is_the_door_database(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [MARKED, StreamOptions()], ids=["markers", "plain"])
+def test_the_thesis_message_is_the_door_database(
+    name: str, options: StreamOptions, tmp_path: Path
+) -> None:
     """
     At any moment the last one lists the doors with a place, ids ascending, states as the thesis
     knows them; NaN stands for what was not given.
     """
     log = lively_log(tmp_path / "log", seed=1)
 
-    record_markers(log, tmp_path / name)
+    record_bag(log, tmp_path / name, options)
 
     messages = played(tmp_path / name)
-    for moment in some_moments(log, seed=1):
+    for moment in [*some_moments(log, seed=1), *(message.at_ns for message in messages)]:
         (last,) = topic(messages, THESIS, moment)[-1:]
         np.testing.assert_equal(database(log.replay(at=moment)), entries(last.message))
 
@@ -110,13 +118,44 @@ def entries(message: Any) -> list[tuple[Any, ...]]:
     ]  # fmt: skip
 
 
+def test_without_markers_the_other_topics_are_the_same(tmp_path: Path) -> None:
+    """
+    Message by message, at each change, however many there are: markers only come in between.
+    """
+    log = lively_log(tmp_path / "log", seed=3)
+
+    record_bag(log, tmp_path / "plain.mcap")
+    record_bag(log, tmp_path / "marked.mcap", MARKED)
+
+    plain = [str(m) for m in played(tmp_path / "plain.mcap")]
+    shown = {DOORS, "/semmap/events"}
+    assert len(plain) > 100
+    assert plain == [
+        str(m) for m in played(tmp_path / "marked.mcap") if not m.topic.startswith(tuple(shown))
+    ]
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_both_ros_take_the_names_of_the_topics(version: RosVersion, tmp_path: Path) -> None:
+    """
+    Of several levels, too: in ROS 2 no part of a name begins with a digit.
+    """
+    log = lively_log(tmp_path / "log", seed=1)
+
+    stream = log_stream(log, MARKED, ros_version=version)
+
+    names = [topic.name for topic in stream.topics]
+    assert len(names) == len(set(names)) > 6
+    assert all(re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", name) for name in names)
+
+
 def test_a_default_stands_for_probabilities_that_were_not_given(tmp_path: Path) -> None:
     """
     And for those alone.
     """
     log = small_log(tmp_path / "log")
 
-    record_markers(log, tmp_path / "x.mcap", MarkerOptions(default_prob=0.125))
+    record_bag(log, tmp_path / "x.mcap", StreamOptions(markers=True, default_prob=0.125))
 
     first = topic(played(tmp_path / "x.mcap"), THESIS)[1].message
     assert [(0.25, 0.75), (0.125, 0.125)] == [(e.prob_open, e.prob_closed) for e in first.door_db]
@@ -129,11 +168,11 @@ def test_each_change_is_sent_once(tmp_path: Path) -> None:
     log = lively_log(tmp_path / "log", seed=4)
     times = {min(e.happened_ns, e.recorded_ns) for e in log.history()}
 
-    record_markers(log, tmp_path / "x.mcap")
+    record_bag(log, tmp_path / "x.mcap", MARKED)
 
     messages = played(tmp_path / "x.mcap")
     assert {m.at_ns for m in messages} <= times
-    for name in (f"{DOORS}/1", f"{DOORS}/2", THESIS):
+    for name in (f"{DOORS}/level_1", f"{DOORS}/level_2", THESIS):
         sent = [str(m.message) for m in topic(messages, name)]
         assert len(sent) > 20
         assert all(one != other for one, other in pairwise(sent))
@@ -146,13 +185,13 @@ def test_with_an_interval_the_last_message_is_at_most_so_old(tmp_path: Path) -> 
     log = lively_log(tmp_path / "log", seed=5)
     every = 3600 * SECOND
 
-    done = record_markers(log, tmp_path / "x.mcap", MarkerOptions(every_s=3600))
+    done = record_bag(log, tmp_path / "x.mcap", StreamOptions(markers=True, every_s=3600))
 
     messages = played(tmp_path / "x.mcap")
     assert sorted(m.at_ns for m in messages) == [m.at_ns for m in messages]
     assert 3600 == done.every_s
     for level in (1, 2):
-        arrays = topic(messages, f"{DOORS}/{level}")
+        arrays = topic(messages, f"{DOORS}/level_{level}")
         assert 3 < len(arrays) < 9
         assert all(b.at_ns - a.at_ns >= every for a, b in pairwise(arrays[:-1]))
         for each in arrays:
@@ -169,9 +208,9 @@ def test_a_log_with_very_many_changes_gets_an_interval(
     """
     log = lively_log(tmp_path / "log", seed=5)
 
-    plenty = record_markers(log, tmp_path / "x.mcap").every_s
-    monkeypatch.setattr(marker_plan, "MOST_DOORS_SENT", 1000)
-    few = record_markers(log, tmp_path / "y.mcap").every_s
+    plenty = record_bag(log, tmp_path / "x.mcap", MARKED).every_s
+    monkeypatch.setattr(stream_plan, "MOST_DOORS_SENT", 1000)
+    few = record_bag(log, tmp_path / "y.mcap", MARKED).every_s
 
     assert (0, 600) == (plenty, few)
 
@@ -184,16 +223,16 @@ def test_a_part_begins_with_what_was_there(tmp_path: Path) -> None:
     since, until = START + 9000 * SECOND, START + 15_000 * SECOND
     before = log.replay(at=since)
 
-    record_markers(log, tmp_path / "x.mcap", since=since, until=until)
+    record_bag(log, tmp_path / "x.mcap", MARKED, since=since, until=until)
 
     messages = played(tmp_path / "x.mcap")
     begin = [m for m in messages if m.at_ns == since]
-    floors = {f"/map/{n}" for n, level in before.levels.items() if level.floor_map_event}
-    assert floors | {f"{DOORS}/1", f"{DOORS}/2", THESIS} == {m.topic for m in begin}
+    floors = {f"/map/level_{n}" for n, level in before.levels.items() if level.floor_map_event}
+    assert floors | {f"{DOORS}/level_1", f"{DOORS}/level_2", THESIS} == {m.topic for m in begin}
     for level in (1, 2):
-        (first,) = topic(begin, f"{DOORS}/{level}")
+        (first,) = topic(begin, f"{DOORS}/level_{level}")
         assert seen_in(before, level) == doors_in(shown_after([first.message]))
-        last = topic(messages, f"{DOORS}/{level}")[-1]
+        last = topic(messages, f"{DOORS}/level_{level}")[-1]
         assert seen_in(log.replay(at=until), level) == doors_in(shown_after([last.message]))
     assert until >= messages[-1].at_ns
 
@@ -205,7 +244,7 @@ def test_the_floor_plans_are_the_logs_own(name: str, tmp_path: Path) -> None:
     """
     log = lively_log(tmp_path / "log", seed=7)
 
-    record_markers(log, tmp_path / name)
+    record_bag(log, tmp_path / name, MARKED)
 
     messages = played(tmp_path / name)
     checked = 0
@@ -213,7 +252,7 @@ def test_the_floor_plans_are_the_logs_own(name: str, tmp_path: Path) -> None:
         now = log.replay(at=moment)
         for level in (1, 2):
             floor = log.floor_of(now, level)
-            (last,) = topic(messages, f"/map/{level}", moment)[-1:] or [None]
+            (last,) = topic(messages, f"/map/level_{level}", moment)[-1:] or [None]
             assert (floor is None) == (last is None)
             if floor is None or last is None:
                 continue
@@ -241,7 +280,7 @@ def test_the_robot_is_where_it_said_it_was(name: str, tmp_path: Path) -> None:
     log = lively_log(tmp_path / "log", seed=1)
     expected = sorted((e.happened_ns, e.event) for e in log.history(kinds=[RobotPose]))
 
-    record_markers(log, tmp_path / name)
+    record_bag(log, tmp_path / name, MARKED)
 
     poses = topic(played(tmp_path / name), "/semmap/robot_pose")
     assert 30 == len(poses)
@@ -262,7 +301,7 @@ def test_the_events_say_who_did_what_and_why(name: str, info: int, tmp_path: Pat
     """
     log = small_log(tmp_path / "log")
 
-    record_markers(log, tmp_path / name)
+    record_bag(log, tmp_path / name, MARKED)
 
     lines = [m.message for m in topic(played(tmp_path / name), "/semmap/events")]
     said = [(line.name, line.msg, line.function) for line in lines]
@@ -281,7 +320,7 @@ def test_what_was_retracted_is_not_told(tmp_path: Path) -> None:
     log = lively_log(tmp_path / "log", seed=2)
     expected = {e.number for e in log.history() if not e.retracted and e.kind != "RobotPose"}
 
-    record_markers(log, tmp_path / "x.mcap")
+    record_bag(log, tmp_path / "x.mcap", MARKED)
 
     lines = [m.message for m in topic(played(tmp_path / "x.mcap"), "/semmap/events")]
     assert expected == {line.line for line in lines}
@@ -294,7 +333,7 @@ def test_one_level_has_plain_names_and_lies_on_the_ground(tmp_path: Path) -> Non
     """
     log = small_log(tmp_path / "log")
 
-    done = record_markers(log, tmp_path / "x.mcap", MarkerOptions(palette=COLOUR_BLIND))
+    done = record_bag(log, tmp_path / "x.mcap", StreamOptions(markers=True, palette=COLOUR_BLIND))
 
     messages = played(tmp_path / "x.mcap")
     assert {"/map": 1, DOORS: 5, THESIS: 6, "/semmap/robot_pose": 10, "/semmap/events": 11} == (
@@ -312,8 +351,8 @@ def test_doors_without_a_place_are_named(tmp_path: Path) -> None:
         log.append([DoorAdded(door_id=sl.DoorId(9))])
     sl.create(tmp_path / "empty", tz="UTC", clock=SteadyClock(START)).close()
 
-    done = record_markers(sl.read(tmp_path / "log"), tmp_path / "x.mcap")
-    nothing = record_markers(sl.read(tmp_path / "empty"), tmp_path / "y.mcap")
+    done = record_bag(sl.read(tmp_path / "log"), tmp_path / "x.mcap", MARKED)
+    nothing = record_bag(sl.read(tmp_path / "empty"), tmp_path / "y.mcap", MARKED)
 
     assert ("door 9",) == done.left_out
     assert {0} == set(nothing.messages.values())
@@ -334,7 +373,7 @@ def test_the_same_log_gives_the_same_bytes(
     for folder, events in (("one", in_order.SLICE_EVENTS), ("two", 7)):
         (tmp_path / folder).mkdir()
         monkeypatch.setattr(in_order, "SLICE_EVENTS", events)
-        record_markers(log, tmp_path / folder / name)
+        record_bag(log, tmp_path / folder / name, MARKED)
 
     assert digests(tmp_path / "one") == digests(tmp_path / "two")
 
@@ -356,13 +395,13 @@ def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
     before = set(tmp_path.rglob("*"))
 
     with pytest.raises(FormatError, match="tells no bag"):
-        record_markers(log, tmp_path / "x.zip")
+        record_bag(log, tmp_path / "x.zip", MARKED)
     with pytest.raises(OutputError, match="own folder"):
-        record_markers(log, tmp_path / "log" / "x.mcap")
+        record_bag(log, tmp_path / "log" / "x.mcap", MARKED)
     with pytest.raises(MomentError, match="swap them"):
-        record_markers(log, tmp_path / "x.mcap", since=START + SECOND, until=START)
+        record_bag(log, tmp_path / "x.mcap", MARKED, since=START + SECOND, until=START)
     with pytest.raises(OutputError, match="from 1970 to January 2038"):
-        record_markers(sl.read(tmp_path / "late"), tmp_path / "x.mcap")
+        record_bag(sl.read(tmp_path / "late"), tmp_path / "x.mcap", MARKED)
 
     assert before == set(tmp_path.rglob("*"))
 
@@ -375,7 +414,7 @@ def test_progress_goes_up_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(in_order, "SLICE_EVENTS", 50)
     told: list[tuple[int, int]] = []
 
-    record_markers(log, tmp_path / "x.mcap", progress=lambda *shares: told.append(shares))
+    record_bag(log, tmp_path / "x.mcap", MARKED, progress=lambda *shares: told.append(shares))
 
     assert sorted(told) == told
     assert len(told) > 3
@@ -390,7 +429,7 @@ def test_doors_come_in_the_order_of_their_ids(tmp_path: Path) -> None:
         for door in (3, 1, 2):
             log.append([DoorAdded(door_id=DoorId(door), x=door, y=0.0, theta=0.0, width=1.0)])
 
-    record_markers(sl.read(tmp_path / "log"), tmp_path / "x.mcap")
+    record_bag(sl.read(tmp_path / "log"), tmp_path / "x.mcap", MARKED)
 
     messages = played(tmp_path / "x.mcap")
     markers = topic(messages, DOORS)[-1].message.markers
@@ -410,7 +449,9 @@ def test_what_waits_is_sent_once_its_time_has_come(tmp_path: Path) -> None:
         clock.now_ns = START + 3600 * SECOND
         log.observe(door, "closed")
 
-    record_markers(sl.read(tmp_path / "log"), tmp_path / "x.mcap", MarkerOptions(every_s=60))
+    record_bag(
+        sl.read(tmp_path / "log"), tmp_path / "x.mcap", StreamOptions(markers=True, every_s=60)
+    )
 
     first, waited, last = topic(played(tmp_path / "x.mcap"), DOORS)
     assert 60 * SECOND == waited.at_ns - first.at_ns

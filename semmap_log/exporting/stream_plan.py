@@ -1,4 +1,4 @@
-"""What a markers' bag will hold: it has to be known before its first message."""
+"""What a log's stream will hold: it has to be known before its first message."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ clinic with 133 doors and 19,000 sightings stays below it, a year of it comes at
 
 
 @dataclass(frozen=True, slots=True)
-class MarkerPlan:
-    """What will be in the bag: it wants to know before the first message."""
+class StreamPlan:
+    """The topics of a stream: bags and publishers want to know them before the first message."""
 
     floors: dict[int, BagTopic]
     """By the level."""
@@ -33,6 +33,8 @@ class MarkerPlan:
     events: BagTopic
     has_robot: bool
     every_s: float
+    markers: bool
+    """Doors and events are shown, too: not only said to who knows the thesis's message."""
 
     @property
     def levels(self) -> dict[int, None]:
@@ -41,21 +43,30 @@ class MarkerPlan:
 
     @property
     def topics(self) -> list[BagTopic]:
-        """All of the bag."""
+        """All of the stream."""
         robot = [ROBOT] if self.has_robot else []
+        if not self.markers:
+            return [*self.floors.values(), THESIS, *robot]
         return [*self.floors.values(), *self.doors.values(), THESIS, *robot, self.events]
 
 
 def plan_of(
-    log: DoorLog, before: DoorMap, times: Times, *, ros_version: RosVersion, every_s: float | None
-) -> MarkerPlan:
-    """Return what a bag of a log will hold.
+    log: DoorLog,
+    before: DoorMap,
+    times: Times,
+    *,
+    ros_version: RosVersion,
+    markers: bool,
+    every_s: float | None,
+) -> StreamPlan:
+    """Return what a stream of a log will hold.
 
     Args:
         log: The log.
         before: The doors before the first event.
         times: When the events count: see `times_of`.
-        ros_version: Of the bag.
+        ros_version: Whose types.
+        markers: With the topics that show doors and events.
         every_s: How far arrays lie apart; None: see `EVERY_S`.
     """
     doors = {door.level for door in before.doors.values() if door.is_placed}
@@ -80,15 +91,15 @@ def plan_of(
 
     def topics(name: str, ros_type: str, levels: set[int]) -> dict[int, BagTopic]:
         return {
-            level: BagTopic(f"{name}/{level}" if several and level else name, ros_type, True)
+            level: BagTopic(f"{name}/level_{level}" if several and level else name, ros_type, True)
             for level in sorted(levels)
         }
 
     if every_s is None:
-        every_s = _every_s(np.sort(np.concatenate(changes)), count)
+        every_s = 0 if not markers else _every_s(np.sort(np.concatenate(changes)), count)
     events = BagTopic("/semmap/events", log_type(ros_version), is_latched=False)
-    return MarkerPlan(topics("/map", GRID, floors), topics("/semmap/doors", MARKERS, doors or {0}),
-                 events, has_robot, every_s)  # fmt: skip
+    return StreamPlan(topics("/map", GRID, floors), topics("/semmap/doors", MARKERS, doors or {0}),
+                 events, has_robot, every_s, markers)  # fmt: skip
 
 
 def _every_s(times: Times, doors: int) -> float:

@@ -1,7 +1,8 @@
-"""A log folded to what RViz, Foxglove and Lichtblick show: doors, floors, robot, events, over time.
+"""A log folded to messages on topics: what a player, or RViz, is told of it over time.
 
-At each moment of the bag the last message of each topic is what `replay(at=…)` says of that moment:
-what was true, with all that is known today. So it can be played, and jumped in.
+At each moment of the stream the last message of each topic is what `replay(at=…)` says of that
+moment: what was true, with all that is known today. So it can be played, and jumped in. It goes
+into a bag (`log_bag`) or out to live subscribers (`live.player`) alike.
 """
 
 from __future__ import annotations
@@ -9,22 +10,22 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.events import DoorEvent, FloorMap, LevelAdded, RobotPose
 from semmap_log.exporting.door_table import DoorTable
-from semmap_log.exporting.in_order import moments, times_of
-from semmap_log.exporting.marker_plan import ROBOT, THESIS, MarkerPlan, plan_of
-from semmap_log.exporting.marker_topics import LevelDoors, ThesisDoors, WholeTopic, heights_of
-from semmap_log.formats.bags import BagTopic, NewBag, bytes_of, new_bag, ros_version_of
-from semmap_log.formats.door_markers import DoorMarkers, is_drawn
+from semmap_log.exporting.in_order import Times, moments, times_of
+from semmap_log.exporting.stream_plan import ROBOT, THESIS, StreamPlan, plan_of
+from semmap_log.exporting.stream_topics import LevelDoors, ThesisDoors, WholeTopic, heights_of
+from semmap_log.formats.bags import BagTopic
+from semmap_log.formats.door_markers import DoorMarkers
 from semmap_log.formats.event_messages import LogLine, log_message, pose_message
 from semmap_log.formats.grid_messages import grid_message
 from semmap_log.formats.ros_messages import Messages
+from semmap_log.formats.ros_types import RosVersion, encoded
 from semmap_log.formats.thesis_messages import ThesisMessages
-from semmap_log.log.disk import refuse_own_folder
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import refuse_reversed
 from semmap_log.projections.history import HistoryEntry
@@ -33,94 +34,145 @@ from semmap_log.views.palette import DEFAULT, Palette
 
 
 @dataclass(frozen=True, slots=True)
-class MarkerOptions:
-    """How it is shown."""
+class StreamOptions:
+    """What is told, and how."""
 
+    markers: bool = False
+    """Doors as markers and events in words, too; else the thesis's DoorMap, the robot's poses and
+    the floor plans: what a robot would have published."""
     palette: Palette = DEFAULT
+    """Of the markers."""
     default_prob: float | None = None
     """Stands for probabilities that were not given, in the thesis's messages; None: NaN does."""
     every_s: float | None = None
-    """The arrays of doors come at most so often, each topic's; 0: at each change. None: as often
-    as a log of that size allows: see `EVERY_S`."""
+    """The arrays of doors come at most so often, each topic's; 0: at each change. None: at each
+    change, and with markers as often as a log of that size allows: see `EVERY_S`."""
 
 
 @dataclass(frozen=True, slots=True)
-class RecordedMarkers:
-    """What was written."""
+class StreamMessage:
+    """A message, as ROS sends it."""
 
-    messages: dict[str, int]
-    """Topic -> how many."""
-    every_s: float
-    """See `MarkerOptions`."""
-    left_out: tuple[str, ...]
-    """Doors that have no place at the end, and so are not shown."""
-    bytes: int
+    topic: BagTopic
+    at_ns: int
+    """When it became true, in the log's happened time."""
+    data: bytes
 
 
-def record_markers(
+@dataclass(frozen=True, slots=True)
+class LogStream:
+    """A span of a log as messages; it can be gone through again and again."""
+
+    log: DoorLog
+    options: StreamOptions
+    plan: StreamPlan
+    ros_version: RosVersion
+    since_ns: int | None
+    """The first messages show this moment; None: the first event's."""
+    before: DoorMap
+    """The doors of that moment."""
+    times: Times
+    """When the later events count."""
+
+    @property
+    def topics(self) -> list[BagTopic]:
+        """All that there are messages on, and those that stay empty."""
+        return self.plan.topics
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """When the first and the last message come; None: there is none."""
+        ends = [*self.times[[0, -1]].tolist()] if len(self.times) else []
+        if self.since_ns is not None:
+            ends.insert(0, self.since_ns)
+        return (ends[0], ends[-1]) if ends else None
+
+    def messages(self, progress: Progress | None = None) -> Iterator[StreamMessage]:
+        """Yield the messages, their times ascending, in memory of a slice of the log.
+
+        Args:
+            progress: Told how many of the events are done.
+
+        Raises:
+            OutputError: A time cannot be a ROS stamp.
+        """
+        out: list[StreamMessage] = []
+        fold = _Fold(self, out)
+        if self.since_ns is not None:
+            fold.begin(self.since_ns)
+            yield from _taken(out)
+        for at_ns, entries in moments(self.log, self.times, progress):
+            fold.take(at_ns, entries)
+            yield from _taken(out)
+        fold.finish()
+        yield from _taken(out)
+
+
+def _taken(out: list[StreamMessage]) -> Iterator[StreamMessage]:
+    yield from out
+    out.clear()
+
+
+def log_stream(
     log: DoorLog,
-    out: Path,
-    options: MarkerOptions = MarkerOptions(),
+    options: StreamOptions = StreamOptions(),
     *,
+    ros_version: RosVersion,
     since: Time = None,
     until: Time = None,
-    progress: Progress | None = None,
-) -> RecordedMarkers:
-    """Write the bag, whole or not at all; the same log and options give the same bytes.
+) -> LogStream:
+    """Return a log's stream, after a look at all of it.
 
     Args:
         log: The log.
-        out: `.mcap`, `.bag` (ROS 1) or, without an extension, a rosbag2 folder. A file that was
-            there is replaced, a folder never.
-        options: How it is shown.
+        options: What is told.
+        ros_version: Whose messages.
         since: The first messages show this moment; default: the first event's.
         until: The last moment; default: the log's end.
-        progress: Told how many of the events are done.
 
     Raises:
-        FormatError: The name tells no bag.
         MomentError: `since` comes after `until`.
-        OutputError: It cannot be written, or a time cannot be a ROS stamp; what was there is whole.
     """
-    refuse_own_folder(log.path, out)
     since_ns, until_ns = log.instant(since), log.instant(until)
     refuse_reversed(since_ns, until_ns)
     before = DoorMap({}, {}) if since_ns is None else log.replay(at=since_ns)
     times = times_of(log, None if since_ns is None else since_ns + 1, until_ns)
-    plan = plan_of(log, before, times, ros_version=ros_version_of(out), every_s=options.every_s)
-    with new_bag(out, plan.topics) as bag:
-        stream = _Stream(bag, log, plan, options, before)
-        if since_ns is not None:
-            stream.begin(since_ns)
-        for at_ns, entries in moments(log, times, progress):
-            stream.take(at_ns, entries)
-        stream.finish()
-    return RecordedMarkers(stream.counts, plan.every_s, _left_out(log, until_ns), bytes_of(out))
+    plan = plan_of(
+        log,
+        before,
+        times,
+        ros_version=ros_version,
+        markers=options.markers,
+        every_s=options.every_s,
+    )
+    return LogStream(log, options, plan, ros_version, since_ns, before, times)
 
 
-class _Stream:
-    """Folds the events, and writes what they change."""
+class _Fold:
+    """Folds the events, and puts out what they change."""
 
-    def __init__(
-        self, bag: NewBag, log: DoorLog, plan: MarkerPlan, options: MarkerOptions, before: DoorMap
-    ) -> None:
-        self.counts: Counter[str] = Counter({topic.name: 0 for topic in plan.topics})
-        self._bag = bag
+    def __init__(self, stream: LogStream, out: list[StreamMessage]) -> None:
+        log, plan, before = stream.log, stream.plan, stream.before
+        version, options = stream.ros_version, stream.options
+        self._out = out
+        self._counts: Counter[BagTopic] = Counter()
         self._plan = plan
-        self._messages = Messages(bag.ros_version)
+        self._version = version
+        self._messages = Messages(version)
         self._table = DoorTable.of(before)
         self._heights = heights_of(self._table, plan.levels)
         self._floors = {level: floor for level in plan.floors
                         if (floor := log.floor_of(before, level)) is not None}  # fmt: skip
-        markers = DoorMarkers(bag.ros_version)
-        self._levels = [LevelDoors(markers, level, options.palette) for level in plan.doors]
-        self._thesis = ThesisDoors(ThesisMessages(bag.ros_version, options.default_prob))
+        markers = DoorMarkers(version)
+        shown = plan.doors if plan.markers else ()
+        self._levels = [LevelDoors(markers, level, options.palette) for level in shown]
+        self._thesis = ThesisDoors(ThesisMessages(version, options.default_prob))
         every_ns = round(plan.every_s * 1e9)
         self._of_levels = [
-            WholeTopic(bag, plan.doors[shown.level], every_ns, shown.message)
-            for shown in self._levels
+            WholeTopic(self._send, plan.doors[doors.level], every_ns, doors.message)
+            for doors in self._levels
         ]
-        self._of_thesis = WholeTopic(bag, THESIS, every_ns, self._thesis.message)
+        self._of_thesis = WholeTopic(self._send, THESIS, every_ns, self._thesis.message)
         self._names = log.door_names()
         self._new_floors = set(self._floors)
         """Levels of which the plan is another than the last that was sent, or lies elsewhere."""
@@ -129,29 +181,29 @@ class _Stream:
             self._show(door_id)
 
     def begin(self, at_ns: int) -> None:
-        """Write what there is before the first event."""
+        """Tell what there is before the first event."""
         self._send_due(at_ns)
 
     def take(self, at_ns: int, entries: Sequence[HistoryEntry]) -> None:
-        """Write what happened at a moment."""
+        """Tell what happened at a moment."""
         self._catch_up(at_ns)
         for entry in entries:
             self._take(at_ns, entry)
         self._send_due(at_ns)
 
     def finish(self) -> None:
-        """Write what waits for its time, as of the last moment."""
+        """Tell what waits for its time, as of the last moment."""
         for waiting in self._arrays():
             if waiting.has_changed and self._last_ns:
                 waiting.send(self._last_ns)
-            self.counts[waiting.topic.name] = waiting.count
 
     def _take(self, at_ns: int, entry: HistoryEntry) -> None:
         event = entry.event
         if isinstance(event, RobotPose):
             self._send_robot(at_ns, event)
             return
-        self._send_words(at_ns, entry)
+        if self._plan.markers:
+            self._send_words(at_ns, entry)
         has_changed = self._table.take(event)
         if isinstance(event, FloorMap):
             self._floors[event.level] = event
@@ -198,21 +250,22 @@ class _Stream:
         floor, topic = self._floors[level], self._plan.floors[level]
         z = self._heights[level]
         origin = self._messages.pose(floor.origin_x, floor.origin_y, z, floor.origin_theta)
-        number = self.counts[topic.name]
+        number = self._counts[topic]
         grid = grid_message(
             self._messages, at_ns, number, floor.cells, resolution=floor.resolution, origin=origin
         )
-        self._send(topic, at_ns, grid)
+        self._send_message(topic, at_ns, grid)
 
     def _send_robot(self, at_ns: int, pose: RobotPose) -> None:
-        number, z = self.counts[ROBOT.name], self._heights.get(pose.level, 0.0)
-        self._send(ROBOT, at_ns, pose_message(self._messages, at_ns, number, pose, z))
+        number, z = self._counts[ROBOT], self._heights.get(pose.level, 0.0)
+        self._send_message(ROBOT, at_ns, pose_message(self._messages, at_ns, number, pose, z))
 
     def _send_words(self, at_ns: int, entry: HistoryEntry) -> None:
         topic = self._plan.events
-        number = self.counts[topic.name]
-        message = log_message(self._messages, at_ns, number, self._line(entry))
-        self._send(topic, at_ns, message)
+        number = self._counts[topic]
+        self._send_message(
+            topic, at_ns, log_message(self._messages, at_ns, number, self._line(entry))
+        )
 
     def _line(self, entry: HistoryEntry) -> LogLine:
         """Return an event in words: the door is the node, the event's kind the function."""
@@ -222,11 +275,9 @@ class _Stream:
         name = "semmap" if door_id is None else self._names.get(door_id, f"door {door_id}")
         return LogLine(printable(name), printable(text), entry.source, entry.kind, entry.number)
 
-    def _send(self, topic: BagTopic, at_ns: int, message: object) -> None:
-        self._bag.write(topic, at_ns, message)
-        self.counts[topic.name] += 1
+    def _send_message(self, topic: BagTopic, at_ns: int, message: Any) -> None:
+        self._send(topic, at_ns, encoded(self._version, message, topic.ros_type))
 
-
-def _left_out(log: DoorLog, until_ns: int | None) -> tuple[str, ...]:
-    doors = log.replay(at=until_ns).doors.values()
-    return tuple(door.label for door in doors if not is_drawn(door))
+    def _send(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
+        self._out.append(StreamMessage(topic, at_ns, data))
+        self._counts[topic] += 1

@@ -1,4 +1,4 @@
-"""What is shown on the topics of a markers' bag: whole truths, sent when they have changed."""
+"""What is said on the topics of a log's stream: whole truths, sent when they have changed."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from dataclasses import dataclass
 from semmap_log.doors import Door, DoorId
 from semmap_log.exporting.door_table import DoorTable
 from semmap_log.formats.array_messages import Part
-from semmap_log.formats.bags import BagTopic, NewBag
+from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.door_markers import DoorLook, DoorMarkers, is_drawn
 from semmap_log.formats.ros_messages import check_stamp
 from semmap_log.formats.thesis_messages import ThesisMessages
 from semmap_log.views.palette import Palette
+
+Send = Callable[[BagTopic, int, bytes], None]
+"""Takes a message: its topic, its time in ns, and what ROS sends of it."""
 
 
 class WholeTopic:
@@ -24,13 +27,12 @@ class WholeTopic:
     """
 
     def __init__(
-        self, bag: NewBag, topic: BagTopic, every_ns: int, message: Callable[[], bytes]
+        self, send: Send, topic: BagTopic, every_ns: int, message: Callable[[], bytes]
     ) -> None:
         self.topic = topic
-        self.count = 0
-        """Of the messages sent."""
         self.has_changed = True
-        self._bag = bag
+        self._send = send
+        self._has_sent = False
         self._every_ns = every_ns
         self._message = message
         self._next_ns = 0
@@ -39,7 +41,7 @@ class WholeTopic:
     @property
     def overdue_ns(self) -> int | None:
         """When a message is to come that waits; None: none does."""
-        return self._next_ns if self.has_changed and self.count else None
+        return self._next_ns if self.has_changed and self._has_sent else None
 
     def send_if_due(self, at_ns: int) -> None:
         """Send what has changed, unless it has to wait."""
@@ -49,8 +51,8 @@ class WholeTopic:
     def send(self, at_ns: int) -> None:
         """Send the truth of now."""
         check_stamp(at_ns)
-        self._bag.write_encoded(self.topic, at_ns, self._message())
-        self.count += 1
+        self._send(self.topic, at_ns, self._message())
+        self._has_sent = True
         self.has_changed = False
         self._next_ns = at_ns + self._every_ns
 

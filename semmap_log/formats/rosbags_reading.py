@@ -1,0 +1,136 @@
+"""Bags that rosbags reads: ROS 1's `.bag`, rosbag2's `.db3`, and folders that were compressed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from struct import unpack_from
+from typing import Any
+
+from semmap_log.errors import FormatError
+from semmap_log.formats.bag_reading import BagChannel, BagMessage
+from semmap_log.formats.files import open_regular
+from semmap_log.formats.ros_decoding import MessageType
+from semmap_log.formats.ros_types import RosVersion, long_name
+
+
+def open_with_rosbags(path: Path, stack: ExitStack) -> RosbagsBag:
+    """Open a file or a folder, which the stack closes.
+
+    Raises:
+        FormatError: It cannot be read.
+    """
+    if not path.is_dir():
+        _refuse_cut(path)
+        _refuse_unwritten(path)
+    with _troubles(path):
+        if path.suffix.lower() == ".bag":
+            from rosbags.rosbag1 import Reader as Reader1
+
+            reader: Any = Reader1(path)
+            version: RosVersion = 1
+        else:
+            from rosbags.rosbag2 import Reader as Reader2
+
+            reader, version = Reader2(path), 2
+        stack.enter_context(reader)
+    return RosbagsBag(path, reader, version)
+
+
+class RosbagsBag:
+    """A bag that is open."""
+
+    def __init__(self, path: Path, reader: Any, version: RosVersion) -> None:
+        self._path = path
+        self._reader = reader
+        self._channels = {each.id: _channel(each, version) for each in reader.connections}
+
+    @property
+    def channels(self) -> Collection[BagChannel]:
+        """All that it has."""
+        return list(dict.fromkeys(self._channels.values()))
+
+    def count(self, channels: Collection[BagChannel]) -> int:
+        """Return how many messages the bag says that there are."""
+        chosen = self._chosen(channels)
+        return sum(each.msgcount for each in chosen)
+
+    def messages(self, channels: Collection[BagChannel]) -> Iterator[BagMessage]:
+        """Yield the messages of these channels, times ascending."""
+        chosen = self._chosen(channels)
+        if not chosen:
+            return
+        expected, count = self.count(channels), 0
+        with _troubles(self._path):
+            for connection, at_ns, data in self._reader.messages(chosen):
+                count += 1
+                yield BagMessage(self._channels[connection.id], at_ns, bytes(data))
+        if count != expected:
+            raise FormatError(
+                self._path,
+                f"expected {expected:,} messages, as the bag itself says, got {count:,}; "
+                "it is damaged, or its index is: rosbag reindex, ros2 bag reindex",
+            )
+
+    def _chosen(self, channels: Collection[BagChannel]) -> list[Any]:
+        wanted = set(channels)
+        return [each for each in self._reader.connections if self._channels[each.id] in wanted]
+
+
+def _refuse_cut(path: Path) -> None:
+    """Return unless the file is SQLite's, and shorter than its header says.
+
+    Raises:
+        FormatError: It is, or is no file.
+    """
+    with open_regular(path) as file:
+        header, size = file.read(100), file.seek(0, 2)
+    if len(header) < 100 or not header.startswith(b"SQLite format 3\0"):
+        return
+    (page,), (changes, pages), (counted_at,) = (
+        unpack_from(form, header, at) for form, at in ((">H", 16), (">II", 24), (">I", 92))
+    )
+    expected = pages * (65536 if page == 1 else page)  # the header's, if it was kept up to date
+    if changes == counted_at and size < expected:
+        raise FormatError(path, f"its end is lost: expected {expected:,} bytes, got {size:,}")
+
+
+def _refuse_unwritten(path: Path) -> None:
+    """Return unless SQLite keeps a part of the messages beside the file, where nobody looks.
+
+    Raises:
+        FormatError: It does: whoever wrote it was killed.
+    """
+    beside = path.with_name(f"{path.name}-wal")
+    if beside.exists() and beside.stat().st_size:
+        raise FormatError(
+            path,
+            f"it was not closed: a part of it is in {beside.name}; have SQLite put it together: "
+            f"sqlite3 {path.name} 'pragma wal_checkpoint'",
+        )
+
+
+def _channel(connection: Any, version: RosVersion) -> BagChannel:
+    definition = connection.msgdef
+    form = definition.format.name.lower()
+    text = definition.data if form in {"msg", "idl"} else ""
+    name = long_name(connection.msgtype)
+    return BagChannel(
+        connection.topic, MessageType(name, version, text, "idl" if form == "idl" else "msg")
+    )
+
+
+@contextmanager
+def _troubles(path: Path) -> Iterator[None]:
+    """Turn whatever rosbags raises of damaged bytes into our error."""
+    try:
+        yield
+    except FormatError:
+        raise
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        raise FormatError(
+            path, f"cannot be read as a bag: {reason} (rosbag reindex, or ros2 bag reindex, mends "
+            "one that was not closed)",
+        ) from error  # fmt: skip
