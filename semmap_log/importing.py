@@ -7,13 +7,16 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from semmap_log.bag_importing import plan_bag
 from semmap_log.commands import resolve_level
 from semmap_log.commits import NO_CONTENT, Note
+from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorId
-from semmap_log.errors import FormatError
+from semmap_log.errors import CommandError, FormatError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event, FloorMap
+from semmap_log.formats.bag_reading import READABLE_BAGS, files_of, is_bag
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_csv import read_door_csv
 from semmap_log.formats.door_table import DoorTable, TableDoor
@@ -23,9 +26,13 @@ from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
 from semmap_log.log.reading.passage import Progress
+from semmap_log.ros_mapping.mapping import WELL_KNOWN
+from semmap_log.ros_mapping.mapping_file import read_mapping
 
-READABLE = "*.building.yaml (Open-RMF), .yaml (the thesis's), .csv, .csv.gz, .jsonl, .jsonl.gz"
-
+READABLE = (
+    "*.building.yaml (Open-RMF), .yaml (the thesis's), .csv, .csv.gz, .jsonl, .jsonl.gz, "
+    f"{READABLE_BAGS}"
+)
 
 TOLD_EVERY = 1000
 """Events between two words of progress, or a whole batch of them."""
@@ -45,6 +52,8 @@ class ImportOptions:
     renumber: bool = False
     at_ns: int | None = None
     """When it happened, where the file does not say; None: when it is recorded."""
+    mapping: Path | None = None
+    """Bags: how their topics are read; None: the well-known ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +82,18 @@ def import_file(
         path: Its name tells its format.
         options: How to take it.
         note: Who and why; the source is the file's name unless given.
-        progress: Told (events written, events in all).
+        progress: Told (events written, events in all); of a bag first (messages read, in all).
 
     Raises:
         FormatError: The file cannot be read, or is of no known format.
         CommandError: The map forbids it.
     """
-    plan_of = _planner(path)
+    if options.mapping is not None and not is_bag(path):
+        raise CommandError(f"{path}: a mapping (--mapping) says how bags are read; this is none.")
+    plan_of = _planner(path, progress)
     command_id = None
     if not (options.update or options.renumber):
-        command_id = _command_id(path, options)
+        command_id = command_id_of(path, options)
         known = log.find_command(command_id, everywhere=True)
         if known is not None:
             return Imported(ImportPlan((), 0), None, known_before=True)
@@ -103,12 +114,32 @@ def import_file(
 Planner = Callable[[DoorLogWriter, Path, ImportOptions], ImportPlan]
 
 
-def _planner(path: Path) -> Planner:
+def plan_bag_import(
+    log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None
+) -> ImportPlan:
+    """Return what a bag would bring; nothing is written.
+
+    Raises:
+        FormatError: The bag or the mapping cannot be read.
+        CommandError: The map forbids it; or an option says what of a bag only a mapping can.
+    """
+    if replace(options, tz=None, mapping=None) != ImportOptions():
+        raise CommandError(
+            f"{path}: a bag's messages say when they were, and a mapping says how they are read; "
+            "leave out --level, --windows, --at, --update, --renumber."
+        )
+    mapping = WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
+    return plan_bag(path, log, mapping, progress=progress)
+
+
+def _planner(path: Path, progress: Progress | None) -> Planner:
+    if is_bag(path):
+        return lambda log, path, options: plan_bag_import(log, path, options, progress)
     name = path.name.lower().removesuffix(".gz")
     if name.endswith((".building.yaml", ".building.yml")):
         return _plan_building
     if name.endswith((".yaml", ".yml")):
-        return _plan_thesis_yaml
+        return plan_thesis_yaml
     if name.endswith(".csv"):
         return _plan_csv
     if name.endswith((".jsonl", ".ndjson")):
@@ -121,7 +152,13 @@ def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> Im
     return _plan_table(log, table, options)
 
 
-def _plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    """Return what a thesis's YAML means for a log as it stands.
+
+    Raises:
+        FormatError: It cannot be read.
+        CommandError: The map forbids it.
+    """
     table = read_thesis_yaml(path)
     door_map = log.state.door_map()
 
@@ -166,12 +203,12 @@ def _present(log: DoorLogWriter) -> Present:
     return Present(door_map, used, maps, next_event, log.roster)
 
 
-def _command_id(path: Path, options: ImportOptions) -> bytes:
-    """Return an id that is the same for the same bytes taken in the same way."""
+def command_id_of(path: Path, options: ImportOptions) -> bytes:
+    """Return the id of an import's commit: the same for the same bytes taken in the same way."""
     whole = hashlib.sha256(f"import {options.level} {options.tz} {options.at_ns}".encode())
-    for file in (path, options.windows):
-        if file is not None:
-            whole.update(_digest(file))
+    for file in (path, options.windows, options.mapping):
+        for part in [] if file is None else files_of(file):
+            whole.update(_digest(part))
     return whole.digest()[:16]
 
 

@@ -1,0 +1,140 @@
+"""Message after message to events: what the recorder and the import of bags have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
+from semmap_log.events import DoorObserved, Event
+from semmap_log.formats.ros_decoding import MessageType, decode_message
+from semmap_log.formats.ros_types import short_name
+from semmap_log.ros_mapping.complaints import Complaints
+from semmap_log.ros_mapping.door_maps import DoorMaps
+from semmap_log.ros_mapping.floors import FloorMaps
+from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.mapping import (
+    ONLY_TYPES,
+    ReadDoorMap,
+    ReadFloorMap,
+    ReadPatrol,
+    ReadPose,
+    ReadRmfRequest,
+    ReadRmfState,
+    ReadSensor,
+    ReadTransforms,
+    RosMapping,
+    TopicRule,
+)
+from semmap_log.ros_mapping.reading import Context, Reader, TopicMessage
+from semmap_log.ros_mapping.robot import Poses, Track, Transforms
+from semmap_log.ros_mapping.rounds import Rounds
+from semmap_log.ros_mapping.sightings import RmfRequests, RmfStates, Sensor
+from semmap_log.ros_mapping.transforms import TransformTree
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What became of a message."""
+
+    events: list[Event]
+    """In their order; none: it said nothing new, or nothing that can be."""
+    actor: str = ""
+    """Who did it, where the message tells."""
+    reason: str = ""
+
+
+class Translator:
+    """Makes events of messages, and knows the doors as they are after each."""
+
+    def __init__(self, mapping: RosMapping, known: Known, complaints: Complaints) -> None:
+        self.mapping = mapping
+        self.complaints = complaints
+        self._context = Context(mapping, known, complaints)
+        self._track = Track(mapping.moved_m, mapping.turned_rad)
+        self._tree = TransformTree()
+        self._readers: dict[str, Reader] = {}
+        self._rules: dict[str, TopicRule] = {}
+
+    def read_topic(self, topic: str, rule: TopicRule) -> None:
+        """Read a topic from now on.
+
+        Raises:
+            CommandError: There is no such level, or it is not said which.
+        """
+        try:
+            self._readers[topic] = self._reader(topic, rule)
+        except UnknownLevelError as error:
+            raise CommandError(f"{topic}: {error} A mapping file says it: level.") from None
+        self._rules[topic] = rule
+
+    def take(self, topic: str, message_type: MessageType, data: bytes, received_ns: int) -> Made:
+        """Return the events of a message; trouble with it is complained about, never raised.
+
+        Args:
+            topic: One that is read.
+            message_type: How to decode it.
+            data: The message.
+            received_ns: When it came: by the bag, or by the node's clock.
+        """
+        rule = self._rules[topic]
+        possible = ONLY_TYPES.get(type(rule.reading), ())
+        if possible and message_type.name not in possible:
+            names = " or ".join(short_name(name) for name in possible)
+            kind = f"a {short_name(message_type.name)}, expected {names}; passed over"
+            self.complaints.add(topic, kind)
+            return Made([])
+        try:
+            message = decode_message(message_type, data)
+        except SemmapError as error:
+            self.complaints.add(topic, "a message that cannot be read; passed over", error)
+            return Made([])
+        return self._made(TopicMessage(topic, message, received_ns))
+
+    def start_anew(self, known: Known) -> None:
+        """Take the log as it stands for what is known: some events were not stored."""
+        self._context.known = known
+        for reader in self._readers.values():
+            if isinstance(reader, DoorMaps):
+                reader.forget()
+
+    def _made(self, got: TopicMessage) -> Made:
+        reader, known = self._readers[got.topic], self._context.known
+        events: list[Event] = []
+        try:
+            for event in reader.events(got):
+                if isinstance(event, DoorObserved):
+                    events += self._track.at_sighting()
+                known.apply(event)
+                events.append(event)
+            actor = reader.actor(got) if events else ""
+        except _TROUBLE as error:
+            said = f"{type(error).__name__}: {error}" if _is_ours(error) else str(error)
+            self.complaints.add(got.topic, "a message that cannot be; passed over", said)
+            return Made(events)
+        rule = self._rules[got.topic].reading
+        return Made(events, actor, rule.name if isinstance(rule, ReadPatrol) else "")
+
+    def _reader(self, topic: str, rule: TopicRule) -> Reader:
+        context, track = self._context, self._track
+        makers: dict[type, Callable[[Any], Reader]] = {
+            ReadDoorMap: lambda reading: DoorMaps(topic, reading, context),
+            ReadRmfState: lambda reading: RmfStates(topic, reading, context),
+            ReadRmfRequest: lambda reading: RmfRequests(topic, reading, context),
+            ReadSensor: lambda reading: Sensor(topic, reading, context),
+            ReadPose: lambda reading: Poses(topic, reading, context, track),
+            ReadTransforms: lambda reading: Transforms(reading, context, track, self._tree),
+            ReadFloorMap: lambda reading: FloorMaps(topic, reading, context),
+            ReadPatrol: lambda reading: Rounds(reading, context),
+        }
+        return makers[type(rule.reading)](rule.reading)
+
+
+_TROUBLE = (SemmapError, AttributeError, TypeError, ValueError, OverflowError, IndexError)
+"""What a message raises that is another than its name says, or holds what cannot be."""
+
+
+def _is_ours(error: Exception) -> bool:
+    """Tell whether an error's text means little without its type."""
+    return isinstance(error, (AttributeError, TypeError, IndexError))
