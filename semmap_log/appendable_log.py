@@ -110,6 +110,11 @@ class AppendableLog(DoorLog):
         with self._mutex:
             return self._writer.state
 
+    def door_map(self) -> DoorMap:
+        """Return the doors after the last commit as values, whatever is appended meanwhile."""
+        with self._mutex:
+            return self._writer.state.door_map()
+
     @property
     def roster(self) -> Roster:
         """Which doors and levels there are after the last commit."""
@@ -184,6 +189,45 @@ class AppendableLog(DoorLog):
             return given
 
         return self._append_once(expected, note, command_id, content, is_stored, sync=sync)
+
+    def append_made(
+        self,
+        make: Callable[[], list[Event]],
+        *,
+        note: Note = Note(),
+        command_id: bytes | None = None,
+        content: bytes = NO_CONTENT,
+    ) -> Appended | None:
+        """Append what `make` gives, as one commit; nobody appends between its look and that.
+
+        Args:
+            make: Asks this log what it wants, and gives the events, or none where what it finds
+                needs no change; not called for a command that is stored already.
+            note: Who, with what, why.
+            command_id: 16 bytes; a command that is stored already is not stored again.
+            content: Digest of what the command asks for.
+
+        Returns:
+            None where there was nothing to append; what `make` looked at is durable, as promised.
+
+        Raises:
+            CommandError: The map forbids an event; nothing is stored.
+            CommandReusedError: The command is stored already, with other content.
+            LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
+        """
+        with self._mutex:
+            appended = self._repeated(command_id, lambda stored: stored.content == content)
+            if appended is None:
+                self._writer.check_usable()  # before `make` does anything
+                looked_at = self._writer.next_event
+                events = make()
+                if events:
+                    appended = self._append_now(lambda: events, note, command_id, content)
+        if appended is None:
+            self._writer.keep_promise(looked_at)
+        else:
+            self._make_last(appended.commit, sync=None)
+        return appended
 
     def sync(self) -> None:
         """Return once every commit so far survives a power cut."""

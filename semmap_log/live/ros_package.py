@@ -1,0 +1,56 @@
+"""The ROS package that comes with this one, copied into somebody's workspace."""
+
+from __future__ import annotations
+
+import shutil
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from semmap_log.errors import OutputError
+from semmap_log.log.disk import whole_folder
+
+NAME = "lta_semantic_map"
+COMPILED = "__pycache__"
+"""What installers put beside launch files."""
+
+
+def write_ros_package(workspace_src: Path) -> tuple[Path, bool]:
+    """Copy the package, whole or not at all.
+
+    Args:
+        workspace_src: The `src` folder of a catkin or colcon workspace.
+
+    Returns:
+        Where it is, and whether it was written now: the same files are left as they are.
+
+    Raises:
+        OutputError: There is no such folder, or something else bears the package's name in it.
+    """
+    target = workspace_src / NAME
+    if not workspace_src.is_dir():
+        raise OutputError(f"{workspace_src}: no such folder; expected a workspace's src.")
+    with as_file(files("semmap_log") / "ros" / NAME) as package:
+        if target.exists():
+            if differing := _differing(package, target):
+                raise OutputError(
+                    f"{target}: is there already, and is not this package as it is now "
+                    f"({differing} differs). Remove it first, if nobody needs it."
+                )
+            return target, False
+        with whole_folder(target) as temporary:
+            shutil.copytree(package, temporary, ignore=shutil.ignore_patterns(COMPILED))
+            for script in (temporary / "scripts").iterdir():
+                script.chmod(0o755)  # an installer may have dropped it
+    return target, True
+
+
+def _differing(package: Path, target: Path) -> str:
+    """Return a file of the package that another folder has not, or not alike; "": there is none."""
+    for path in sorted(package.rglob("*")):
+        name = path.relative_to(package)
+        other = target / name
+        if path.is_dir() or COMPILED in name.parts:
+            continue
+        if not (other.is_file() and other.read_bytes() == path.read_bytes()):
+            return str(name)
+    return ""

@@ -1,0 +1,120 @@
+"""The server on a ROS node: the doors on topics at each change, and the thesis's four actions."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from semmap_log.doors import DoorMap
+from semmap_log.events import FloorMap
+from semmap_log.live.action_names import action_name
+from semmap_log.live.ros_node import Goal, Outcome, RosNode
+from semmap_log.live.serving.door_server import ACTIONS
+from semmap_log.live.serving.served_costmap import ServedCostmaps
+from semmap_log.live.serving.served_doors import ServedDoors
+from semmap_log.live.serving.served_topics import LevelNames, ServedTopics, levels_of
+from semmap_log.views.palette import DEFAULT, Palette
+
+
+class Doors(Protocol):
+    """What is served: a `DoorServer`, or a `DoorFollower`."""
+
+    def door_map(self) -> DoorMap:
+        """Return the doors as they are now."""
+
+    def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
+        """Return a level's floor plan, as of a door map."""
+
+    def run(self, goal: Goal) -> Outcome:
+        """Do what a goal asks for."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServeOptions:
+    """What is offered beside the thesis's topic and actions."""
+
+    costmap: bool = False
+    floors: dict[int, FloorMap] = field(default_factory=dict)
+    """Floor plans that count instead of the log's, by level."""
+    palette: Palette = DEFAULT
+    default_prob: float | None = None
+    """Stands in the DoorMap for probabilities that were not given; None: NaN does."""
+
+
+class Server:
+    """Offers the doors; its `wake` is to be told of each change."""
+
+    def __init__(
+        self, node: RosNode, doors: Doors, wake: threading.Event, options: ServeOptions
+    ) -> None:
+        """Take up the doors; nothing is offered yet.
+
+        Args:
+            node: The node.
+            doors: What is served.
+            wake: Set when there is something new.
+            options: What is offered.
+        """
+        self._node = node
+        self._doors = doors
+        self._wake = wake
+        self._ending = False
+        self._failure: Exception | None = None
+        known = doors.door_map()
+        names = LevelNames(levels_of(known) | options.floors.keys())
+        topics = ServedTopics(node)
+        self._shown: list[ServedDoors | ServedCostmaps] = [
+            ServedDoors(topics, names, palette=options.palette, default_prob=options.default_prob)
+        ]
+        if options.costmap:
+            self._shown.append(
+                ServedCostmaps(
+                    topics,
+                    names,
+                    doors.floor_of,
+                    lambda text: node.log(text, is_warning=True),
+                    floors=options.floors,
+                )
+            )
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Serve until told to stop, or until ROS ends.
+
+        Raises:
+            RosError: A type is not installed.
+            LogError: A log that is followed is damaged, or was exchanged.
+        """
+        self._wake.clear()
+        self._show()  # who finds the actions finds the map, too
+        thread = threading.Thread(target=self._show_changes, name="show", daemon=True)
+        thread.start()
+        for action in ACTIONS:
+            self._node.serve_action(action, action_name(self._node, action), self._doors.run)
+        try:
+            self._node.run(lambda: stop() or self._failure is not None)
+        finally:
+            self._ending = True
+            self._wake.set()
+            thread.join()
+        if self._failure is not None:
+            raise self._failure
+
+    def _show_changes(self) -> None:
+        """Show the doors after each change, or changes that came together: the last one, always.
+
+        One thread shows them all, so that no older map ever follows a newer one.
+        """
+        try:
+            while not self._ending:
+                self._wake.wait()
+                self._wake.clear()  # before looking: what comes now is looked at again
+                self._show()
+        except Exception as error:  # noqa: BLE001  a server that shows nothing must not go on
+            self._failure = error
+
+    def _show(self) -> None:
+        doors, at_ns = self._doors.door_map(), self._node.now_ns()
+        for shown in self._shown:
+            shown.show(doors, at_ns)

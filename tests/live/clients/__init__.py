@@ -1,0 +1,1 @@
+"""Clients for other interpreters: started as scripts, not imported."""

@@ -1,0 +1,185 @@
+"""Saving: the thesis's YAML inside a root, whole or not at all, and nowhere else."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import pytest
+
+from semmap_log.events import LogExported
+from semmap_log.live.ros_node import Outcome
+from semmap_log.live.serving import saving
+from semmap_log.live.serving.door_server import DoorServer
+from semmap_log.live.serving.saving import DoorSaver
+from semmap_log.log.form import TEMPORARY_SUFFIX
+from tests.live.serving.door_servers import door_server, events_in
+from tests.live.serving.goals import DOOR, goal_of
+
+
+def test_saving_writes_the_thesis_yaml_and_a_note_of_it(server: DoorServer, root: Path) -> None:
+    """
+    The file is what `import` and the thesis's server read; the log says that it was saved.
+    """
+    server.run(goal_of("AddDoor", "a", **DOOR))
+
+    outcome = server.run(goal_of("SaveDoorDB", "s", file_name="doors.yaml"))
+
+    assert Outcome(succeeded=True, result={"stored_successful": True}) == outcome
+    assert "status: CLOSED" in (root / "doors.yaml").read_text()
+    event = server.log.event(1).event
+    assert isinstance(event, LogExported)
+    assert ("thesis YAML", "doors.yaml") == (event.format, event.file_name)
+
+
+def test_absolute_paths_inside_the_root_are_fine(server: DoorServer, root: Path) -> None:
+    """
+    By the root's name, or by where that leads; in folders below, too.
+    """
+    (root / "below").mkdir()
+    link = root.parent / "link"
+    link.symlink_to(root)
+    linked = _saver_outcome(server, link, f"{link}/linked.yaml")
+
+    plain = server.run(goal_of("SaveDoorDB", "s", file_name=f"{root}/below/doors.yml"))
+
+    assert plain.succeeded
+    assert linked.succeeded
+    assert {"below", "linked.yaml"} == {each.name for each in root.iterdir()}
+    assert ["doors.yml"] == [each.name for each in (root / "below").iterdir()]
+
+
+def _saver_outcome(server: DoorServer, root: Path, file_name: str) -> Outcome:
+    saver = DoorSaver(root, server.log.path)
+    other = DoorServer(lambda: server.log, saver)
+    return other.run(goal_of("SaveDoorDB", f"by {root}", file_name=file_name))
+
+
+@pytest.fixture
+def trap(root: Path, tmp_path: Path) -> Path:
+    """A root with all that must not be followed or replaced; returns what lies outside."""
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "precious.yaml").write_text("mine")
+    (root / "out").symlink_to(outside)
+    (root / "link.yaml").symlink_to(outside / "precious.yaml")
+    (root / "dangling.yaml").symlink_to(outside / "new.yaml")
+    (root / "loop.yaml").symlink_to("loop.yaml")
+    (root / "folder.yaml").mkdir()
+    os.mkfifo(root / "pipe.yaml")
+    return outside
+
+
+OUTSIDE = [
+    "../outside/precious.yaml", "below/../../outside/precious.yaml", "out/precious.yaml",
+    "out/new.yaml", "link.yaml", "dangling.yaml", "loop.yaml", "folder.yaml", "pipe.yaml",
+    "/etc/doors.yaml", "{outside}/precious.yaml", "{root}/../outside/precious.yaml",
+    "{root}x/doors.yaml", "", ".", "..", "/", "doors", "doors.txt", "nul\0.yaml",
+    "missing/doors.yaml", "x" * 300 + ".yaml",
+    "pipe.yaml/doors.yaml", "{root}", "\udcff.yaml",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_nothing_is_written_outside_the_root(
+    server: DoorServer, root: Path, trap: Path, name: str
+) -> None:
+    """
+    Nor over a link, folder or pipe inside it; the text names the root.
+    """
+    before = sorted(root.iterdir())
+    file_name = name.format(outside=trap, root=root)
+
+    outcome = server.run(goal_of("SaveDoorDB", "s", file_name=file_name))
+
+    assert (False, {"stored_successful": False}) == (outcome.succeeded, outcome.result)
+    assert str(root) in outcome.text
+    assert ["precious.yaml"] == [each.name for each in trap.iterdir()]
+    assert "mine" == (trap / "precious.yaml").read_text()
+    assert before == sorted(root.iterdir())
+    assert 0 == events_in(server)
+
+
+def test_a_link_in_place_of_the_temporary_file_is_not_followed(
+    server: DoorServer, root: Path, trap: Path
+) -> None:
+    """
+    Whoever may write into the root can foresee that file's name.
+    """
+    (root / f".doors.yaml.{os.getpid()}{TEMPORARY_SUFFIX}").symlink_to(trap / "precious.yaml")
+
+    outcome = server.run(goal_of("SaveDoorDB", "s", file_name="doors.yaml"))
+
+    assert outcome.succeeded
+    assert "mine" == (trap / "precious.yaml").read_text()
+    assert not (root / "doors.yaml").is_symlink()
+
+
+def test_a_folder_that_is_exchanged_meanwhile_leads_nowhere(
+    server: DoorServer, root: Path, trap: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Behind the look at it, for a link that leads outside: the file is in the folder that was opened.
+    """
+    (root / "below").mkdir()
+
+    def exchange(*_: object) -> None:
+        (root / "below").rename(root / "before")
+        (root / "below").symlink_to(trap)
+
+    monkeypatch.setattr(saving, "refuse_own_folder", exchange)
+
+    outcome = server.run(goal_of("SaveDoorDB", "s", file_name="below/precious.yaml"))
+
+    assert outcome.succeeded
+    assert "mine" == (trap / "precious.yaml").read_text()
+    assert ["precious.yaml"] == [each.name for each in (root / "before").iterdir()]
+
+
+def test_without_a_root_nothing_is_saved(path: Path) -> None:
+    """
+    The text says what to give.
+    """
+    server = door_server(path, None)
+
+    outcome = server.run(goal_of("SaveDoorDB", "s", file_name="/tmp/doors.yaml"))
+
+    assert (False, {"stored_successful": False}) == (outcome.succeeded, outcome.result)
+    assert "--save-root FOLDER, or with --yaml FILE" in outcome.text
+    server.close()
+
+
+def test_the_log_itself_is_no_place_to_save_in(path: Path) -> None:
+    """
+    Where the root holds the log, its folder is refused.
+    """
+    server = door_server(path, path.parent)
+
+    outcome = server.run(goal_of("SaveDoorDB", "s", file_name="log/metadata.yaml"))
+
+    assert not outcome.succeeded
+    assert "the log's own folder" in outcome.text
+    server.close()
+
+
+def test_doors_without_probabilities_need_a_default_to_be_saved(path: Path, root: Path) -> None:
+    """
+    The thesis's file has no way to leave them out.
+    """
+    goal = goal_of("AddDoor", "a", **DOOR | {"prob_open": math.nan})
+    with_default = door_server(path, root, default_prob=0.5)
+    with_default.run(goal)
+    saved = with_default.run(goal_of("SaveDoorDB", "s", file_name="doors.yaml"))
+    with_default.close()
+    (root / "doors.yaml").write_text("old")
+
+    without = door_server(path, root)
+    refused = without.run(goal_of("SaveDoorDB", "t", file_name="doors.yaml"))
+
+    assert saved.succeeded
+    assert (False, {"stored_successful": False}) == (refused.succeeded, refused.result)
+    assert "--default-prob P" in refused.text
+    assert "an option of this server's start" in refused.text
+    assert "old" == (root / "doors.yaml").read_text()
+    without.close()

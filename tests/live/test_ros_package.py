@@ -1,0 +1,295 @@
+"""The ROS package lta_semantic_map: the thesis to the letter, whole in the wheel."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+import yaml
+
+from semmap_log.cli import main
+from semmap_log.formats.ros_types import ros_types
+from semmap_log.live.serving.served_costmap import LAYER_NAME, MASTER_NAME
+from semmap_log.live.serving.served_doors import MARKERS_NAME
+from tests.live.ros_world import ROOT, RosWorld
+
+PACKAGE = ROOT / "semmap_log" / "ros" / "lta_semantic_map"
+
+VALUES = """\
+float64 pos_x
+float64 pos_y
+float64 pos_theta
+float64 width
+string door_state
+float64 prob_open
+float64 prob_closed"""
+FEEDBACK = "float32 percent_complete"
+THESIS = {
+    "action/AddDoor.action": f"{VALUES}\n---\nuint32 door_id\n---\n{FEEDBACK}",
+    "action/RemoveDoor.action": f"uint64 door_id\n---\nbool door_removed\n---\n{FEEDBACK}",
+    "action/SaveDoorDB.action": f"string file_name\n---\nbool stored_successful\n---\n{FEEDBACK}",
+    "action/UpdateDoor.action": "uint64 door_id\nbool change_pos\nbool change_width\n"
+    "bool change_open\nbool change_prob_open\nbool change_prob_closed\n"
+    f"{VALUES}\n---\nbool door_updated\n---\n{FEEDBACK}",
+    "msg/DoorEntry.msg": f"uint32 door_id\n{VALUES}",
+    "msg/DoorMap.msg": "DoorEntry[] door_db",
+}
+"""Figures B.1 to B.4, C.1 and C.2, without their comments."""
+
+CHECKSUMS = {
+    "DoorEntry": "3772ce60ce32d9e60b7b2c8fe554e0a9",
+    "DoorMap": "508bc5364e8b67756f73afae8cdea662",
+    "AddDoorAction": "c6668618ac5dea41d3d85c02b9111760",
+    "RemoveDoorAction": "59db65db41671ea8add1a1f392f4acd1",
+    "SaveDoorDBAction": "4099531d1de215fd048f6fe8b4711965",
+    "UpdateDoorAction": "9e8eac79414d59934bfc4525e33b9902",
+}
+"""As a catkin workspace of Debian 12 (catkin 0.8.10) built the package."""
+
+
+@pytest.mark.parametrize("name", THESIS)
+def test_definitions_are_the_thesis_to_the_letter(name: str) -> None:
+    """
+    All fields, their names, types and order.
+    """
+    lines = (PACKAGE / name).read_text(encoding="utf-8").splitlines()
+
+    assert THESIS[name].splitlines() == [line for line in lines if not line.startswith("#")]
+
+
+def test_there_is_no_other_definition() -> None:
+    """
+    The thesis has two messages and four actions.
+    """
+    found = {f"{path.parent.name}/{path.name}" for path in PACKAGE.glob("[ma]*/*.*")}
+
+    assert set(THESIS) == found
+
+
+def test_ros1_tools_see_the_checksums_of_catkin(ros1: RosWorld) -> None:
+    """
+    `rosmsg md5` of what our builder made; `rosbags` reckons the same for bags.
+    """
+    names = [f"lta_semantic_map/{name}" for name in CHECKSUMS]
+
+    for name, checksum in zip(names, CHECKSUMS.values(), strict=True):
+        with ros1.tool("rosmsg", "md5", name) as rosmsg:
+            assert checksum == rosmsg.finish().strip()
+    for name in ("DoorEntry", "DoorMap"):
+        types = ros_types(1)
+        assert CHECKSUMS[name] == types.generate_msgdef(f"lta_semantic_map/msg/{name}")[1]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "lta_semantic_map/msg/DoorEntry",
+        "lta_semantic_map/msg/DoorMap",
+        "map_msgs/msg/OccupancyGridUpdate",
+        "rmf_door_msgs/msg/DoorRequest",
+        "rmf_door_msgs/msg/DoorState",
+        "tf2_msgs/msg/TFMessage",
+    ],
+)
+def test_ros2_has_the_type_hashes_that_rosbags_reckons(
+    name: str, jazzy: RosWorld, kilted: RosWorld
+) -> None:
+    """
+    Nodes of other makers compare them; rosidl's generators wrote those of our builder.
+    """
+    expected = ros_types(2).hash_rihs01(name)
+
+    for world in (jazzy, kilted):
+        built = world.interpreter.parents[1] / "share" / f"{name}.json"
+        hashes = json.loads(built.read_text())["type_hashes"]
+        assert expected == next(h["hash_string"] for h in hashes if h["type_name"] == name)
+
+
+MANIFEST = """
+import os, sys
+from catkin_pkg.package import parse_package
+package = parse_package(sys.argv[1])
+package.evaluate_conditions({"ROS_VERSION": sys.argv[2]})
+on = lambda depends: " ".join(sorted({d.name for d in depends if d.evaluated_condition}))
+print(on(package.buildtool_depends), package.get_build_type(), sep="\\n")
+print(on(package.member_of_groups))
+print(on(package.exec_depends))
+"""
+
+
+def test_one_manifest_serves_both(ros1: RosWorld) -> None:
+    """
+    Read by catkin's own parser, which colcon uses, too: each ROS sees its own dependencies.
+    """
+    with ros1.code(MANIFEST, PACKAGE / "package.xml", 1) as of_ros1:
+        tools, build_type, groups, needs = of_ros1.finish().split("\n")[:4]
+        assert ("catkin", "catkin", "") == (tools, build_type, groups)
+        assert "rospy" in needs
+        assert "rclpy" not in needs
+
+    with ros1.code(MANIFEST, PACKAGE / "package.xml", 2) as of_ros2:
+        tools, build_type, groups, needs = of_ros2.finish().split("\n")[:4]
+        assert "ament_cmake rosidl_default_generators" == tools
+        assert ("ament_cmake", "rosidl_interface_packages") == (build_type, groups)
+        assert "rclpy" in needs
+        assert "rospy" not in needs
+
+
+def test_the_version_is_the_packages() -> None:
+    """
+    A workspace says which release its messages are of.
+    """
+    pyproject = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    manifest = ET.parse(PACKAGE / "package.xml").getroot()
+
+    assert f'version = "{manifest.findtext("version")}"' in pyproject
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.glob("launch/*")), ids=lambda path: path.name)
+def test_launch_files_start_what_is_there(path: Path) -> None:
+    """
+    They parse, and the executable that they name is one of the scripts. ROS 2's cannot be run here:
+    its `launch` is to be had neither from Debian nor as a wheel.
+    """
+    text = path.read_text(encoding="utf-8")
+
+    if path.suffix == ".py":
+        compile(text, path, "exec")
+        _, _, named = text.partition('executable="')
+        executable = named.partition('"')[0]
+    else:
+        (node,) = ET.fromstring(text).iter("node")
+        executable = node.get("type") or node.get("exec") or ""
+
+    assert os.access(PACKAGE / "scripts" / executable, os.X_OK)
+
+
+def test_rviz_shows_what_is_served() -> None:
+    """
+    The topics of its displays, by their whole names; and a workspace installs the file.
+    """
+    text = (PACKAGE / "rviz" / "doors.rviz").read_text(encoding="utf-8")
+    displays = yaml.safe_load(text)["Visualization Manager"]["Displays"]
+
+    shown = {each.get("Topic", each.get("Marker Topic")) for each in displays}
+
+    assert {f"/{name}" for name in (MARKERS_NAME, MASTER_NAME, LAYER_NAME)} == shown
+    assert "rviz/doors.rviz" in (PACKAGE / "CMakeLists.txt").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("script", "verb"), [("lta_semantic_map_server", "serve"), ("semmap_recorder", "record")]
+)
+def test_scripts_start_our_verbs(script: str, verb: str) -> None:
+    """
+    For the ROS whose setup.bash was sourced, with the launch file's options and ROS's arguments.
+    """
+    done = subprocess.run(
+        [PACKAGE / "scripts" / script, "/my log", "__name:=doors"],
+        env={"PATH": os.environ["PATH"], "SEMMAP_LOG": "echo", "ROS_VERSION": "1",
+             "SEMMAP_OPTIONS": "--read-only --costmap"},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+
+    assert f"{verb} --ros1 --read-only --costmap /my log __name:=doors\n" == done.stdout
+
+
+def test_scripts_say_what_is_missing() -> None:
+    """
+    Started by hand, outside of ROS.
+    """
+    done = subprocess.run(
+        [PACKAGE / "scripts" / "semmap_recorder", "log"], env={"PATH": os.environ["PATH"]},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+    assert 0 != done.returncode
+    assert "ROS_VERSION: is not set: source the setup.bash of ROS" in done.stderr
+
+
+def _run(*arguments: object) -> None:
+    main(["ros-package", *map(str, arguments)])
+
+
+def test_a_workspace_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Every file as it is here, the scripts executable; and it says how to go on.
+    """
+    with pytest.raises(SystemExit, match=r"^0$"):
+        _run(tmp_path)
+
+    copied = {p.relative_to(tmp_path / PACKAGE.name): p.read_bytes() for p in _files(tmp_path)}
+    assert {p.relative_to(PACKAGE): p.read_bytes() for p in _files(PACKAGE)} == copied
+    scripts = list((tmp_path / PACKAGE.name / "scripts").iterdir())
+    assert scripts
+    assert all(os.access(script, os.X_OK) for script in scripts)
+    said = capsys.readouterr().err
+    assert "catkin_make" in said
+    assert "colcon build" in said
+
+
+def _files(folder: Path) -> list[Path]:
+    return [p for p in folder.rglob("*") if p.is_file() and "__pycache__" not in p.parts]
+
+
+def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    As a set-up script would do it at each start.
+    """
+    for _ in range(2):
+        with pytest.raises(SystemExit, match=r"^0$"):
+            _run(tmp_path)
+
+    assert "there already, the same" in capsys.readouterr().err
+
+
+def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    A package of that name may be the robot's own; the first file that differs is named.
+    """
+    theirs = tmp_path / PACKAGE.name / "package.xml"
+    theirs.parent.mkdir()
+    theirs.write_text("theirs")
+
+    with pytest.raises(SystemExit, match=r"^1$"):
+        _run(tmp_path)
+
+    assert "is not this package as it is now (CMakeLists.txt differs)" in capsys.readouterr().err
+    assert ["package.xml"] == [path.name for path in theirs.parent.iterdir()]
+    assert "theirs" == theirs.read_text()
+
+
+def test_a_workspace_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    A misspelt path makes no folder.
+    """
+    with pytest.raises(SystemExit, match=r"^1$"):
+        _run(tmp_path / "srcc")
+
+    assert "no such folder; expected a workspace's src" in capsys.readouterr().err
+    assert [] == list(tmp_path.iterdir())
+
+
+def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
+    """
+    A wheel as pip builds it from this checkout holds every file, and leaves the scripts executable.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if "hatchling" in done.stderr:
+        pytest.skip(f"what builds wheels cannot be had here: {done.stderr.strip()[-300:]}")
+    assert 0 == done.returncode, done.stderr
+
+    with ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+        modes = {entry.filename: entry.external_attr >> 16 for entry in wheel.infolist()}
+    names = [str(path.relative_to(ROOT)) for path in _files(PACKAGE.parent)]
+    assert [] == [name for name in names if name not in modes]
+    assert all(modes[name] & 0o111 for name in names if "/scripts/" in name)
