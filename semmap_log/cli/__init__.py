@@ -24,13 +24,15 @@ class _CtrlC(KeyboardInterrupt):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a verb and leave with its exit code: 0 good, 1 our error, 2 usage."""
     from semmap_log.cli.app import app
+    from semmap_log.cli.ros import split_ros_args
     from semmap_log.errors import SemmapError
 
     _mend_streams()
     warnings.showwarning = _show_warning
     try:
         with _ended_by_signals():
-            app(args=arguments, prog_name="semmap-log")
+            ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
+            app(args=ours, obj=ros_args, prog_name="semmap-log")
     except SemmapError as error:
         print(f"semmap-log: {error}", file=sys.stderr)  # noqa: T201
         sys.exit(1)

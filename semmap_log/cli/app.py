@@ -11,6 +11,7 @@ from semmap_log.cli import (
     annotate,
     best_time,
     calibrate,
+    call,
     compact,
     costmap,
     demo,
@@ -23,6 +24,7 @@ from semmap_log.cli import (
     init,
     observe,
     patrol,
+    play,
     probabilities,
     record,
     recover,
@@ -30,6 +32,8 @@ from semmap_log.cli import (
     replay,
     report,
     retract,
+    ros_package,
+    serve,
     show,
     tail,
     timeline,
@@ -106,5 +110,9 @@ app.command("info", short_help="Show what a log holds.")(info.run)
 app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
 app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)
 app.command("compact", short_help="Make a log smaller.")(compact.run)
+app.command("serve", short_help="Serve the doors in ROS, with the thesis's actions.")(serve.run)
+app.command("play", short_help="Publish a log's history live, in ROS.")(play.run)
+app.command("ros-package", short_help="Copy the ROS package into a workspace.")(ros_package.run)
+app.add_typer(call.app, name="call", short_help="Call an action of a running server, in ROS.")
 app.command("report", short_help="Write the history as one page for any browser.")(report.run)
 app.command("view", short_help="Look at the history in rerun.")(view.run)

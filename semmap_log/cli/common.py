@@ -6,6 +6,7 @@ import inspect
 import json
 import math
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -105,6 +106,11 @@ def say(text: str) -> None:
     typer.echo(text, err=True)
 
 
+def size_of(size: int) -> str:
+    """Return a number of bytes in words."""
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
+
+
 def print_json(value: Any) -> None:
     """Print a value as one JSON document."""
     typer.echo(json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2))
@@ -148,6 +154,16 @@ def progress(doing: str, unit: str = "bytes") -> Iterator[Progress | None]:
     finally:
         if bar is not None:
             bar.stop()
+
+
+def on_stop(stop: Callable[[], object]) -> None:
+    """Have Ctrl-C and SIGTERM ask for an end, instead of making one: what has come is finished."""
+
+    def asked(_number: int, _frame: object) -> None:
+        stop()
+
+    signal.signal(signal.SIGINT, asked)
+    signal.signal(signal.SIGTERM, asked)
 
 
 def _bar(unit: str) -> Any:

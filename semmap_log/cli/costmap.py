@@ -22,6 +22,7 @@ from semmap_log.cli.common import (
     progress,
     refuse_nan,
     say,
+    size_of,
 )
 
 if TYPE_CHECKING:
@@ -229,7 +230,7 @@ def _say_recorded(out: Path, done: RecordedCostmap, *, as_json: bool) -> None:
     if as_json:
         print_json({"file": str(out), **asdict(done)})
     else:
-        say(f"{out}: {done.grids:,} grids, {done.updates:,} updates, {done.bytes / 1e6:.1f} MB.")
+        say(f"{out}: {done.grids:,} grids, {done.updates:,} updates, {size_of(done.bytes)}.")
 
 
 def _refuse_given(options: Mapping[str, object], out: Path, *, is_bag: bool) -> None:

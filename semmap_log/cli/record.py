@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from enum import Enum
 from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, say
+from semmap_log.cli.common import LogPath, on_stop, say
+from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile
+from semmap_log.cli.recording import Promised, record_topics
+from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 
 
 class Level(str, Enum):
@@ -23,8 +25,13 @@ class Level(str, Enum):
 
 
 def run(
+    context: typer.Context,
     log: LogPath,
     *,
+    ros1: Ros1 = False,
+    ros2: Ros2 = False,
+    mapping: MappingFile = None,
+    dry_run: DryRun = False,
     ack: Annotated[
         bool,
         typer.Option("--ack", help="Answer each line once it is stored, with its event number."),
@@ -43,11 +50,18 @@ def run(
         float, typer.Option(min=0, help="batch: a line waits so long for others, at most.")
     ] = 50.0,
 ) -> None:
-    """Record events from standard input, one JSON object a line, until it ends or Ctrl-C.
+    """Record events from standard input, one JSON object a line, or the topics of a robot.
 
-    Each line is one commit; a door is its door_id or its name. A bad line is reported with its
-    number and skipped; then the exit code is 1. Exit code 0 means that every line is stored.
+    Until the input ends, or Ctrl-C. Each line is one commit; a door is its door_id or its name. A
+    bad line is reported with its number and skipped; then the exit code is 1. Exit code 0 means
+    that every line is stored.
     A line with a command_id that is stored already is stored once, and answered as it was then.
+
+    With --ros1 or --ros2 it records what topics say about doors: the events of each message are
+    one commit, messages that wait share a sync, and what was received when it is told to stop is
+    written. What cannot be (NaN, another frame, unknown values) is told once, and counted. Times
+    are the messages' own stamps where those lie in the minute before they came, else when they
+    came, by ROS's time.
 
     \b
     Durability, when a line is answered:
@@ -57,7 +71,7 @@ def run(
       none   it may still be in memory; all is on the disk when the program ends
 
     \b
-    A line is a kind with its fields (happened, actor, source, reason may be left out):
+    A line is a kind with its fields (happened, actor, source, reason if known):
       {"kind": "DoorObserved", "door": "front", "state": "OPEN", "accuracy": 0.9}
       {"kind": "RobotPose", "x": 1.0, "y": 2.0, "theta": 0.0}
 
@@ -65,7 +79,22 @@ def run(
     Examples:
       my_door_detector | semmap-log record office
       semmap-log record office --ack < events.jsonl
+      semmap-log record office --ros1
+      semmap-log record office --ros2 --mapping robot.yaml --durability batch
     """
+    if ros1 or ros2:
+        if ack or strict:
+            raise typer.BadParameter(
+                "is about lines of standard input", param_hint="--ack, --strict"
+            )
+        version = chosen_ros(ros1=ros1, ros2=ros2)
+        promise = Promised(durability.value, batch_events, batch_ms / 1000)
+        record_topics(context, log, version, mapping, None if dry_run else promise)
+        return
+    if mapping or dry_run or context.obj:
+        raise typer.BadParameter(
+            "is for topics: say which ROS, --ros1 or --ros2", param_hint="--mapping, --dry-run"
+        )
     import semmap_log as sl
     from semmap_log.live.event_lines import Answer, LineRecorder
 
@@ -88,11 +117,10 @@ def run(
     ) as opened:
         recorder = LineRecorder(opened, answer, strict=strict)
 
-        def stop(_number: int, _frame: object) -> None:
+        def stop() -> None:
             recorder.stopping = True
 
-        signal.signal(signal.SIGINT, stop)
-        signal.signal(signal.SIGTERM, stop)
+        on_stop(stop)
         if sys.stdin.isatty():
             say("Reading events from the keyboard, one JSON object a line; Ctrl-D ends.")
         recorder.run(sys.stdin.fileno())
@@ -103,3 +131,6 @@ def run(
     )
     if recorder.refused:
         raise typer.Exit(1)
+
+
+run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"

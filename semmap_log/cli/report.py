@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say
+from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say, size_of
 
 
 def run(
@@ -56,5 +56,6 @@ def run(
             palette=palette.colours,
             progress=told,
         )
-    size = f"{done.bytes / 1e6:.1f} MB" if done.bytes >= 1e6 else f"{done.bytes / 1e3:.0f} kB"
-    say(f"{out}: {count(done.doors, 'door')}, {count(done.events, 'event')}, {size}.")
+    say(
+        f"{out}: {count(done.doors, 'door')}, {count(done.events, 'event')}, {size_of(done.bytes)}."
+    )

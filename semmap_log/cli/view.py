@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say
+from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say, size_of
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
@@ -199,7 +199,7 @@ def _recording(opened: DoorLog, save: Path | None, looks: dict[str, Any]) -> Ite
             summary = save_rrd(opened, path, progress=told, **looks)
         if save is not None:
             say(
-                f"{save}: {summary.events} events, {summary.bytes / 1e6:.1f} MB, "
+                f"{save}: {summary.events} events, {size_of(summary.bytes)}, "
                 f"{summary.seconds:.1f} s. To look at it: rerun {save}"
             )
             if left_out := str(summary.left_out):

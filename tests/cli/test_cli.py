@@ -43,6 +43,8 @@ VERBS = [
     "compact",
     "view",
     "report",
+    "play",
+    "call",
 ]
 
 

@@ -58,6 +58,22 @@ def _doors(bag: str) -> list[Played]:
     return [message for message in played(Path(bag)) if message.topic == "/semmap/doors"]
 
 
+@pytest.mark.parametrize("bag", ["day.mcap", "day.bag", "day"])
+def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run, bag: str) -> None:
+    """
+    The thesis's DoorMap, the floor plan and the poses, each once; the name alone tells that.
+    """
+    code, out, err = run("export", "office", bag)
+
+    assert (0, "") == (code, out)
+    assert err.startswith(
+        f"{bag}: 1 on /map, 6 on /lta_semantic_map_door_db, 10 on /semmap/robot_pose, "
+    )
+    assert {"/map", "/lta_semantic_map_door_db", "/semmap/robot_pose"} == {
+        message.topic for message in played(Path(bag))
+    }
+
+
 def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
     """
     --from and --to, --palette, --every and --default-prob.
@@ -99,7 +115,7 @@ def test_many_changes_are_thinned_out_and_that_is_said(
     """
     And how to have all of them.
     """
-    monkeypatch.setattr("semmap_log.exporting.marker_plan.MOST_DOORS_SENT", 6)
+    monkeypatch.setattr("semmap_log.exporting.stream_plan.MOST_DOORS_SENT", 6)
 
     code, _, err = run("export", "office", "x.mcap", "--markers")
 
@@ -110,12 +126,15 @@ def test_many_changes_are_thinned_out_and_that_is_said(
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["x.mcap"], 1, ".mcap or .bag with --markers"),
+        (["x.zip"], 1, "over time .mcap, .bag (ROS 1)"),
         (["x.yaml", "--markers"], 1, "tells no bag"),
-        (["x.mcap", "--markers", "--at", "12:00"], 2, "--at: markers show a range: --from, --to"),
-        (["x.mcap", "--markers", "--known-at", "12:00"], 2, "markers show a range"),
-        (["x.mcap", "--markers", "--event", "3"], 2, "markers show a range"),
+        (["x.mcap", "--markers", "--at", "12:00"], 2, "--at: a bag shows a range: --from, --to"),
+        (["x", "--known-at", "12:00"], 2, "a bag shows a range"),
+        (["x.bag", "--event", "3"], 2, "a bag shows a range"),
         (["x.yaml", "--palette", "default"], 2, "--palette: only with --markers"),
+        (["x.mcap", "--palette", "default"], 2, "--palette: only with --markers"),
+        (["x.yaml", "--from", "12:00"], 2, "--from: only for bags"),
+        (["x.jsonl", "--every", "1"], 2, "--every: only for bags"),
         (["x.mcap", "--markers", "--every", "-1"], 2, "from 0 to 1e+09, got -1"),
         (["x.mcap", "--markers", "--every", "1e300"], 2, "from 0 to 1e+09, got 1e+300"),
         (["x.mcap", "--markers", "--every", "nan"], 2, "not a number"),

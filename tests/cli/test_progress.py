@@ -28,7 +28,7 @@ HOUR_NS = 3_600 * 10**9
     ("unit", "each", "rate"),
     [
         ("bytes", HOUR_NS, r"[\d.]+ [TGM]B/s"),
-        ("ns", HOUR_NS, r"\d+ h.* of the log/s"),
+        ("ns", HOUR_NS, r"\d+ (h|min).* of the log/s"),
         ("visits", 1_000, r"[\d,]+ visits/s"),
     ],
 )

@@ -62,19 +62,18 @@ def test_a_line_of_a_batch_is_answered_when_the_batch_is_over(office: Path) -> N
     process = _start(office, "--ack", "--durability", "batch", "--batch-ms", "300")
     assert process.stdin is not None
     assert process.stdout is not None
-    process.stdin.write(LINE)
-    process.stdin.flush()
-    while 1 == len(list(sl.read(office).commits())):
-        time.sleep(0.01)
-    seen = time.monotonic()
-
-    answer = json.loads(process.stdout.readline())
-    waited = time.monotonic() - seen
+    answers, waited_s = [], []
+    for _ in range(2):  # the first line may have had to wait for the process itself
+        asked = time.monotonic()
+        process.stdin.write(LINE)
+        process.stdin.flush()
+        answers.append(json.loads(process.stdout.readline()))
+        waited_s.append(time.monotonic() - asked)
     process.stdin.close()
 
-    assert {"line": 1, "event": 2} == answer
-    assert 0.1 < waited < 5
-    assert 0 == process.wait(timeout=20)
+    assert [{"line": 1, "event": 2}, {"line": 2, "event": 3}] == answers
+    assert waited_s[1] >= 0.3
+    assert 0 == process.wait(timeout=100)
 
 
 @pytest.mark.parametrize("level", ["event", "batch", "flush"])

@@ -129,7 +129,7 @@ def test_following_until_ctrl_c(office: Path) -> None:
             log.observe(2, "closed")
         later = [process.stdout.readline() for _ in range(2)]
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=100)
 
     assert ["23", "25", "26"] == [line.split()[0] for line in (first, *later)]
     assert "rear            seen CLOSED" in later[1]
@@ -145,4 +145,4 @@ def test_a_closed_pipe_ends_it(office: Path) -> None:
         process.stdout.readline()
         process.stdout.close()
 
-        assert 0 == process.wait(timeout=20)
+        assert 0 == process.wait(timeout=100)

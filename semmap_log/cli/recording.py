@@ -1,0 +1,92 @@
+"""`record --ros1`, `record --ros2`: the topics of a robot, or what would be made of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import typer
+
+from semmap_log.cli.common import on_stop, say
+from semmap_log.cli.ros import open_node
+
+if TYPE_CHECKING:
+    from semmap_log.commits import Note
+    from semmap_log.events import Event
+    from semmap_log.formats.ros_types import RosVersion
+    from semmap_log.live.ros_recorder import EventSink
+    from semmap_log.ros_mapping.mapping import RosMapping
+
+NODE = "semmap_log_recorder"
+
+
+class Promised(NamedTuple):
+    """What is promised of events: see `semmap_log.append`."""
+
+    durability: str
+    batch_events: int
+    batch_s: float
+
+
+def record_topics(
+    context: typer.Context,
+    log: Path,
+    version: RosVersion,
+    mapping_file: Path | None,
+    promised: Promised | None,
+) -> None:
+    """Record until Ctrl-C, or SIGTERM, or until ROS ends.
+
+    Args:
+        context: Of the verb: it has ROS's own arguments.
+        log: Where to.
+        version: Of ROS.
+        mapping_file: Which topics are read, and how; None: the well-known ones.
+        promised: How durable the events are; None: they are shown, and nothing is written.
+
+    Raises:
+        typer.Exit: Messages were dropped.
+    """
+    import semmap_log as sl
+    from semmap_log.live.ros_recorder import LogSink, PrintedSink
+    from semmap_log.ros_mapping.mapping import WELL_KNOWN
+    from semmap_log.ros_mapping.mapping_file import read_mapping
+
+    mapping = WELL_KNOWN if mapping_file is None else read_mapping(mapping_file)
+    if promised is None:
+        known = sl.read(log) if log.exists() else None
+        _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
+        return
+    with sl.append(log, **promised._asdict()) as opened:
+        _record(context, version, mapping, LogSink(opened), str(log))
+
+
+def _record(
+    context: typer.Context, version: RosVersion, mapping: RosMapping, sink: EventSink, where: str
+) -> None:
+    from semmap_log.live.ros_recorder import RosRecorder
+
+    recorder = RosRecorder(open_node(context, version, NODE), mapping, sink, _tell)
+
+    def stop() -> None:
+        recorder.stopping = True
+
+    on_stop(stop)
+    recorder.run()
+    for text in recorder.summary():
+        say(f"  {text}")
+    say(f"{where}: {recorder.counts}.")
+    if recorder.counts.dropped:
+        raise typer.Exit(1)
+
+
+def _tell(text: str) -> None:
+    say(f"semmap-log: {text}")
+
+
+def _show(event: Event, note: Note) -> None:
+    from semmap_log.formats.event_json import event_to_json
+
+    said = {"actor": note.actor, "source": note.source, "reason": note.reason}
+    typer.echo(json.dumps(event_to_json(event, note=said), ensure_ascii=False, allow_nan=False))

@@ -1,0 +1,37 @@
+"""`ros-package`: the ROS package of messages, actions and launch files, into a workspace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from semmap_log.cli.common import say
+
+
+def run(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="The src folder of a workspace; it must be there.")
+    ],
+) -> None:
+    """Copy the ROS package lta_semantic_map into a workspace.
+
+    The thesis's messages and actions, and launch files for server and recorder: for catkin (ROS 1)
+    and colcon (ROS 2) alike, so that nodes in C++ and Python use them as those of any package. What
+    is there already under that name stays, and is an error unless it is the same.
+
+    \b
+    Examples:
+      semmap-log ros-package ~/catkin_ws/src
+      semmap-log ros-package ~/ros2_ws/src
+    """
+    from semmap_log.live.ros_package import NAME, write_ros_package
+
+    package, is_new = write_ros_package(folder)
+    say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
+    say(f"  ROS 1: cd {folder.absolute().parent} && catkin_make && . devel/setup.sh")
+    say(f"  ROS 2: cd {folder.absolute().parent} && colcon build --packages-select {NAME} && "
+        ". install/setup.sh")  # fmt: skip
+    say(f"Then: ROS 1 roslaunch {NAME} server.launch log:=LOG; "
+        f"ROS 2 ros2 launch {NAME} server.launch.py log:=LOG")  # fmt: skip

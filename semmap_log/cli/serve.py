@@ -1,0 +1,194 @@
+"""`serve`: the thesis's server, live in ROS."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semmap_log.cli.common import LogPath, MapServer, PaletteName, on_stop, refuse_nan, say
+from semmap_log.cli.record import Level
+from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+
+if TYPE_CHECKING:
+    from semmap_log.doors import DoorMap
+    from semmap_log.events import FloorMap
+
+NODE = "lta_semantic_map_server"
+
+
+def run(
+    context: typer.Context,
+    log: LogPath,
+    *,
+    ros1: Ros1 = False,
+    ros2: Ros2 = False,
+    yaml: Annotated[
+        Path | None,
+        typer.Option("--yaml", metavar="FILE", help="The thesis's doors: see below."),
+    ] = None,
+    yaml_replace: Annotated[
+        bool, typer.Option("--yaml-replace", help="Make the log's doors those of --yaml.")
+    ] = False,
+    save_root: Annotated[
+        Path | None,
+        typer.Option(
+            "--save-root", metavar="DIR", help="SaveDoorDB writes in it; default: --yaml's folder."
+        ),
+    ] = None,
+    default_prob: Annotated[
+        float | None,
+        typer.Option(
+            "--default-prob",
+            metavar="P",
+            min=0,
+            max=1,
+            help="Of doors that have none: in DoorMap and saved files.",
+        ),
+    ] = None,
+    level: Annotated[
+        str | None, typer.Option(help="Where new doors are, and --map; default: the only level.")
+    ] = None,
+    costmap: Annotated[
+        bool, typer.Option("--costmap", help="Publish grids for move_base and Nav2.")
+    ] = False,
+    floor_map: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.YAML", help="Their floor; default: the log's own."),
+    ] = None,
+    map_rules: Annotated[
+        MapServer, typer.Option("--map-rules", help="As which map_server to read --map.")
+    ] = MapServer.nav2,
+    palette: Annotated[
+        PaletteName, typer.Option("--palette", help="Colours of the markers.")
+    ] = PaletteName.default,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Offer the map, refuse the actions; no lock.")
+    ] = False,
+    durability: Annotated[
+        Level, typer.Option(help="What is true of a goal when it is answered; see below.")
+    ] = Level.event,
+    batch_events: Annotated[
+        int, typer.Option(min=1, help="batch: so many events at most are not yet synced.")
+    ] = 64,
+    batch_ms: Annotated[
+        float, typer.Option(min=0, help="batch: after so long at most they are.")
+    ] = 50.0,
+) -> None:
+    """Serve a log's doors in ROS, as the thesis's server did, until Ctrl-C.
+
+    Each goal is one commit: its id is the command's, its client the actor. A goal that is sent
+    again, after a crash of either side, is answered as the first time. Whoever is in the ROS
+    network may send goals; --read-only takes none, and follows what another process writes.
+
+    \b
+    Topics, latched (ROS 2: transient_local), sent at each change:
+      lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
+      semmap/doors              MarkerArray for RViz
+      semmap/costmap            --costmap: floor and doors, for a StaticLayer
+      semmap/door_layer         --costmap: doors alone, for a KeepoutFilter
+      …_updates                 --costmap: what changed of them; not latched
+    With several levels: semmap/doors/level_1, …; 0 has no suffix.
+
+    \b
+    Actions, and the ROS parameters that name them otherwise:
+      lta_semantic_map/add_door      add_door
+      lta_semantic_map/update_door   update_door
+      lta_semantic_map/remove_door   remove_door
+      lta_semantic_map/save_door_db  save_door_db
+
+    --yaml FILE fills a log that never had doors. Later it must agree with the log, or be a file
+    that the log took in, or saved, and that has not changed since; else the server stops and says
+    what differs. --yaml-replace then adds, updates and removes doors, in one commit.
+
+    \b
+    Durability, when a goal is answered:
+      event  it survives a power cut (goals that come together share their syncs)
+      batch  it will, after --batch-ms at most
+      flush  it survives the end of this program, not a power cut
+      none   it may still be in memory; all is on the disk when the program ends
+
+    \b
+    Examples:
+      semmap-log serve office --ros2 --yaml doors.yaml
+      semmap-log serve office --ros1 --costmap --map map.yaml
+      semmap-log serve office --ros2 --read-only --ros-args -r __ns:=/robot1
+      semmap-log serve office --ros1 _add_door:=doors/add
+    """
+    import semmap_log as sl
+    from semmap_log.live.serving.door_follower import DoorFollower
+    from semmap_log.live.serving.door_server import DoorServer
+    from semmap_log.live.serving.saving import DoorSaver
+    from semmap_log.live.serving.server import ServeOptions, Server
+    from semmap_log.live.serving.yaml_start import start_with_yaml
+
+    version = chosen_ros(ros1=ros1, ros2=ros2)
+    refuse_nan(default_prob=default_prob)
+    if yaml_replace and yaml is None:
+        raise typer.BadParameter("only with --yaml", param_hint="--yaml-replace")
+    if floor_map is not None and not costmap:
+        raise typer.BadParameter("only with --costmap", param_hint="--map")
+    if save_root is not None and not save_root.is_dir():
+        raise typer.BadParameter(
+            f"expected a folder that is there, got {save_root}", param_hint="--save-root"
+        )
+    stopping, wake = threading.Event(), threading.Event()
+    on_stop(stopping.set)
+    doors: DoorServer | DoorFollower
+    if read_only:
+        if not (yaml is save_root is None):
+            raise typer.BadParameter(
+                "nothing is written with --read-only", param_hint="--yaml, --save-root"
+            )
+        doors = DoorFollower(log, changed=wake.set)
+    else:
+        root = save_root or (None if yaml is None else yaml.absolute().parent)
+        doors = DoorServer(
+            lambda: sl.append(
+                log,
+                durability=durability.value,
+                batch_events=batch_events,
+                batch_s=batch_ms / 1000,
+            ),
+            DoorSaver(root, log, default_prob=default_prob),
+            level=level,
+            changed=wake.set,
+        )
+    try:
+        if yaml is not None and not isinstance(doors, DoorFollower):
+            for text in start_with_yaml(
+                doors.log, yaml, replace=yaml_replace, level=level, default_prob=default_prob
+            ):
+                say(text)
+        floors = _floors(doors.door_map(), floor_map, map_rules, level)
+        options = ServeOptions(costmap, floors, palette.colours, default_prob)
+        node = open_node(context, version, NODE)
+        try:
+            say(f"{node.name} serves {log}: {len(doors.door_map())} doors.")
+            Server(node, doors, wake, options).run(stopping.is_set)
+        finally:
+            node.close()
+    finally:
+        doors.close()
+    say(f"{log}: closed.")
+
+
+def _floors(
+    doors: DoorMap, floor_map: Path | None, rules: MapServer, level: str | None
+) -> dict[int, FloorMap]:
+    """Return the floor plan that was given, by its level.
+
+    Raises:
+        UnknownLevelError: The level is not there: better told now than to who adds a door.
+    """
+    from semmap_log.commands import resolve_level
+    from semmap_log.formats.map_server import read_map
+
+    if level is None and floor_map is None:
+        return {}
+    number = resolve_level(level, doors)
+    return (
+        {} if floor_map is None else {number: read_map(floor_map, level=number, rules=rules.value)}
+    )

@@ -1,0 +1,71 @@
+"""`record --ros1`, `--ros2`: what is refused before any ROS is asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+
+
+@pytest.fixture
+def office(tmp_path: Path) -> Path:
+    sl.create(tmp_path / "office", tz="UTC").close()
+    return tmp_path / "office"
+
+
+def _run(*words: object) -> Any:
+    """Return the exit code."""
+    with pytest.raises(SystemExit) as left:
+        main([str(word) for word in words])
+    return left.value.code
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--ros1", "--ros2"], "say which ROS: --ros1 or --ros2"),
+        (["--mapping", "m.yaml"], "is for topics: say which ROS, --ros1 or --ros2"),
+        (["--dry-run"], "is for topics: say which ROS, --ros1 or --ros2"),
+        (["/map:=/floor"], "is for topics: say which ROS, --ros1 or --ros2"),
+        (["--ros1", "--ack"], "is about lines of standard input"),
+        (["--ros2", "--strict"], "is about lines of standard input"),
+    ],
+)
+def test_options_that_do_not_belong_together_are_a_usage_error(
+    options: list[str], says: str, office: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    And nothing is read or joined.
+    """
+    assert 2 == _run("record", office, *options)
+
+    assert says in capsys.readouterr().err
+
+
+def test_a_wrong_mapping_is_told_before_ros_is_joined(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    With its line: whoever writes one need not have the robot at hand.
+    """
+    (tmp_path / "m.yaml").write_text("topics:\n  /a: dor_map\n")
+
+    assert 1 == _run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
+
+    assert "m.yaml:2: /a: read: expected one of door_map," in capsys.readouterr().err
+
+
+def test_a_log_that_is_written_by_another_is_told_before_ros_is_joined(
+    office: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    As by every verb that writes.
+    """
+    with sl.append(office):
+        assert 1 == _run("record", office, "--ros1")
+
+    assert "is writing to this log" in capsys.readouterr().err

@@ -1,0 +1,135 @@
+"""`serve` where no ROS is needed: it stops before it joins one, and says why."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+
+YAML = "1:\n  position: {x: 1.0, y: 2.0, theta: 0.0}\n  width: 0.5\n  status: OPEN\n"
+
+
+@pytest.fixture
+def office(tmp_path: Path) -> Path:
+    sl.create(tmp_path / "office", tz="UTC").close()
+    return tmp_path / "office"
+
+
+def _serve(*options: object) -> tuple[int, str]:
+    command = [sys.executable, "-m", "semmap_log", "serve", *map(str, options)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    return done.returncode, done.stderr
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
+    """The same within this process: for what is refused before anything is opened."""
+
+    def run(*options: object) -> tuple[int, str]:
+        with pytest.raises(SystemExit) as stopped:
+            main(["serve", *map(str, options)])
+        return int(stopped.value.code or 0), capsys.readouterr().err
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ((), "say which ROS: --ros1 or --ros2"),
+        (("--ros1", "--ros2"), "say which ROS: --ros1 or --ros2"),
+        (("--ros1", "--yaml-replace"), "only with --yaml"),
+        (("--ros1", "--map", "map.yaml"), "only with --costmap"),
+        (("--ros1", "--read-only", "--yaml", "doors.yaml"), "nothing is written"),
+        (("--ros1", "--save-root", "nowhere"), "expected a folder that is there, got nowhere"),
+        (("--ros1", "--default-prob", "nan"), "--default-prob"),
+        (("--ros1", "--default-prob", "2"), "--default-prob"),
+        (("--ros1", "--durability", "maybe"), "--durability"),
+    ],
+)
+def test_options_that_make_no_sense(
+    refused: Callable[..., tuple[int, str]], office: Path, options: tuple[str, ...], text: str
+) -> None:
+    """
+    Exit code 2, and the log is not touched.
+    """
+    code, said = refused(office, *options)
+
+    assert 2 == code
+    assert text in " ".join(said.replace("│", " ").split())
+
+
+def test_a_log_that_another_process_writes(office: Path) -> None:
+    """
+    One line, exit code 1: nobody waits for a lock that a recorder holds all day.
+    """
+    with sl.append(office):
+        code, said = _serve(office, "--ros1")
+
+    assert 1 == code
+    assert said.startswith("semmap-log: ")
+    assert "is writing to this log; a log has one writer at a time" in said
+    assert 1 == said.count("\n")
+
+
+def test_no_log_at_all(tmp_path: Path) -> None:
+    """
+    It is not made in passing: a wrong path would begin a second history.
+    """
+    code, said = _serve(tmp_path / "nowhere", "--ros2")
+
+    assert 1 == code
+    assert "nowhere" in said
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_file_that_differs_stops_the_server(office: Path, tmp_path: Path) -> None:
+    """
+    The difference is printed, nothing is written, and the log is free again.
+    """
+    with sl.append(office) as log:
+        log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, state="closed")
+    file = tmp_path / "doors.yaml"
+    file.write_text(YAML)
+
+    code, said = _serve(office, "--ros1", "--yaml", file)
+
+    assert 1 == code
+    assert "door 1: width 0.9 in the log, 0.5 in the file, state CLOSED in the log" in said
+    with sl.append(office) as log:
+        assert 1 == len(list(log.commits()))
+
+
+def test_a_level_that_is_not_there(office: Path) -> None:
+    """
+    It is told at the start, before ROS is joined, and not to the first who adds a door.
+    """
+    code, said = _serve(office, "--ros1", "--level", "attic")
+
+    assert 1 == code
+    assert "no level 'attic'; there are: 0" in said
+
+
+def test_the_interpreter_has_no_ros(office: Path) -> None:
+    """
+    What is missing is named, with what to do.
+    """
+    if _has_ros("rclpy"):
+        pytest.skip("this interpreter has ROS 2")
+
+    code, said = _serve(office, "--ros2")
+
+    assert 1 == code
+    assert "ROS 2 is not there for this Python" in said
+
+
+def _has_ros(module: str) -> bool:
+    from importlib.util import find_spec
+
+    return find_spec(module) is not None
