@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mutation.mutant import Mutant
+from mutation.mutant import Mutant, mutants_in
 
 ROOM = "semmap_log/probabilities/"
 TESTS = "tests/probabilities/"
@@ -30,8 +30,7 @@ EVALUATION = "tests/beliefs/test_evaluation.py"
 APPLYING = "tests/beliefs/test_applying.py"
 
 
-def _put(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-    return Mutant(name, ROOM + file, snippet, put, tests)
+_put = mutants_in(ROOM)
 
 
 EVIDENCE = (

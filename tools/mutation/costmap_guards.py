@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mutation.mutant import Mutant
+from mutation.mutant import Mutant, mutants_in
 
 COSTMAP = "semmap_log/costmap/"
 CASES = "tests/costmap/test_cases.py"
@@ -13,8 +13,7 @@ FRAMES = "semmap_log/costmaps/over_time.py"
 OVER_TIME = "tests/costmaps/test_over_time.py"
 
 
-def _put(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-    return Mutant(name, COSTMAP + file, snippet, put, tests)
+_put = mutants_in(COSTMAP)
 
 
 COSTMAPS = (

@@ -8,9 +8,12 @@ from __future__ import annotations
 from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.costmap_guards import COSTMAPS
+from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
 from mutation.picture_guards import PICTURES
+from mutation.ros_mapping_guards import ROS_MAPPING
+from mutation.serving_guards import SERVING
 
 LOG = "semmap_log/log/"
 DISK = "tests/faults/test_simulated_disk.py"
@@ -207,5 +210,5 @@ COLUMNS = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
-    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES,
+    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING, *LIVE_ROOMS,
 )  # fmt: skip

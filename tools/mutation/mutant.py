@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,3 +37,24 @@ class Mutant:
         path = tree / self.file
         text = path.read_text(encoding="utf-8")
         path.write_text(text.replace(self.snippet, self.replacement), encoding="utf-8")
+
+
+class MakeMutant(Protocol):
+    """Makes the mutants of one room."""
+
+    def __call__(self, name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
+        """Return the mutant of a file of the room; see `Mutant`."""
+
+
+def mutants_in(room: str, part: str = "") -> MakeMutant:
+    """Return what makes the mutants of one room.
+
+    Args:
+        room: The folder of their files, such as `semmap_log/live/`.
+        part: What their names begin with, so that a word chooses them all.
+    """
+
+    def make(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
+        return Mutant(part + name, room + file, snippet, put, tests)
+
+    return make

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mutation.mutant import Mutant
+from mutation.mutant import mutants_in
 
 TIMELINES = "tests/views/rerun/test_timelines.py"
 RECORDING = "tests/views/rerun/test_recording.py"
@@ -14,7 +14,7 @@ CURVES = "tests/views/rerun/test_beliefs.py"
 REPORT = "tests/views/report/test_report.py"
 TIMES = "tests/views/report/test_times.py"
 TRACK = "tests/views/report/test_track.py"
-MARKERS = "tests/exporting/test_markers.py"
+MARKERS = "tests/exporting/test_stream.py"
 ARRAYS = "tests/formats/test_array_messages.py"
 LEAVES = "tests/formats/test_door_markers.py"
 PATROLS = "tests/projections/test_rounds.py"
@@ -25,21 +25,10 @@ LANES = "tests/views/plots/test_lanes.py"
 VIEW = "tests/cli/test_view.py"
 
 
-def _recording(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-    return Mutant(f"recording: {name}", f"semmap_log/views/{file}", snippet, put, tests)
-
-
-def _report(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-    return Mutant(f"report: {name}", f"semmap_log/views/report/{file}", snippet, put, tests)
-
-
-def _markers(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-    return Mutant(f"markers: {name}", f"semmap_log/{file}", snippet, put, tests)
-
-
-def _states(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-    return Mutant(f"states: {name}", f"semmap_log/{file}", snippet, put, tests)
-
+_recording = mutants_in("semmap_log/views/", "recording: ")
+_report = mutants_in("semmap_log/views/report/", "report: ")
+_markers = mutants_in("semmap_log/", "markers: ")
+_states = mutants_in("semmap_log/", "states: ")
 
 RECORDINGS = (
     _recording("what was taken back is not on `happened`", "excerpt/excerpt.py",
@@ -189,10 +178,10 @@ MARKED = (
              "reduced(door.state).name", "door.state.name", MARKERS),
     _markers("probabilities that were not given", "formats/thesis_messages.py",
              "return self._default_prob if math.isnan(prob) else prob", "return prob", MARKERS),
-    _markers("doors in the order of their ids", "exporting/marker_topics.py",
+    _markers("doors in the order of their ids", "exporting/stream_topics.py",
              "self._shown[door].parts for door in sorted(self._shown)",
              "self._shown[door].parts for door in self._shown", MARKERS),
-    _markers("a door that left a level is gone there", "exporting/marker_topics.py",
+    _markers("a door that left a level is gone there", "exporting/stream_topics.py",
              "if door is None or door.level != self.level or not is_drawn(door):",
              "if door is None or not is_drawn(door):", MARKERS),
     _markers("events in the order in which they count", "exporting/in_order.py",
@@ -201,13 +190,13 @@ MARKED = (
              "entries = list(_slice(log, first_ns, before_ns))", MARKERS),
     _markers("what was taken back is not there", "exporting/in_order.py",
              "seen = (hidden.visible(batch) for batch in batches)", "seen = batches", MARKERS),
-    _markers("what waits is sent at the end", "exporting/markers.py",
+    _markers("what waits is sent at the end", "exporting/stream.py",
              "                waiting.send(self._last_ns)\n", "                pass\n", MARKERS),
-    _markers("what waits is sent at its time", "exporting/markers.py",
+    _markers("what waits is sent at its time", "exporting/stream.py",
              "        self._catch_up(at_ns)\n", "", MARKERS),
-    _markers("doors that have no place are named", "exporting/markers.py",
+    _markers("doors that have no place are named", "exporting/log_bag.py",
              "for door in doors if not is_drawn(door))", "for door in doors if False)", MARKERS),
-    _markers("the bag begins with the state before it", "exporting/markers.py",
+    _markers("the bag begins with the state before it", "exporting/stream.py",
              "DoorMap({}, {}) if since_ns is None else log.replay(at=since_ns)", "DoorMap({}, {})",
              MARKERS),
 )  # fmt: skip
