@@ -32,8 +32,10 @@ ORDER = [
     {"door_log_writer"},
     {"opening", "summary", "day", "costmaps", "beliefs"},
     {"formats"},
-    {"views"},
-    {"importing", "exporting", "live"},
+    {"views", "ros_mapping"},
+    {"bag_importing"},
+    {"importing", "exporting"},
+    {"live"},
     {"demo"},
     {"cli"},
     {"__main__"},
@@ -57,6 +59,10 @@ EDGES: dict[str, set[str]] = {
     "lz4": {"log", "formats"},
     "rosbags": {"messages", "formats"},
     "typer": {"cli"},
+    "rospy": {"live", "ros"},
+    "actionlib": {"live", "ros"},
+    "genpy": {"live"},
+    "rclpy": {"live", "ros"},
 }
 """Third party -> the only rooms that import it: pictures are read in one and drawn in another, and
 `formats` has other programs' bags."""
