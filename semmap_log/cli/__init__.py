@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _mend_streams()
     warnings.showwarning = _show_warning
     try:
-        with _ended_by_signals():
+        with _ended_by_signals(is_whole_program=arguments is None):
             ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
             app(args=ours, obj=ros_args, prog_name="semmap-log")
     except SemmapError as error:
@@ -48,8 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 @contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """Let signals end us as an exception does: no half file and no viewer stays."""
+def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
+    """Let signals end us as an exception does: no half file and no viewer stays.
+
+    Behind it they are what they were before; of a whole program, what they are to any other: by
+    then all is done, and Ctrl-C would only print where in Python's own end it came.
+    """
 
     def end(number: int, _: object) -> None:
         if number == signal.SIGINT:
@@ -66,7 +70,7 @@ def _ended_by_signals() -> Iterator[None]:
         yield
     finally:
         for each, handler in before.items():
-            signal.signal(each, handler)
+            signal.signal(each, signal.SIG_DFL if is_whole_program else handler)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

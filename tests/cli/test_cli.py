@@ -8,14 +8,15 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
+from subprocess import PIPE
 from typing import Any
 
 import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from tests.live.running import DEADLINE_S
 from tests.views.rerun.some_logs import small_log
 
 VERBS = [
@@ -496,13 +497,13 @@ def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Pat
 
     process.send_signal(sign)
 
-    assert 0 == process.wait(timeout=20)
+    assert 0 == process.wait(timeout=DEADLINE_S)
     assert sl.read(tmp_path / "office").reader.segments[-1].closed
 
 
 def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path) -> None:
     """
-    SIGKILL at any moment: the log opens, and every answered line is in it.
+    SIGKILL in the middle of its lines: the log opens, and every answered line is in it.
     """
     process = _start("record", tmp_path / "office", "--ack")
     assert process.stdin is not None
@@ -510,12 +511,13 @@ def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path)
     line = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
     process.stdin.write(line * 200)
     process.stdin.flush()
-    time.sleep(1.0)
+    answered = [json.loads(process.stdout.readline())["event"]]
     process.kill()
-    answered = [json.loads(text)["event"] for text in process.stdout.read().splitlines()]
+    answered += [json.loads(text)["event"] for text in process.stdout.read().splitlines()]
+    process.wait(timeout=DEADLINE_S)  # its lock may outlive its answers' pipe
 
     with sl.append(tmp_path / "office") as log:
-        assert log.replay().event >= max(answered, default=1)
+        assert log.replay().event >= max(answered)
 
 
 def test_the_same_log_gives_the_same_pictures(tmp_path: Path) -> None:
@@ -618,22 +620,39 @@ def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
+WAITS_HALF_WAY = """
+import time
+from itertools import islice
+from semmap_log.cli import main
+from semmap_log.exporting.stream import LogStream
+
+def some(stream, progress=None, messages=LogStream.messages):
+    yield from islice(messages(stream, progress), 100)
+    print("half way", flush=True)
+    time.sleep(1000)
+
+LogStream.messages = some
+main()
+"""
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     """
-    While a bag of a long log is being written, to a file that has another name until it is whole.
+    While a bag is being written, to a file that has another name until it is whole.
     """
-    clinic = Path(__file__).parents[2] / "recordings" / "clinic_week"
-    command = [sys.executable, "-m", "semmap_log", "export", str(clinic), "x.mcap", "--markers"]
+    office = Path(__file__).parents[2] / "recordings" / "office"
+    command = [sys.executable, "-c", WAITS_HALF_WAY, "export", str(office), "x.mcap", "--markers"]
     env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1])}
-    process = subprocess.Popen(command, cwd=tmp_path, env=env)
-    while not list(tmp_path.iterdir()):
-        assert process.poll() is None
-        time.sleep(0.01)
+    with subprocess.Popen(command, cwd=tmp_path, env=env, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert b"half way\n" == process.stdout.readline()
+        (begun,) = tmp_path.iterdir()
 
-    process.send_signal(number)
-    code = process.wait(30)
+        process.send_signal(number)
+        code = process.wait(DEADLINE_S)
 
+    assert begun.name.startswith(".x.mcap.")
     assert 128 + number == code
     assert [] == list(tmp_path.iterdir())
 
@@ -652,3 +671,31 @@ def test_ctrl_c_inside_an_exec_is_a_code_too(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "interrupted"], cwd=tmp_path, env=env, check=False)
 
     assert 130 == done.returncode
+
+
+ENDS_SLOWLY = """
+import atexit, time
+from semmap_log.cli import main
+
+def last():
+    print("all is done", flush=True)
+    time.sleep(1000)
+
+atexit.register(last)
+main()
+"""
+
+
+def test_ctrl_c_behind_the_end_is_no_traceback() -> None:
+    """
+    Python takes a moment to end, too: whoever presses it then is not told of Python's insides.
+    """
+    command = [sys.executable, "-c", ENDS_SLOWLY, "--version"]
+    with subprocess.Popen(command, text=True, stdout=PIPE, stderr=PIPE) as process:
+        assert process.stdout is not None
+        assert "all is done\n" in iter(process.stdout.readline, "")
+
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=DEADLINE_S)
+
+    assert (-signal.SIGINT, "") == (process.returncode, err)
