@@ -50,7 +50,7 @@ def test_piped_there_is_no_bar() -> None:
     Nothing at all on stderr.
     """
     done = subprocess.run(
-        [sys.executable, "-c", WORK, "bytes", "1"], capture_output=True, check=True, timeout=60
+        [sys.executable, "-c", WORK, "bytes", "1"], capture_output=True, check=True
     )
 
     assert b"" == done.stderr + done.stdout

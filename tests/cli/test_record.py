@@ -13,6 +13,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.commits import Durability
+from tests.live.running import DEADLINE_S
 
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
 ID = "0123456789abcdef" * 2
@@ -38,7 +39,7 @@ def _start(office: Path, *options: str) -> subprocess.Popen[str]:
 def _record(office: Path, text: str, *options: str) -> tuple[int, list[Any], str]:
     """Return the exit code, the answers, and what was said."""
     process = _start(office, "--ack", *options)
-    out, err = process.communicate(text, timeout=60)
+    out, err = process.communicate(text, timeout=DEADLINE_S)
     return process.returncode, [json.loads(line) for line in out.splitlines()], err
 
 
@@ -73,7 +74,7 @@ def test_a_line_of_a_batch_is_answered_when_the_batch_is_over(office: Path) -> N
 
     assert [{"line": 1, "event": 2}, {"line": 2, "event": 3}] == answers
     assert waited_s[1] >= 0.3
-    assert 0 == process.wait(timeout=100)
+    assert 0 == process.wait(timeout=DEADLINE_S)
 
 
 @pytest.mark.parametrize("level", ["event", "batch", "flush"])
@@ -89,6 +90,7 @@ def test_killed_it_has_every_line_that_it_answered(level: str, office: Path) -> 
     answered = [json.loads(process.stdout.readline())["event"] for _ in range(100)]
     process.kill()
     answered += [json.loads(text)["event"] for text in process.stdout.read().splitlines()]
+    process.wait(timeout=DEADLINE_S)  # its lock may outlive its answers' pipe
 
     with sl.append(office) as log:
         assert list(range(2, 2 + len(answered))) == answered
@@ -145,7 +147,7 @@ def test_who_no_longer_listens_stops_nothing_that_was_read(office: Path) -> None
     process.stdout.close()
     process.stdin.write(LINE * 50)
     process.stdin.close()
-    process.wait(timeout=60)
+    process.wait(timeout=DEADLINE_S)
 
     assert 52 == sum(len(batch) for batch in sl.read(office).batches())
     assert sl.read(office).reader.segments[-1].closed
@@ -160,7 +162,7 @@ def test_closed_stdin_is_an_end_like_any(office: Path) -> None:
         shell=True,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=DEADLINE_S,
         check=False,
     )
 

@@ -11,6 +11,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from tests.live.running import DEADLINE_S
 
 YAML = "1:\n  position: {x: 1.0, y: 2.0, theta: 0.0}\n  width: 0.5\n  status: OPEN\n"
 
@@ -23,7 +24,7 @@ def office(tmp_path: Path) -> Path:
 
 def _serve(*options: object) -> tuple[int, str]:
     command = [sys.executable, "-m", "semmap_log", "serve", *map(str, options)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=DEADLINE_S)
     return done.returncode, done.stderr
 
 

@@ -15,6 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.events import RobotPose
+from tests.live.running import DEADLINE_S
 
 
 @pytest.fixture
@@ -129,7 +130,7 @@ def test_following_until_ctrl_c(office: Path) -> None:
             log.observe(2, "closed")
         later = [process.stdout.readline() for _ in range(2)]
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=100)
+        out, err = process.communicate(timeout=DEADLINE_S)
 
     assert ["23", "25", "26"] == [line.split()[0] for line in (first, *later)]
     assert "rear            seen CLOSED" in later[1]
@@ -145,4 +146,4 @@ def test_a_closed_pipe_ends_it(office: Path) -> None:
         process.stdout.readline()
         process.stdout.close()
 
-        assert 0 == process.wait(timeout=100)
+        assert 0 == process.wait(timeout=DEADLINE_S)

@@ -20,12 +20,14 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT
 from tests.browser import a_page
+from tests.live.running import DEADLINE_S
 from tests.views.rerun.pictures import a_viewer, colours_of, has_colour
 from tests.views.rerun.some_logs import room
 
 LOCALHOST = "0100007F"
 """127.0.0.1, as /proc/net/tcp writes it."""
 LISTENS = "0A"
+MOST_S = 240.0
 
 TOLERATED = (
     "ERR_NAME_NOT_RESOLVED",  # a font, news of rerun, usage data: the page is rerun's own
@@ -113,14 +115,14 @@ def test_a_log_is_followed_while_another_process_records(log: Path, ending: sign
     with _serving(log, "--follow", "--no-beliefs") as (process, page):
         (source,) = parse_qs(urlsplit(page).query)["url"]
         with a_viewer(source, size=(800, 600)) as viewer:
-            assert has_colour(viewer.picture("Floor plan"), DEFAULT.closed)
+            _wait_for(lambda: has_colour(viewer.picture("Floor plan"), DEFAULT.closed))
             for state in ("unknown", "open"):
                 _run("observe", log, "front", state)
                 _run("compact", log)
             _wait_for(lambda: has_colour(viewer.picture("Floor plan"), DEFAULT.open))
         children = _family(process.pid)
         process.send_signal(ending)
-        code = process.wait(100)
+        code = process.wait(DEADLINE_S)
         said = process.stderr.read() if process.stderr else ""
 
     assert len(children) > 1
@@ -135,11 +137,10 @@ def test_a_viewer_that_is_killed_ends_the_following(log: Path) -> None:
     That is said in one line, without what rerun's own library has to say of it.
     """
     with _serving(log, "--follow", "--no-beliefs") as (process, _):
-        _wait_for(lambda: len(_family(process.pid)) > 1)
-        (viewer,) = _family(process.pid)[1:]
+        (viewer,) = _family(process.pid)[1:]  # the page was told of when it was served
         time.sleep(2)  # most often it has the history by then; the end is the same without
         os.kill(viewer, signal.SIGKILL)
-        code = process.wait(100)
+        code = process.wait(DEADLINE_S)
         said = process.stderr.read() if process.stderr else ""
 
     assert 1 == code
@@ -158,7 +159,7 @@ def test_a_browser_shows_the_recording(log: Path) -> None:
         _serving(log, "--no-beliefs", "--theme", "dark") as (process, page),
     ):
         browser.open(page)
-        _wait_for(lambda: has_colour(browser.screenshot(), DEFAULT.closed), most_s=240)
+        _wait_for(lambda: has_colour(browser.screenshot(), DEFAULT.closed))
         listening = [line for pid in _family(process.pid) for line in _listening(pid)]
         complaints = [said for said in browser.complaints if not _is_tolerated(said)]
         background = colours_of(browser.screenshot())[4, 500]
@@ -192,10 +193,11 @@ def _run(verb: str, log: Path, *arguments: str) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
-def _wait_for(done: object, *, most_s: float = 60.0) -> None:
-    deadline = time.monotonic() + most_s
+def _wait_for(done: object) -> None:
+    """Pictures are drawn in software, which takes its time."""
+    deadline = time.monotonic() + MOST_S
     while not done():  # type: ignore[operator]
-        assert time.monotonic() < deadline, f"not so within {most_s:.0f} s"
+        assert time.monotonic() < deadline, f"not so within {MOST_S:.0f} s"
         time.sleep(0.2)
 
 
