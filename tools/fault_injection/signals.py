@@ -20,7 +20,7 @@ from semmap_log.errors import LogError, LogLockedError
 
 ROUNDS = 150
 STOPPED_S = 5.0
-CHILD_S = 60
+CHILD_S = 300
 """No child lives longer, whatever it waits for."""
 MOST_MEMORY = 2**25
 """With so much to be had, a great commit goes through."""
