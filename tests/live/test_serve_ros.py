@@ -106,7 +106,8 @@ def test_a_day_of_the_server(ros: RosWorld, path: Path) -> None:
         assert 0 == server.stop(signal.SIGTERM), str(server)
 
     assert ("SUCCEEDED", 2) == _told(added) == _told(repeated)
-    assert ("ABORTED" if ros.version == 1 else "REJECTED") == other["status"]
+    # ROS 2 itself rejects it, but for a result that was asked for too long ago: by us
+    assert other["status"] in ({"ABORTED"} if ros.version == 1 else {"REJECTED", "ABORTED"})
     assert [("ABORTED", 0)] * 2 + [("ABORTED", False)] * 4 + [("ABORTED", 0)] == [
         _told(one) for one in bad
     ]
