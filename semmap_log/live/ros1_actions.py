@@ -9,7 +9,8 @@ from http.client import HTTPConnection, HTTPException
 from typing import Any
 from xmlrpc.client import Error, ServerProxy, Transport
 
-LISTENS_WITHIN_S = 1.0
+LISTENS_WITHIN_S = 5.0
+"""How long a link may stand at one end only: a moment, and longer where all cores are busy."""
 LOOK_EVERY_S = 0.001
 
 
@@ -52,13 +53,13 @@ def caller_of(handle: Any) -> str:
 
 
 def wait_for_listener(server: Any, caller: str) -> None:
-    """Return once results are sent to a caller, or if it has not asked for them within a second.
+    """Return once results are sent to a caller, or if it has not asked for them in time.
 
     rospy tells a subscriber that it is connected before it begins to send to it (TCPROSHandler:
     write_header, then add_connection). A client that has just come would wait for a result in vain.
     """
     results = server.result_pub.impl
-    _wait_until(lambda: results.has_connection(caller))
+    _wait_until(lambda: results.has_connection(caller), LISTENS_WITHIN_S)
 
 
 def wait_for_server(client: Any, timeout_s: float) -> bool:
@@ -88,7 +89,7 @@ def _server_of(client: Any) -> str:
 def wait_to_be_sent_results(client: Any) -> None:
     """Return once a client's server, whosever it is, says that it sends results to this node.
 
-    As far as it answers: its goal is sent after a second in any case.
+    As far as it answers: its goal is sent after a while in any case.
     """
     import rosgraph
     import rospy
@@ -103,7 +104,7 @@ def wait_to_be_sent_results(client: Any) -> None:
     with suppress(OSError, HTTPException, rosgraph.MasterException, Error):
         uri = rosgraph.Master(us).lookupNode(server)
         with ServerProxy(uri, transport=_HastyTransport()) as node:
-            _wait_until(is_sent)
+            _wait_until(is_sent, LISTENS_WITHIN_S)
 
 
 class _HastyTransport(Transport):
@@ -115,7 +116,7 @@ class _HastyTransport(Transport):
         return connection
 
 
-def _wait_until(is_so: Callable[[], bool], timeout_s: float = LISTENS_WITHIN_S) -> bool:
+def _wait_until(is_so: Callable[[], bool], timeout_s: float) -> bool:
     deadline = time.monotonic() + timeout_s
     while not (found := is_so()) and time.monotonic() < deadline:
         time.sleep(LOOK_EVERY_S)

@@ -398,10 +398,13 @@ def test_the_real_sets_agree_with_their_texts_at_random_moments(shared_data, nam
         windows = defaultdict(list)
         for row in csv.DictReader(file):
             windows[row["door"]].append((row["start"], row["end"]))
+    instants = {door: _instants(texts[door], windows[door]) for door in found.doors}
+    ends = {door: (min(all_of_it), max(all_of_it)) for door, all_of_it in instants.items()}
     chance = random.Random(name)
     for index in range(1000):
         door = chance.choice(found.doors)
-        moment = _moment(chance, texts[door], windows[door], exact=index % 2 == 0)
+        is_exact = index % 2 == 0
+        moment = chance.choice(instants[door]) if is_exact else _between(chance, *ends[door])
         wall = datetime.fromisoformat(moment).replace(tzinfo=ZoneInfo(tz))
         if wall.utcoffset() != wall.replace(fold=1).utcoffset():
             continue  # texts do not sort in the hour that comes twice
@@ -412,11 +415,12 @@ def test_the_real_sets_agree_with_their_texts_at_random_moments(shared_data, nam
         ), (door, moment)
 
 
-def _moment(chance, rows, windows, *, exact):
-    instants = [text for text, _ in rows] + [text for window in windows for text in window]
-    if exact:
-        return chance.choice(instants)
-    ends = [datetime.fromisoformat(text).timestamp() for text in (min(instants), max(instants))]
+def _instants(rows, windows):
+    return [text for text, _ in rows] + [text for window in windows for text in window]
+
+
+def _between(chance, first, last):
+    ends = [datetime.fromisoformat(text).timestamp() for text in (first, last)]
     return datetime.fromtimestamp(chance.uniform(*ends)).isoformat(timespec="microseconds")
 
 
@@ -424,7 +428,7 @@ def _state(rows, windows, moment):
     """Return the state as the file's README defines it."""
     if not any(start <= moment < end for start, end in windows):
         return "UNKNOWN"
-    before = bisect.bisect_right([text for text, _ in rows], moment)
+    before = bisect.bisect_right(rows, moment, key=lambda row: row[0])
     return rows[before - 1][1] if before else "UNKNOWN"
 
 

@@ -81,11 +81,16 @@ def main() -> None:
 
 
 def _kill_all_inside() -> None:
+    """Kill until nobody is left: some start others meanwhile."""
     ours = Path("/proc/self/ns/net").readlink()
-    for process in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):  # ended, or somebody else's
-            if process.name != str(os.getpid()) and (process / "ns" / "net").readlink() == ours:
-                os.kill(int(process.name), signal.SIGKILL)
+    is_alone = False
+    while not is_alone:
+        is_alone = True
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):  # ended, or somebody else's
+                if process.name != str(os.getpid()) and (process / "ns" / "net").readlink() == ours:
+                    is_alone = False
+                    os.kill(int(process.name), signal.SIGKILL)
 
 
 def _bring_up_loopback() -> None:

@@ -70,8 +70,8 @@ def test_rostopic_shows_the_map_to_who_comes_late(launched: Launched) -> None:
     """
     Type, publisher, and the last message, which is latched.
     """
+    echo = launched.said("rostopic", "echo", "-n1", TOPIC)  # waits until it is offered
     info = launched.said("rostopic", "info", TOPIC)
-    echo = launched.said("rostopic", "echo", "-n1", TOPIC)
 
     assert "Type: lta_semantic_map/DoorMap" in info
     assert "/doors (http://" in info
@@ -91,6 +91,9 @@ def test_rosbag_records_each_change(launched: Launched, tmp_path: Path) -> None:
             lambda: "to: /bystander" in launched.said("rosnode", "info", "/doors"), "rosbag listens"
         )
         launched.call("update", 1, "--state", "open")
+        launched.world.wait_until(  # changes that come together are shown as one
+            lambda: '"OPEN"' in launched.said("rostopic", "echo", "-n1", TOPIC), "the open door"
+        )
         launched.call("update", 1, "--state", "closed")
         recorder.finish()
 

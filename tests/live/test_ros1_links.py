@@ -1,7 +1,8 @@
 """Links of ROS 1 that stand only at one end: rospy says so before it sends, and drops what comes.
 
 A subscriber is told that it is connected before the publisher sends to it. Between the two lies a
-moment, which is long on a busy machine; here it is 0.7 s.
+moment, which is long on a busy machine; here it is 0.7 s. This machine may be busy, too: so both
+ends wait for it as long as it takes.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from tests.live.stock_client import StockClient
 LATE_LINKS = """
 import threading
 from rospy import topics
+from semmap_log.live import ros1_actions
+
+ros1_actions.LISTENS_WITHIN_S = 100
 
 link = topics._PublisherImpl.add_connection
 
@@ -55,7 +59,8 @@ def test_call_sends_its_goal_once_results_are_sent_to_it(ros1: RosWorld) -> None
     """
     with ros1.code(LATE_LINKS + PLAIN[1]) as server:
         server.wait_for("ready")
-        called = ros1.semmap("call", "remove", 77, "--ros1", "_remove_door:=plain/RemoveDoor")
+        called = ros1.semmap("call", "remove", 77, "--ros1", "--timeout", 60,
+                              "_remove_door:=plain/RemoveDoor")  # fmt: skip
 
         assert 1 == called.wait()
     assert "removal of door 77: ABORTED: no such door" in called.errors

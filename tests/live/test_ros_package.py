@@ -284,7 +284,7 @@ def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
         [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    if "hatchling" in done.stderr:
+    if done.returncode and "build dependencies" in done.stderr:
         pytest.skip(f"what builds wheels cannot be had here: {done.stderr.strip()[-300:]}")
     assert 0 == done.returncode, done.stderr
 

@@ -11,6 +11,13 @@ import semmap_log as sl
 from semmap_log.events import DoorAdded, DoorUpdated
 from tests.live.ros_world import ROOT, RosWorld
 
+PATIENT_CALL = """
+from semmap_log.cli import main
+from semmap_log.live import client
+client.REASON_WITHIN_S = 100
+main()
+"""
+
 SAMPLES = ROOT / "semmap_log" / "ros" / "samples"
 
 
@@ -45,7 +52,7 @@ def test_call_says_why_a_goal_was_aborted(ros: RosWorld, served: Path) -> None:
     """
     In ROS 1 the result has a text; in ROS 2 the server says it on /rosout, with the goal's id.
     """
-    refused = ros.semmap("call", "remove", 77, "--timeout", 60, ros.option)
+    refused = ros.code(PATIENT_CALL, "call", "remove", 77, "--timeout", 60, ros.option)
 
     assert 1 == refused.wait()
     assert "removal of door 77: ABORTED: " in refused.errors
