@@ -88,13 +88,14 @@ class Page:
         line.session = line.ask("Target.attachToTarget", attach)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             line.ask(f"{domain}.enable")
+        line.ask("Page.setLifecycleEventsEnabled", {"enabled": True})
 
     def open(self, url: str, *, most_s: float = ANSWER_S) -> None:
-        """Go to an address (file:// or http://) and return once it has loaded."""
+        """Go to an address (file:// or http://) and return once that has loaded, and no other."""
         seen = len(self._line.events)
-        self._line.ask("Page.navigate", {"url": url})
+        asked = self._line.ask("Page.navigate", {"url": url})["loaderId"]
         deadline = time.monotonic() + most_s
-        while not any(e["method"] == "Page.loadEventFired" for e in self._line.events[seen:]):
+        while not any(_is_loaded(event, asked) for event in self._line.events[seen:]):
             assert time.monotonic() < deadline, f"{url} did not load within {most_s:.0f} s"
             self._line.listen(POLL_S)
         self.let_draw()
@@ -295,6 +296,15 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+
+
+def _is_loaded(event: dict[str, Any], loader: str) -> bool:
+    """Tell whether an event says that what a loader was asked for is there."""
+    said = event["params"]
+    return event["method"] == "Page.lifecycleEvent" and (said["loaderId"], said["name"]) == (
+        loader,
+        "load",
+    )
 
 
 def _said(event: dict[str, Any]) -> tuple[str, str] | None:

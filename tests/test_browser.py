@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from tests.browser import Page, a_page, as_url
-from tests.live.running import DEADLINE_S
+from tests.browser import ANSWER_S, Page, a_page, as_url
 
 HTML = """<!doctype html><title>t</title>
 <style>body { margin: 0; background: rgb(255, 255, 255) }
@@ -75,7 +74,7 @@ def test_what_goes_wrong_in_a_page_is_told(
     page.open(html)
 
     page.evaluate(f"void {script}" if script.startswith("set") else script)
-    deadline = time.monotonic() + DEADLINE_S
+    deadline = time.monotonic() + ANSWER_S
     while not any(complaint in each for each in page.complaints):
         assert time.monotonic() < deadline, page.complaints
         page.wait(0.1)

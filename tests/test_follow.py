@@ -7,10 +7,9 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,9 +17,9 @@ import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.events import DoorAnnotated, DoorObserved
 from semmap_log.log.compaction import compact
-from semmap_log.log.reading import following, segment_folder
 from semmap_log.log.reading.following import FollowedCommit
 from semmap_log.log.writing import segment_chain
+from tests.calls import MOST_CALLS_A_LOOK, calls_of
 
 
 def _all_there(log: sl.DoorLog, after: int | None = -1) -> list[FollowedCommit]:
@@ -281,33 +280,15 @@ def test_following_a_writer_that_is_killed_again_and_again(tmp_path: Path) -> No
     assert [[commit.hash for commit in log.commits()]] * 3 == hashes
 
 
-def test_waiting_costs_next_to_nothing(rolled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_costs_next_to_nothing(rolled: Path) -> None:
     """
     A follower of a log in which nothing happens looks at the folder, and reads no file.
     """
     looks = iter(range(200))
     log = sl.read(rolled)
-    done: list[str] = []
-    for module, name in ((segment_folder, "open_segment"), (segment_folder, "read_head"),
-                         (following, "commits_after")):  # fmt: skip
-        monkeypatch.setattr(module, name, _noted(getattr(module, name), done))
 
-    first_look = _all_there(log, 15)
-    by_one_look = done.copy()
-    done.clear()
+    calls = calls_of(lambda: list(log.follow(15, poll_s=0, stop=lambda: next(looks) == 199)))
 
-    found = list(log.follow(15, poll_s=0, stop=lambda: next(looks) == 199))
-
-    assert [] == first_look == found
-    assert "open_segment" in by_one_look
-    assert by_one_look == done
-
-
-def _noted(call: Callable[..., Any], done: list[str]) -> Callable[..., Any]:
-    """Return what does the same, and notes that it was done."""
-
-    def noted(*args: Any, **options: Any) -> Any:
-        done.append(call.__name__)
-        return call(*args, **options)
-
-    return noted
+    assert None is next(looks, None)
+    assert len(log.reader.segments) >= calls["open"]  # at the first look
+    assert calls.total() < 200 * MOST_CALLS_A_LOOK

@@ -12,6 +12,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+MOST_S = 1800
+"""For all commands, which took eight minutes beside ten busy processes."""
 
 
 def _blocks(language: str) -> list[str]:
@@ -31,6 +33,7 @@ def test_the_python_example_runs(tmp_path: Path) -> None:
     assert done.stdout.startswith("OPEN\n")
 
 
+@pytest.mark.timeout(MOST_S)
 def test_the_commands_run_as_they_stand(tmp_path: Path) -> None:
     """
     One after the other; where the viewer would show a recording, that is only written.

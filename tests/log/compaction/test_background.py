@@ -111,24 +111,29 @@ def test_no_thread_before_there_is_work(log: Path, compactor: BackgroundCompacto
 
 
 def test_close_finishes_what_is_under_way_and_drops_the_rest(
-    log: Path, compactor: BackgroundCompactor, installed: Installed
+    log: Path,
+    compactor: BackgroundCompactor,
+    installed: Installed,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """
     The first is done, the two that wait stay as they are, the thread is gone.
     """
-    files = segment_files(log)
+    files, (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     for path in files:
         compactor.add(path)
-    wait_until(lambda: bool(temporaries(log)) or bool(installed.calls))
+    assert ready.wait(100)
 
-    compactor.close()
+    closing = threading.Thread(target=compactor.close)
+    closing.start()
+    wait_until(lambda: compactor._closing)
+    go_on.set()
+    closing.join(100)
 
+    assert not closing.is_alive()
     assert [] == compaction_threads()
-    done = [path for path, *_ in installed.calls]
-    assert 1 <= len(done) < 3
-    assert [path not in done for path in files] == [
-        needs_compaction(open_segment(path)) for path in files
-    ]
+    assert files[:1] == [path for path, *_ in installed.calls]
+    assert [False, True, True] == [needs_compaction(open_segment(path)) for path in files]
     assert [] == temporaries(log)
 
 
@@ -141,7 +146,14 @@ def test_abandoned_at_once(
     """
     In the middle of a segment: nothing is replaced, no temporary file stays, the thread is gone.
     """
-    monkeypatch.setattr(background, "PAUSE_S", 0.2)
+    real = compactor._pause
+
+    def stands_still_once_it_writes(done: int) -> None:
+        if temporaries(log):
+            monkeypatch.setattr(background, "PAUSE_S", 100)
+        real(done)
+
+    monkeypatch.setattr(compactor, "_pause", stands_still_once_it_writes)
     before = [path.read_bytes() for path in segment_files(log)]
     compactor.add(segment_files(log)[0])
     wait_until(lambda: bool(temporaries(log)))

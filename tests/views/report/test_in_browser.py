@@ -192,11 +192,12 @@ def test_playing_moves_on_and_stops_at_the_end(page: Page, tmp_path: Path) -> No
     With the space bar or the button; from the end it begins anew.
     """
     data = shown(page, tmp_path, small_log(tmp_path / "log"))
-    page.evaluate("document.getElementById('speed').value = 600000")
+    page.evaluate("document.getElementById('speed').value = 1000")  # so it is seen on its way
 
     page.click("#play")
     page.wait_until("+document.getElementById('slider').value < "
                     f"{data['end']} && +document.getElementById('slider').value > 0")  # fmt: skip
+    page.evaluate("document.getElementById('speed').value = 21600000")
 
     page.wait_until(f"+document.getElementById('slider').value === {data['end']}")
     assert "false" == page.evaluate("document.getElementById('play').ariaPressed")

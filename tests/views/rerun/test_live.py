@@ -90,13 +90,15 @@ def _picture(viewer: Viewer, view: str) -> bytes | None:
 
 
 def _at_event(viewer: Viewer, number: int) -> Any:
-    """Return the only recording of the viewer, once an event is its last."""
+    """Return the viewer's only recording, once it ends with an event, and the cursor is there."""
     deadline = time.monotonic() + ARRIVES_S
     while time.monotonic() < deadline:
         recordings = viewer.state().recordings
-        ends = [t.end for each in recordings for t in each.timelines if t.name == "event"]
-        if [number] == ends and len(recordings) == 1:
-            return recordings[0]
+        ends = [{t.name: t.end for t in each.timelines} for each in recordings]
+        if [number] == [each.get("event") for each in ends]:
+            (only,) = recordings
+            if only.current_time == ends[0].get(only.current_timeline):
+                return only
         time.sleep(0.1)
     return pytest.fail(f"no recording to event {number} was alone within {ARRIVES_S:.0f} s")
 
