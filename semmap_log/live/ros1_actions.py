@@ -53,13 +53,30 @@ def caller_of(handle: Any) -> str:
 
 
 def wait_for_listener(server: Any, caller: str) -> None:
-    """Return once results are sent to a caller, or if it has not asked for them in time.
+    """Return once results are sent to a caller that asked for them, though not for ever.
 
     rospy tells a subscriber that it is connected before it begins to send to it (TCPROSHandler:
     write_header, then add_connection). A client that has just come would wait for a result in vain.
     """
     results = server.result_pub.impl
-    _wait_until(lambda: results.has_connection(caller), LISTENS_WITHIN_S)
+    if not results.has_connection(caller) and _has_asked(caller, server.result_pub.resolved_name):
+        _wait_until(lambda: results.has_connection(caller), LISTENS_WITHIN_S)
+
+
+def _has_asked(caller: str, topic: str) -> bool:
+    """Tell whether a node subscribes to a topic; True as well where the master does not answer.
+
+    `rostopic pub` sends goals, and asks for no result.
+    """
+    import rosgraph
+    import rospy
+
+    with suppress(OSError, HTTPException, Error):
+        with ServerProxy(rosgraph.get_master_uri(), transport=_HastyTransport()) as master:
+            answer: Any = master.getSystemState(rospy.get_name())
+        _, _, (_, subscribed, _) = answer
+        return any(name == topic and caller in nodes for name, nodes in subscribed)
+    return True
 
 
 def wait_for_server(client: Any, timeout_s: float) -> bool:
