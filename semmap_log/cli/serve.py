@@ -166,8 +166,8 @@ def run(
         options = ServeOptions(costmap, floors, palette.colours, default_prob)
         node = open_node(context, version, NODE)
         try:
-            say(f"{node.name} serves {log}: {len(doors.door_map())} doors.")
-            Server(node, doors, wake, options).run(stopping.is_set)
+            served = f"{node.name} serves {log}: {len(doors.door_map())} doors."
+            Server(node, doors, wake, options).run(stopping.is_set, lambda: say(served))
         finally:
             node.close()
     finally:

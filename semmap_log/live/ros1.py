@@ -16,10 +16,9 @@ from typing import Any
 from semmap_log.errors import RosError
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_types import RosVersion, long_name
-from semmap_log.live.ros1_actions import (
-    caller_of,
-    given_id,
-    patient_server_class,
+from semmap_log.live.ros1_actions import caller_of, given_id, patient_server_class
+from semmap_log.live.ros1_links import (
+    make_each_link_once,
     wait_for_listener,
     wait_for_server,
     wait_to_be_sent_results,
@@ -60,6 +59,7 @@ def open_ros1_node(name: str, ros_args: Sequence[str] = ()) -> Ros1Node:
             f"no ROS master answers at {rosgraph.get_master_uri()}; start roscore, or set "
             "ROS_MASTER_URI."
         )
+    make_each_link_once()
     try:
         rospy.init_node(name, argv=["semmap-log", *ros_args], disable_signals=True)
         master = rosgraph.Master(name).getPid()

@@ -1,4 +1,4 @@
-"""Links of ROS 1 that stand only at one end: rospy says so before it sends, and drops what comes.
+"""Links of ROS 1 that stand only at one end, and those that rospy would make twice.
 
 A subscriber is told that it is connected before the publisher sends to it. Between the two lies a
 moment, which is long on a busy machine; here it is 0.7 s. This machine may be busy, too: so both
@@ -7,6 +7,7 @@ ends wait for it as long as it takes.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import semmap_log as sl
@@ -15,9 +16,9 @@ from tests.live.ros_world import RosWorld
 from tests.live.stock_client import StockClient
 
 PATIENT = """
-from semmap_log.live import ros1_actions
+from semmap_log.live import ros1_links
 
-ros1_actions.LISTENS_WITHIN_S = 1000
+ros1_links.LISTENS_WITHIN_S = 1000
 """
 
 LATE_LINKS = """
@@ -31,6 +32,25 @@ def late_link(publisher, transport):
     threading.Timer(0.7 if late else 0, link, [publisher, transport]).start()
 
 topics._PublisherImpl.add_connection = late_link
+"""
+
+SLOW_LINKS = """
+import sys, time
+from rospy import topics
+from rospy.impl.tcpros_pubsub import TCPROSHandler
+
+make, add = TCPROSHandler.create_transport, topics._SubscriberImpl.add_connection
+
+def make_slowly(*asked):
+    time.sleep(1)
+    return make(*asked)
+
+def add_aloud(subscriber, link):
+    print("link", subscriber.resolved_name, link.endpoint_id, file=sys.stderr, flush=True)
+    return add(subscriber, link)
+
+TCPROSHandler.create_transport = make_slowly
+topics._SubscriberImpl.add_connection = add_aloud
 """
 
 SERVER = "/lta_semantic_map_server"
@@ -56,6 +76,30 @@ def test_a_client_that_has_just_come_gets_its_result(ros1: RosWorld, tmp_path: P
 
     assert "ABORTED" == refused["status"]
     assert "77" in refused["text"]
+
+
+def test_clients_that_come_together_are_linked_once(ros1: RosWorld, tmp_path: Path) -> None:
+    """
+    Goal and cancel, from each; a second link would end the first, and what came in by it.
+    """
+    path = tmp_path / "log"
+    sl.create(path, tz="UTC").close()
+    goal = {"name": "/lta_semantic_map/remove_door", "action": "RemoveDoor",
+            "values": {"door_id": 77}}  # fmt: skip
+
+    with (
+        ros1.code(SLOW_LINKS + SEMMAP_LOG, "serve", path, "--ros1") as server,
+        StockClient(ros1, "one") as one,
+        StockClient(ros1, "other") as other,
+    ):
+        server.wait_for(" serves ")
+        for client in (one, other):
+            client.send("goal", **goal)
+        statuses = [client.answer()["status"] for client in (one, other)]
+        links = re.findall("^link .*$", server.errors, re.MULTILINE)
+
+    assert ["ABORTED"] * 2 == statuses
+    assert 4 == len(set(links)) == len(links), links
 
 
 def test_who_asks_for_no_result_is_not_waited_for(ros1: RosWorld, tmp_path: Path) -> None:

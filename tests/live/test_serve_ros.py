@@ -162,7 +162,9 @@ def test_a_server_that_is_killed_loses_no_result(
                 client.send("goal", **ask)
         for i in range(GOALS // 2):
             for client, its_asks in zip(pair, asks, strict=True):
-                told[its_asks[i]["goal_id"]] = client.answer()["result"]["door_id"]
+                answer = client.answer()
+                assert "result" in answer, f"{i}: {answer} of {client.running}\n{server}"
+                told[its_asks[i]["goal_id"]] = answer["result"]["door_id"]
         server.kill()
 
     in_log = _ids_by_goal(path)

@@ -79,8 +79,12 @@ class Server:
                 )
             )
 
-    def run(self, stop: Callable[[], bool]) -> None:
+    def run(self, stop: Callable[[], bool], ready: Callable[[], None] = lambda: None) -> None:
         """Serve until told to stop, or until ROS ends.
+
+        Args:
+            stop: Asked again and again.
+            ready: Told once the map and all actions are offered.
 
         Raises:
             RosError: A type is not installed.
@@ -93,6 +97,7 @@ class Server:
         for action in ACTIONS:
             self._node.serve_action(action, action_name(self._node, action), self._doors.run)
         try:
+            ready()
             self._node.run(lambda: stop() or self._failure is not None)
         finally:
             self._ending = True
