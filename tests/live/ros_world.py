@@ -133,8 +133,9 @@ class RosWorld:
         return running
 
     def wait_until(
-        self, condition: Callable[[], T | None], what: str, *, timeout_s: float = DEADLINE_S
-    ) -> T:
+        self, condition: Callable[[], T | None], what: str | Callable[[], str], *,
+        timeout_s: float = DEADLINE_S,
+    ) -> T:  # fmt: skip
         """Return what `condition` returns as soon as that is true."""
         return wait_until(condition, what, timeout_s=timeout_s)
 

@@ -18,12 +18,21 @@ DEADLINE_S = 100.0
 its cores with everything else. Only a test that fails waits for so long."""
 
 
-def wait_until(condition: Callable[[], T | None], what: str, *, timeout_s: float = DEADLINE_S) -> T:
-    """Return what `condition` returns as soon as that is true; fail, saying what was awaited."""
+def wait_until(
+    condition: Callable[[], T | None],
+    what: str | Callable[[], str],
+    *,
+    timeout_s: float = DEADLINE_S,
+) -> T:
+    """Return what `condition` returns as soon as that is true; fail, saying what was awaited.
+
+    A function for `what` is called at the end: it knows what was said meanwhile.
+    """
     end = time.monotonic() + timeout_s
     while not (found := condition()):
         if time.monotonic() > end:
-            raise AssertionError(f"waited {timeout_s:.0f} s in vain: {what}")
+            awaited = what() if callable(what) else what
+            raise AssertionError(f"waited {timeout_s:.0f} s in vain: {awaited}")
         time.sleep(0.02)
     return found
 
@@ -68,7 +77,7 @@ class Running:
             assert found or not is_over, f"ended without {pattern!r}: {self}"
             return found
 
-        return wait_until(said, f"{pattern!r} of {self}", timeout_s=timeout_s)
+        return wait_until(said, lambda: f"{pattern!r} of {self}", timeout_s=timeout_s)
 
     def write(self, text: str) -> None:
         """Send it something on standard input."""

@@ -52,7 +52,7 @@ class StockClient:
         line = self._lines
         wait_until(
             lambda: self.running.output.count("\n") > line or self.running.is_over,
-            f"an answer of {self.running}",
+            lambda: f"an answer of {self.running}",
         )
         assert not self.running.is_over, f"it ended: {self.running}"
         self._lines += 1

@@ -30,12 +30,13 @@ YAML = """\
 """
 SERVE = """
 from semmap_log.cli import main
-from semmap_log.live import ros2
+from semmap_log.live import ros2, ros2_actions
 
 ros2.RESULT_KEPT_S = 600
+ros2_actions.KNOWN_WITHIN_S = 100
 main()
 """
-"""`serve`, but that on a busy machine, too, ROS 2 still knows what was done before."""
+"""`serve`, but that on a busy machine, too, ROS 2 knows what was done before, and who asked."""
 FIRST = [1, "OPEN", 1.0, 0.5, 0.75]
 
 

@@ -1,7 +1,9 @@
 """A ROS 2 client as people write them: JSON lines in, JSON lines out."""
 
+import os
 import sys
 import threading
+import traceback
 
 import rclpy
 from action_msgs.msg import GoalStatus
@@ -24,7 +26,8 @@ clients = {}
 def from_executor(send):
     """Return what `send` returns, called by the executor's thread.
 
-    rclpy of Jazzy forgets an answer that comes before the thread that asked has noted its number.
+    rclpy of Jazzy forgets an answer that comes before the thread that asked has noted its number;
+    that of Kilted may die of an action client that is being made by another thread.
     """
     sent = executor.create_task(send)
     done = threading.Event()
@@ -41,12 +44,16 @@ def wait_for(future, within):
 
 def client(name, action, within):
     if name not in clients:
-        # by the topic: an action client forgets a goal whose result overtook its progress
-        kind = getattr(actions, action).Impl.FeedbackMessage
-        heard = keep("progress of " + action, progress)
-        node.create_subscription(kind, name + "/_action/feedback", heard, 10)
-        clients[name] = ActionClient(node, getattr(actions, action), name)
+        from_executor(lambda: clients.update({name: made(name, action)}))
     return clients[name] if clients[name].wait_for_server(max(within, MEET_S)) else None
+
+
+def made(name, action):
+    # by the topic: an action client forgets a goal whose result overtook its progress
+    kind = getattr(actions, action).Impl.FeedbackMessage
+    heard = keep("progress of " + action, progress)
+    node.create_subscription(kind, name + "/_action/feedback", heard, 10)
+    return ActionClient(node, getattr(actions, action), name)
 
 
 def progress(message):
@@ -77,6 +84,14 @@ def goal(name, action, values, goal_id=None, within=WITHIN_S):
     }
 
 
+def spin():
+    try:
+        executor.spin()
+    except Exception:  # noqa: BLE001
+        traceback.print_exc()
+        os._exit(1)  # nobody else would hear of it, and wait for ever
+
+
 rclpy.init()
 node = rclpy.create_node(sys.argv[1])
 prefix = sys.argv[2] if len(sys.argv) > 2 else ""
@@ -89,7 +104,7 @@ for topic, kind, summary, profile in [
     node.create_subscription(kind, prefix + topic, keep(topic, summary), profile)
 executor = rclpy.executors.SingleThreadedExecutor()
 executor.add_node(node)
-threading.Thread(target=executor.spin, daemon=True).start()
+threading.Thread(target=spin, daemon=True).start()
 serve(goal)
 executor.shutdown()
 rclpy.shutdown()
