@@ -27,6 +27,7 @@ from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import DoorAdded, DoorAnnotated, Event, FloorMap
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live import LiveState, fold_live
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.log.pages import Page
@@ -59,15 +60,17 @@ S = TypeVar("S")
 class DoorLog:
     """A log that is read: as it was when it was opened, or last refreshed."""
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path | LogFolder) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
+
+        A relative path is that of the moment: `os.chdir` leads nobody to another log.
 
         Raises:
             NotALogError: There is no log at that path.
             CorruptLogError: It is damaged.
         """
-        self.path = Path(path)
-        self._reader = LogReader(self.path)
+        self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        self.path = self._reader.place.absolute
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
@@ -178,7 +181,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         return fold_live(
-            LogReader(self.path),
+            LogReader(self._reader.place),
             projection,
             checkpoint=None if checkpoint is None else Path(checkpoint),
             save_every_s=save_every_s,
@@ -272,7 +275,7 @@ class DoorLog:
         if after is None:
             last = self.reader.last_commit()
             after = -1 if last is None else last.last_event
-        return follow(LogReader(self.path), after, poll_s=poll_s, stop=stop)
+        return follow(LogReader(self._reader.place), after, poll_s=poll_s, stop=stop)
 
     def event(self, number: int) -> RecordedEvent:
         """Return the event of that number.

@@ -131,6 +131,7 @@ class CorruptLogError(LogError):
 
     def __init__(self, path: Path, offset: int, problem: str) -> None:
         super().__init__(f"{path}: damaged at byte {offset}: {problem}")
+        self.problem = problem
         self.path = path
         self.offset = offset
 

@@ -14,7 +14,7 @@ from mcap.records import Footer, Statistics
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.disk import replace_file, sync_folder
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
@@ -67,20 +67,29 @@ def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
     raise CorruptLogError(path, footer.summary_start, "its summary has no Statistics")
 
 
-def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:
+def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> None:
     """Write metadata.yaml for these segments, or remove it where there are none.
 
     A file that says so already is left alone.
+
+    Raises:
+        OSError: As the system says.
     """
     listed = list(segments)
-    path = folder / BAG_METADATA_NAME
     if listed:
         text = bag_metadata_text(listed).encode()
-        if not path.exists() or path.read_bytes() != text:
-            replace_file(path, text)
-    elif path.exists():
-        path.unlink()
-        sync_folder(folder)
+        if not _says(folder, text):
+            folder.write_whole(BAG_METADATA_NAME, text)
+    elif folder.has(BAG_METADATA_NAME):
+        folder.remove(BAG_METADATA_NAME)
+        folder.sync()
+
+
+def _says(folder: LogFolder, text: bytes) -> bool:
+    try:
+        return folder.read_bytes(BAG_METADATA_NAME) == text
+    except OSError:
+        return False
 
 
 def bag_metadata_text(segments: list[ClosedSegment]) -> str:

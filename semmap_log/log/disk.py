@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from semmap_log.errors import OutputError
-from semmap_log.log.form import BAG_METADATA_NAME, LOCK_NAME, TEMPORARY_SUFFIX
+from semmap_log.log.form import TEMPORARY_SUFFIX
 
 
 def write_all(fd: int, data: bytes | memoryview) -> None:
@@ -47,26 +47,6 @@ def sync_folder(folder: Path) -> None:
         os.fsync(fd)
     finally:
         os.close(fd)
-
-
-def is_empty(folder: Path) -> bool:
-    """Tell whether nothing is in a folder but what a writer that was killed left behind."""
-    return folder.is_dir() and all(
-        _is_leftover(path) or path.name == LOCK_NAME for path in folder.iterdir()
-    )
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Remove the temporary files of writers that were killed; only for who holds the lock."""
-    for path in folder.iterdir():
-        if _is_leftover(path):
-            path.unlink(missing_ok=True)
-
-
-def _is_leftover(path: Path) -> bool:
-    name = path.name
-    ours = ".mcap" in name or BAG_METADATA_NAME in name
-    return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
 
 
 def refuse_own_folder(folder: Path, out: Path) -> None:

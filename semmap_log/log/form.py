@@ -3,6 +3,7 @@
     <log>/
       <log>_000000.mcap   a segment: closed (whole, indexed, never modified) or, the last, live
       <log>_000001.mcap
+      closed.json         how far they reached when the last was closed: a cut log is no short one
       metadata.yaml       for rosbag2's tools; a cache, absent while no segment is closed
       .lock               held by the one writer
 
@@ -20,7 +21,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 from semmap_log.events import KINDS, FloorMap
 from semmap_log.messages import ros_type, type_name
@@ -36,6 +36,8 @@ DIGEST_KEY = "sha256"
 
 LOCK_NAME = ".lock"
 BAG_METADATA_NAME = "metadata.yaml"
+CLOSED_MARK_NAME = "closed.json"
+"""How far the log reached when its last segment was closed: `closed_mark`."""
 TEMPORARY_SUFFIX = ".tmp"
 TORN_SUFFIX = ".torn"
 RECOVERING_NAME = ".recovering"
@@ -127,13 +129,19 @@ def count_events(counts: Mapping[int, int]) -> int:
     return sum(count for channel, count in counts.items() if kind_of_channel(channel))
 
 
-def segment_name(log: Path, number: int) -> str:
-    """Return the file name of a segment: the folder's name, made plain, and a number.
+def is_temporary(name: str) -> bool:
+    """Tell whether that is the name of a file that a writer makes, before it gets its own."""
+    ours = ".mcap" in name or BAG_METADATA_NAME in name or CLOSED_MARK_NAME in name
+    return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
+
+
+def segment_name(log: str, number: int) -> str:
+    """Return the file name of a segment: the log's name, made plain, and a number.
 
     Names go into metadata.yaml, and temporary names are longer: so no characters that cannot be
     printed, and at most `MOST_NAME_BYTES`.
     """
-    name = log.resolve().name.encode("utf-8", "replace").decode()
+    name = log.encode("utf-8", "replace").decode()
     plain = "".join(c if c.isprintable() and c not in "/\\\"'" else "_" for c in name)
     while len(plain.encode()) > MOST_NAME_BYTES:
         plain = plain[:-1]

@@ -2,44 +2,51 @@
 
 The folder itself is locked first, so that nobody can make room for a second writer by deleting
 the lock file; then the lock file, which says who it is, and which every file system can lock.
+It is emptied and written to, so it must be a file of this folder alone: neither a link to another
+one nor another's second name.
 """
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
+import stat
 from contextlib import suppress
-from pathlib import Path
 
 from semmap_log.errors import LogAccessError, LogLockedError
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import LOCK_NAME
 
 
 class WriterLock:
     """Held until released or until the process ends, however it ends; the file may stay."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: LogFolder) -> None:
         """Take the lock.
 
         Raises:
             LogLockedError: Another process, or another writer of this one, has it.
-            LogAccessError: The folder cannot be written to.
+            LogAccessError: The folder cannot be written to, or its lock file is none.
         """
         self._pid = os.getpid()
         self._fds: list[int] = []
         try:
             self._lock_folder(folder)
-            self._lock_file(folder / LOCK_NAME)
+            self._lock_file(folder)
         except BlockingIOError:
             self._let_go()
             raise LogLockedError(
-                f"{folder}: {_holder(folder)} is writing to this log; a log has one writer at a "
-                "time. Reading works; to write, stop that one first."
+                f"{folder.path}: {_holder(folder)} is writing to this log; a log has one "
+                "writer at a time. Reading works; to write, stop that one first."
             ) from None
+        except LogAccessError:
+            self._let_go()
+            raise
         except OSError as error:
             self._let_go()
             raise LogAccessError(
-                f"{folder}: cannot be opened for writing: {error.strerror}. "
+                f"{folder.path}: cannot be opened for writing: {error.strerror}. "
                 "Reading works; to write, copy the log to a place of your own."
             ) from error
         self._tell(f"{self._pid}\n")
@@ -55,9 +62,9 @@ class WriterLock:
                     fcntl.flock(fd, fcntl.LOCK_UN)  # a child may still have the file open
         self._let_go()
 
-    def _lock_folder(self, folder: Path) -> None:
+    def _lock_folder(self, folder: LogFolder) -> None:
         """Lock the folder, on file systems that can (some servers of files cannot)."""
-        self._fds.append(os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
+        self._fds.append(folder.open_itself())
         try:
             fcntl.flock(self._fds[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -65,8 +72,16 @@ class WriterLock:
         except OSError:
             os.close(self._fds.pop())
 
-    def _lock_file(self, path: Path) -> None:
-        self._fds.append(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644))
+    def _lock_file(self, folder: LogFolder) -> None:
+        try:
+            self._fds.append(folder.open(LOCK_NAME, os.O_RDWR | os.O_CREAT))
+        except OSError as error:
+            if error.errno in {errno.ELOOP, errno.ENXIO}:
+                raise _no_lock_file(folder) from None
+            raise
+        status = os.fstat(self._fds[-1])
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+            raise _no_lock_file(folder)
         fcntl.flock(self._fds[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def _let_go(self) -> None:
@@ -80,10 +95,17 @@ class WriterLock:
             os.pwrite(self._fds[-1], who.encode(), 0)
 
 
-def _holder(folder: Path) -> str:
+def _no_lock_file(folder: LogFolder) -> LogAccessError:
+    return LogAccessError(
+        f"{folder / LOCK_NAME}: expected a file of this folder alone, got a link, or something "
+        "else; nothing was written to it. If no writer is at work, remove it."
+    )
+
+
+def _holder(folder: LogFolder) -> str:
     """Return who has the lock, as far as the lock file tells."""
     try:
-        holder = (folder / LOCK_NAME).read_text("ascii", "replace").strip()
+        holder = folder.read_bytes(LOCK_NAME).decode("ascii", "replace").strip()
     except OSError:
         holder = ""
     return f"process {holder}" if holder else "another process"

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import errno
 import os
+import threading
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
@@ -26,14 +28,14 @@ from mcap.records import (
 
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import BuiltChunk, ChunkFacts
-from semmap_log.log.disk import sync_folder, write_all
+from semmap_log.log.disk import write_all
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
     INDEX_METADATA,
     LIBRARY,
     LOG_METADATA,
     PROFILE,
-    TEMPORARY_SUFFIX,
     Topic,
     count_events,
     floor_map_topic,
@@ -80,13 +82,14 @@ MOST_HELD_BACK_BYTES = 2**16
 class SegmentWriter:
     """A segment under a temporary name, until `install` gives it its own.
 
-    Every method but `abandon` may raise OSError; after that the file's end is unknown, and the
-    object must only be abandoned.
+    Every method but `abandon` may raise OSError; after that the file's end is unknown, and every
+    method but `abandon` refuses. One thread adds; any may `flush` and `sync` meanwhile.
     """
 
-    def __init__(self, path: Path, header: SegmentHeader) -> None:
-        """Begin a segment in `path`'s folder: write its head."""
-        self.path = path
+    def __init__(self, folder: LogFolder, name: str, header: SegmentHeader) -> None:
+        """Begin a segment in a folder: write its head."""
+        self.folder = folder
+        self.name = name
         self.header = header
         self.size = 0
         """Of the file, with what is held back."""
@@ -98,21 +101,25 @@ class SegmentWriter:
         self._held_back_size = 0
         self._metadata: list[MetadataIndex] = []
         self._crc = 0
-        self.temporary: Path | None = path.with_name(
-            f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}"
-        )
-        self._fd = os.open(
-            self.temporary,
-            os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC,
-            0o644,
-        )
+        self._writing = threading.Lock()
+        """Held while bytes go to the file or wait for it: in one order, whoever hands them on."""
+        self._is_broken = False
+        """A write failed or was interrupted: what follows it would lie behind a gap."""
+        self.temporary: str | None
+        self.temporary, self._fd = folder.new_file(name)
         try:
-            self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
-            self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
-            self._write(_schema_and_channel_bytes())
+            with self._whole_write():
+                self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
+                self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
+                self._write(_schema_and_channel_bytes())
         except BaseException:
             self.abandon()
             raise
+
+    @property
+    def path(self) -> Path:
+        """The file's path, for messages."""
+        return self.folder / self.name
 
     def add(
         self,
@@ -136,20 +143,19 @@ class SegmentWriter:
             data = channels + data
             offset += len(channels)
             self.levels.update(new)
-        if hold_back:
-            self._hold_back(data)
-        else:
-            self._write(data)
+        with self._whole_write():
+            if hold_back:
+                self._hold_back(data)
+            else:
+                self._write(data)
         facts = chunk.facts
         self._chunks.append((offset, facts))
         self.commits += facts.counts.get(COMMIT_CHANNEL, 0)
 
     def flush(self) -> None:
         """Hand to the kernel what is held back: it then survives the end of the process."""
-        if self._held_back:
-            data = b"".join(self._held_back)
-            self._held_back, self._held_back_size = [], 0
-            write_all(self._fd, data)
+        with self._whole_write():
+            self._flush()
 
     def sync(self) -> None:
         """Return once all that was added survives a power cut.
@@ -157,28 +163,47 @@ class SegmentWriter:
         Raises:
             OSError: As the kernel says; or the file was removed, and ends with this process.
         """
-        if self._held_back:
-            self.flush()
+        self.flush()  # and whoever is just writing what was held back is waited for
         os.fdatasync(self._fd)
         if not os.fstat(self._fd).st_nlink:
             raise FileNotFoundError(errno.ENOENT, "it was removed while it was written")
 
-    def install(self) -> None:
-        """Give the file its name, in place of any file that has it; survives a power cut."""
+    def install(self, *, replacing: tuple[int, int] | None = None) -> None:
+        """Give the file its name; it survives a power cut.
+
+        Args:
+            replacing: Device and inode of the file that it takes the place of, a copy of which it
+                is; None: nobody has the name.
+
+        Raises:
+            OSError: As the system says; somebody has the name, or another file than that has it.
+        """
         assert self.temporary is not None
         if self._fd >= 0:
             os.fsync(self._fd)
-        os.replace(self.temporary, self.path)
+        if replacing is None:
+            self.folder.put_new(self.temporary, self.name)
+        elif self.folder.identity(self.name) == replacing:
+            self.folder.put(self.temporary, self.name)
+        else:
+            raise FileExistsError(errno.EEXIST, f"{self.name} was exchanged for another file")
         self.temporary = None
-        sync_folder(self.path.parent)
 
     def close(self) -> None:
         """Write index, summary and footer, and sync.
 
         The magic at the end says that all the rest is there, so all the rest is synced before: a
         power cut may keep the last sector of a file and lose those before it.
+
+        Raises:
+            OSError: As the kernel says; or another file has its name now, or none.
         """
-        self.flush()
+        with self._whole_write():
+            self._close()
+        os.close(self._fd)
+        self._fd = -1
+
+    def _close(self) -> None:
         facts = [facts for _, facts in self._chunks]
         index = index_metadata(
             [count_events(one.counts) for one in facts],
@@ -191,8 +216,10 @@ class SegmentWriter:
         os.fsync(self._fd)
         self._write(mcap.MAGIC)
         os.fsync(self._fd)
-        os.close(self._fd)
-        self._fd = -1
+        if self.temporary is None and not self.folder.is_there(self.name, self._fd):
+            raise FileNotFoundError(
+                errno.ENOENT, f"{self.name} was removed or exchanged while it was written"
+            )
 
     def abandon(self) -> None:
         """Let go of the file as it is; one that was never installed is removed."""
@@ -203,7 +230,7 @@ class SegmentWriter:
             self._fd = -1
         if self.temporary is not None:
             with suppress(OSError):
-                self.temporary.unlink()
+                self.folder.remove(self.temporary)
             self.temporary = None
 
     @property
@@ -217,10 +244,26 @@ class SegmentWriter:
         self._crc = zlib.crc32(data, self._crc)
         self.size += len(data)
         if self._held_back_size >= MOST_HELD_BACK_BYTES:
-            self.flush()
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._held_back:
+            data = b"".join(self._held_back)
+            self._held_back, self._held_back_size = [], 0
+            write_all(self._fd, data)
+
+    @contextmanager
+    def _whole_write(self) -> Iterator[None]:
+        """Let one thread write, and nobody behind a write that was not finished."""
+        with self._writing:
+            if self._is_broken:
+                raise OSError(errno.EIO, "an earlier write failed, or was interrupted")
+            self._is_broken = True
+            yield
+            self._is_broken = False
 
     def _write(self, data: bytes) -> None:
-        self.flush()
+        self._flush()
         write_all(self._fd, data)
         self._crc = zlib.crc32(data, self._crc)
         self.size += len(data)

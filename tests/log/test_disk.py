@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from semmap_log.errors import LogAccessError
-from semmap_log.log.disk import is_empty, remove_leftovers, replace_file, write_all
+from semmap_log.log.disk import replace_file, write_all
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.lock import WriterLock
 
 
@@ -60,12 +61,12 @@ def test_what_a_killed_writer_left_is_no_log(tmp_path: Path) -> None:
     Its temporary files are removed by who has the lock; somebody else's are not.
     """
     (tmp_path / ".log_000000.mcap.123.tmp").touch()
-    WriterLock(tmp_path).release()
-    assert is_empty(tmp_path)
+    WriterLock(LogFolder(tmp_path)).release()
+    assert LogFolder(tmp_path).is_empty()
     (tmp_path / ".notes.tmp").touch()
-    assert not is_empty(tmp_path)
+    assert not LogFolder(tmp_path).is_empty()
 
-    remove_leftovers(tmp_path)
+    LogFolder(tmp_path).remove_leftovers()
 
     assert [".lock", ".notes.tmp"] == sorted(path.name for path in tmp_path.iterdir())
 
@@ -77,4 +78,4 @@ def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
 
     with pytest.raises(LogAccessError, match="cannot be opened for writing"):
-        WriterLock(tmp_path / "file")
+        WriterLock(LogFolder(tmp_path / "file"))

@@ -23,6 +23,7 @@ from semmap_log.log import records as mcap
 from semmap_log.log.chunks import MAX_CHUNK_BYTES, build_chunk, read_chunk_head
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
 from semmap_log.log.compaction import compact
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.reading.scan import open_segment
@@ -45,7 +46,7 @@ Forge = Callable[[Stamp], Stamp]
 def _forged(folder: Path, forge: Forge, *, closed: bool) -> Path:
     """Write a log of two commits, the second forged, all checksums right."""
     folder.mkdir()
-    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
     writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
     writer.install()
     stamp = STAMP
@@ -183,7 +184,7 @@ def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
     """
     folder = tmp_path / "log"
     folder.mkdir()
-    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
     writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
     record = mcap.message(DoorObserved.kind, 0, 1000, 1000, bytes(99))
     writer.add(build_chunk(record, np.zeros(1, np.int64)))
@@ -245,7 +246,7 @@ def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
     """
     folder = tmp_path / "log"
     folder.mkdir()
-    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
     built = keyframes.keyframe_chunk(DoorMapState(), 1000)
     data = bytearray(built.data)
     struct.pack_into("<QQ", data, mcap.FRAME.size, 3, 4)
@@ -263,7 +264,7 @@ def test_a_commit_must_count_its_events_in_a_live_segment(tmp_path: Path) -> Non
     """
     folder = tmp_path / "log"
     folder.mkdir()
-    writer = SegmentWriter(folder / "log_000000.mcap", HEADER)
+    writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
     writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
     builder = CommitBuilder(STAMP, Note(), random.Random(1).randbytes)
     (built,) = builder.chunks([DoorAdded(door_id=DoorId(1))])

@@ -80,6 +80,11 @@ class Disk:
                 node = folder.now.pop(name)
                 folder.now[target] = node
                 folder.pending.append(_Change(node, source=name, target=target))
+            case Call.LINK:
+                (folder, name), (other, target) = (
+                    self._place(path) for path in (entry.path, entry.other)
+                )
+                self._add(other, target, folder.now[name])
             case Call.UNLINK:
                 folder, name = self._place(entry.path)
                 folder.pending.append(_Change(folder.now.pop(name), source=name))

@@ -13,6 +13,7 @@
 #include <signal.h>
 #include <stdarg.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -22,7 +23,8 @@
 
 /* The numbers are shim.py's, too. */
 enum call { OPEN = 1, WRITE = 2, FSYNC = 4, FDATASYNC = 8, RENAME = 16, UNLINK = 32,
-            TRUNCATE = 64, MKDIR = 128, CLOSE = 256, LOOK = 512, OTHER = 1024, NOTE = 2048 };
+            TRUNCATE = 64, MKDIR = 128, CLOSE = 256, LOOK = 512, OTHER = 1024, NOTE = 2048,
+            LINK = 4096 };
 enum action { PASS = 0, KILL = 1, HALF_THEN_KILL = 2, FAIL = 3, HALF_THEN_FAIL = 4, SHORT = 5 };
 
 struct entry { uint32_t call; int32_t fd; int64_t number; uint32_t path, other; uint64_t data; };
@@ -100,6 +102,21 @@ static int is_inside(const char *path) {
            (path[root_length] == '/' || !path[root_length]);
 }
 
+/* The whole path of a name in an open folder; in `room`, of PATH_MAX bytes, if it must be made. */
+static const char *whole(int directory, const char *path, char *room) {
+    if (!path || path[0] == '/' || directory == AT_FDCWD || !root_length) return path;
+    char link[64];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", directory);
+    ssize_t length = syscall(SYS_readlinkat, AT_FDCWD, link, room, PATH_MAX - 1);
+    if (length < 0 || length + strlen(path) + 2 > PATH_MAX) return path;
+    room[length] = 0;
+    if (strcmp(path, ".")) {
+        room[length] = '/';
+        strcpy(room + length + 1, path);
+    }
+    return room;
+}
+
 static int is_ours(int fd) { return root_length && fd >= 0 && fd < (int)sizeof ours && ours[fd]; }
 
 static enum action decide(enum call call) {
@@ -131,12 +148,14 @@ static int refused(enum call call) {
 
 /* ---- the calls -------------------------------------------------------------------------- */
 
-static int opened(const char *path, int flags, mode_t mode, int directory) {
-    if (!is_inside(path)) return syscall(SYS_openat, directory, path, flags, mode);
+static int opened(const char *name, int flags, mode_t mode, int directory) {
+    char room[PATH_MAX];
+    const char *path = whole(directory, name, room);
+    if (!is_inside(path)) return syscall(SYS_openat, directory, name, flags, mode);
     ENTER;
     enum call call = flags & (O_CREAT | O_TRUNC) ? OPEN : LOOK;
     if (refused(call)) LEAVE(-1);
-    int fd = syscall(SYS_openat, directory, path, flags, mode);
+    int fd = syscall(SYS_openat, directory, name, flags, mode);
     if (fd >= 0 && fd < (int)sizeof ours) {
         ours[fd] = 1;
         record(call, fd, flags, path, NULL, NULL, 0);
@@ -244,29 +263,43 @@ int ftruncate64(int fd, off_t size) {
 
 int ftruncate(int fd, off_t size) { return ftruncate64(fd, size); }
 
-static int renamed(int from, const char *path, int to, const char *other) {
+static int renamed(enum call call, int number, int from, const char *name, int to,
+                   const char *new_name) {
+    char room[PATH_MAX], new_room[PATH_MAX];
+    const char *path = whole(from, name, room), *other = whole(to, new_name, new_room);
     if (!is_inside(path) && !is_inside(other))
-        return syscall(SYS_renameat, from, path, to, other);
+        return syscall(number, from, name, to, new_name, 0);
     ENTER;
-    if (refused(RENAME)) LEAVE(-1);
-    int done = syscall(SYS_renameat, from, path, to, other);
-    if (!done) record(RENAME, -1, 0, path, other, NULL, 0);
+    if (refused(call)) LEAVE(-1);
+    int done = syscall(number, from, name, to, new_name, 0);
+    if (!done) record(call, -1, 0, path, other, NULL, 0);
     LEAVE(done);
 }
 
 int rename(const char *path, const char *other) {
-    return renamed(AT_FDCWD, path, AT_FDCWD, other);
+    return renamed(RENAME, SYS_renameat, AT_FDCWD, path, AT_FDCWD, other);
 }
 
 int renameat(int from, const char *path, int to, const char *other) {
-    return renamed(from, path, to, other);
+    return renamed(RENAME, SYS_renameat, from, path, to, other);
 }
 
-static int unlinked(int directory, const char *path, int flags) {
-    if (!is_inside(path)) return syscall(SYS_unlinkat, directory, path, flags);
+int link(const char *path, const char *other) {
+    return renamed(LINK, SYS_linkat, AT_FDCWD, path, AT_FDCWD, other);
+}
+
+int linkat(int from, const char *path, int to, const char *other, int flags) {
+    (void)flags; /* nothing here follows links */
+    return renamed(LINK, SYS_linkat, from, path, to, other);
+}
+
+static int unlinked(int directory, const char *name, int flags) {
+    char room[PATH_MAX];
+    const char *path = whole(directory, name, room);
+    if (!is_inside(path)) return syscall(SYS_unlinkat, directory, name, flags);
     ENTER;
     if (refused(UNLINK)) LEAVE(-1);
-    int done = syscall(SYS_unlinkat, directory, path, flags);
+    int done = syscall(SYS_unlinkat, directory, name, flags);
     if (!done) record(UNLINK, -1, flags, path, NULL, NULL, 0);
     LEAVE(done);
 }
@@ -306,11 +339,6 @@ int posix_fallocate64(int fd, off64_t from, off64_t size) {
     REAL(posix_fallocate64);
     if (is_ours(fd)) record(OTHER, fd, 0, "posix_fallocate", NULL, NULL, 0);
     return real(fd, from, size);
-}
-
-int link(const char *path, const char *other) {
-    if (is_inside(other)) record(OTHER, -1, 0, "link", NULL, NULL, 0);
-    return syscall(SYS_linkat, AT_FDCWD, path, AT_FDCWD, other, 0);
 }
 
 int truncate64(const char *path, off_t size) {

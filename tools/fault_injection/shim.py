@@ -40,11 +40,13 @@ class Call(IntFlag):
     """Something that changes files in a way that the recording cannot hold."""
     NOTE = 2048
     """What the recorded program itself put in."""
+    LINK = 4096
+    """A file gets a second name."""
 
 
 CHANGES = (
     Call.OPEN | Call.WRITE | Call.FSYNC | Call.FDATASYNC | Call.RENAME | Call.UNLINK
-    | Call.TRUNCATE | Call.MKDIR
+    | Call.TRUNCATE | Call.MKDIR | Call.LINK
 )  # fmt: skip
 
 
@@ -72,7 +74,7 @@ class Entry:
     """Offset of a write, new size, flags of an opening."""
     path: str
     other: str
-    """A rename's target."""
+    """A rename's target, or a second name."""
     data: bytes
 
     def describe(self) -> str:

@@ -6,12 +6,13 @@ import logging
 import os
 import threading
 from collections.abc import Callable
-from pathlib import Path
 from queue import SimpleQueue
 
 from semmap_log.errors import LogError
 from semmap_log.log.bag_metadata import ClosedSegment
-from semmap_log.log.compaction.run import compact_segment
+from semmap_log.log.compaction.run import compact_segment, install_over
+from semmap_log.log.folder import LogFolder
+from semmap_log.log.reading.scan import Segment
 from semmap_log.log.segment import SegmentWriter
 
 _log = logging.getLogger("semmap_log")
@@ -35,15 +36,17 @@ class BackgroundCompactor:
     which the next writer removes.
     """
 
-    def __init__(self, installed: Callable[[Path, ClosedSegment], None]) -> None:
+    def __init__(self, folder: LogFolder, installed: Callable[[ClosedSegment], None]) -> None:
         """Prepare; no thread is started yet.
 
         Args:
-            installed: Called in the thread after a segment was replaced, with its path and what
-                metadata.yaml is to say of it. It must not wait for anybody who may be in `close`.
+            folder: The log's.
+            installed: Called in the thread after a segment was replaced, with what metadata.yaml
+                is to say of it. It must not wait for anybody who may be in `close`.
         """
+        self._folder = folder
         self._installed = installed
-        self._waiting: SimpleQueue[Path | None] = SimpleQueue()
+        self._waiting: SimpleQueue[str | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
         self._closing = False
@@ -52,7 +55,7 @@ class BackgroundCompactor:
         """Held while a segment is replaced: `close` returns before that or after it."""
         self._pid = os.getpid()
 
-    def add(self, path: Path) -> None:
+    def add(self, name: str) -> None:
         """Have a closed segment compacted some time; returns at once.
 
         Raises:
@@ -60,11 +63,11 @@ class BackgroundCompactor:
         """
         if os.getpid() != self._pid:
             raise LogError(
-                f"{path}: compacted by process {self._pid}; a forked child cannot go on with that."
+                f"{name}: compacted by process {self._pid}; a forked child cannot go on with that."
             )
         if self._closing:
-            raise LogError(f"{path}: the compactor was closed; nothing can be added to it.")
-        self._waiting.put(path)
+            raise LogError(f"{name}: the compactor was closed; nothing can be added to it.")
+        self._waiting.put(name)
         if self._thread is None:
             self._start()
 
@@ -111,27 +114,28 @@ class BackgroundCompactor:
 
     def _work(self) -> None:
         while not self._closing:
-            path = self._waiting.get()
-            if path is None or self._closing:
+            name = self._waiting.get()
+            if name is None or self._closing:
                 return
             try:
-                compact_segment(path, pause=self._pause, install=self._install)
+                compact_segment(self._folder, name, pause=self._pause, install=self._install)
             except _Abandoned:
                 return
             except Exception as error:  # noqa: BLE001 - whatever it is, the writer goes on
                 said = str(error) or type(error).__name__
+                path = self._folder / name
                 _log.warning("%s: not compacted, it stays as it is: %s", path, said)
 
     def _pause(self, done: int) -> None:  # noqa: ARG002 - for progress bars
         if self._abandoned.wait(PAUSE_S):
             raise _Abandoned
 
-    def _install(self, copy: SegmentWriter) -> None:
+    def _install(self, copy: SegmentWriter, replaced: Segment) -> None:
         with self._swap:
             if self._abandoned.is_set():
                 raise _Abandoned
-            copy.install()
+            install_over(copy, replaced)
             try:
-                self._installed(copy.path, ClosedSegment.of(copy.path, copy.statistics()))
+                self._installed(ClosedSegment.of(copy.path, copy.statistics()))
             except Exception as error:  # noqa: BLE001 - as above
                 _log.warning("%s: compacted, but not listed: %s", copy.path, error)

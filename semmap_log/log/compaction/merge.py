@@ -15,7 +15,7 @@ from pathlib import Path
 from semmap_log.log.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.log.compaction.repaging import Pause
-from semmap_log.log.disk import sync_folder
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import ROLL_BYTES
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment
@@ -39,7 +39,7 @@ class Step:
         """Bytes of its records, uncompressed."""
         return sum(_size(segment) for segment in self.sources)
 
-    def run(self, folder: Path, listed: Listing, pause: Pause) -> Listing:
+    def run(self, folder: LogFolder, listed: Listing, pause: Pause) -> Listing:
         """Do it; wherever it stops, the folder holds the log, as it was or as it will be.
 
         Args:
@@ -55,15 +55,15 @@ class Step:
             OSError: As the file system says.
         """
         first, *others = (segment.path for segment in self.sources)
-        with rechunked(self.sources, pause) as copy:
+        with rechunked(folder, self.sources, pause) as copy:
             listed = {path: said for path, said in listed.items() if path not in others}
             listed[first] = ClosedSegment.of(first, copy.statistics())
             if others:
                 write_bag_metadata(folder, listed.values())
-            copy.install()
+            copy.install(replacing=self.sources[0].mapped.identity)
         for path in others:
-            path.unlink()
-        sync_folder(folder)
+            folder.remove(path.name)
+        folder.sync()
         return listed
 
 
@@ -106,7 +106,7 @@ def remove_merged(reader: LogReader) -> None:
         OSError: As the file system says.
     """
     if reader.leftovers:
-        sync_folder(reader.folder)  # the merged file's name may not be on the disk yet; they are
+        reader.place.sync()  # the merged file's name may not be on the disk yet; they are
         for path in reader.leftovers:
-            path.unlink()
-        sync_folder(reader.folder)
+            reader.place.remove(path.name)
+        reader.place.sync()

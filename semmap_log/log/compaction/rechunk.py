@@ -21,6 +21,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
 from semmap_log.log.chunks import BuiltChunk, build_chunk
 from semmap_log.log.compaction.repaging import Pause, are_pages, no_pause, pages
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.grammar import Place, place_behind
@@ -36,13 +37,16 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def rechunked(sources: Sequence[Segment], pause: Pause = no_pause) -> Iterator[SegmentWriter]:
+def rechunked(
+    folder: LogFolder, sources: Sequence[Segment], pause: Pause = no_pause
+) -> Iterator[SegmentWriter]:
     """Hand out the closed, synced and compared copy of adjacent segments, as one segment.
 
-    It has the first one's path; `install` puts it there. If that is not called, or on any error,
+    It has the first one's name; `install` puts it there. If that is not called, or on any error,
     nothing is left of it.
 
     Args:
+        folder: The log's.
         sources: Closed segments that follow each other; often only one.
         pause: Called between chunks.
 
@@ -50,10 +54,9 @@ def rechunked(sources: Sequence[Segment], pause: Pause = no_pause) -> Iterator[S
         CorruptLogError: One is damaged, or does not follow the one before.
         OSError: As the file system says.
     """
-    writer = SegmentWriter(sources[0].path, merged_header(sources))
+    writer = SegmentWriter(folder, sources[0].path.name, merged_header(sources))
     try:
         digest = _write(writer, sources, pause)
-        assert writer.temporary is not None
         _compare(sources, digest, writer, pause)
         yield writer
     finally:
@@ -115,11 +118,11 @@ def _compare(
 ) -> None:
     """Read the copy from its file and compare head, statistics and every record with the old."""
     assert writer.temporary is not None
-    copy = open_segment(writer.temporary)
+    copy = open_segment(writer.folder / writer.temporary, folder=writer.folder)
     if copy.header != writer.header:
         raise _differs(sources[0].path, "its head")
     said = [statistics_of(segment.path, segment.file) for segment in sources]
-    if _contents(said) != _contents([statistics_of(writer.temporary, copy.file)]):
+    if _contents(said) != _contents([statistics_of(copy.path, copy.file)]):
         raise _differs(sources[0].path, "the number or the time of its messages")
     whole = hashlib.sha256()
     for page in pages_of(copy):

@@ -13,7 +13,7 @@ from semmap_log.log.bag_metadata import statistics_of, write_bag_metadata
 from semmap_log.log.compaction.merge import Step, plan, remove_merged
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.log.compaction.repaging import Pause, no_pause
-from semmap_log.log.disk import remove_leftovers
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import CHUNK_BYTES, count_events
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.passage import Progress
@@ -38,13 +38,13 @@ class Compacted:
     """For each file that was written: what it was made of; it has the first one's name."""
 
 
-def compact(folder: Path, *, merge: bool = True, progress: Progress | None = None) -> Compacted:
+def compact(path: Path, *, merge: bool = True, progress: Progress | None = None) -> Compacted:
     """Rechunk the closed segments of a log, and merge small ones that follow each other.
 
     The live segment is not touched. Stopped at any point, by whatever, the folder holds the log.
 
     Args:
-        folder: The log.
+        path: The log's folder.
         merge: Merge small segments, up to 64 MiB of records in a file.
         progress: Told how far the work is.
 
@@ -53,28 +53,31 @@ def compact(folder: Path, *, merge: bool = True, progress: Progress | None = Non
         LogAccessError: The file system says no; what was done until then stays done.
         CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
     """
-    check_is_log(folder)
+    check_is_log(LogFolder(path))
+    folder = LogFolder.held(path)
     lock = WriterLock(folder)
     try:
-        remove_leftovers(folder)
+        folder.remove_leftovers()
         remove_merged(LogReader(folder))
         return _compact(folder, merge=merge, progress=progress)
+    except LogAccessError:
+        raise
     except OSError as error:
-        problem = f"{folder}: cannot be compacted: {error.strerror or error}. The log is whole."
+        problem = f"{path}: cannot be compacted: {error.strerror or error}. The log is whole."
         raise LogAccessError(problem) from error
     finally:
         lock.release()
 
 
-def plan_compaction(folder: Path, *, merge: bool = True) -> Compacted:
+def plan_compaction(path: Path, *, merge: bool = True) -> Compacted:
     """Return what `compact` would do; needs no lock and no write access."""
-    closed = _closed(folder)
+    closed = _closed(LogFolder(path))
     steps = plan(closed, merge=merge)
     merged_away = sum(len(step.sources) - 1 for step in steps)
     return _summary(closed, steps, len(closed) - merged_away, None)
 
 
-def _compact(folder: Path, *, merge: bool, progress: Progress | None) -> Compacted:
+def _compact(folder: LogFolder, *, merge: bool, progress: Progress | None) -> Compacted:
     before = _closed(folder)
     steps = plan(before, merge=merge)
     pause = _told(progress, sum(2 * step.size for step in steps)) if progress else no_pause
@@ -101,11 +104,11 @@ def _told(progress: Progress, total: int) -> Pause:
     return pause
 
 
-def _closed(folder: Path) -> list[Segment]:
+def _closed(folder: LogFolder) -> list[Segment]:
     return [segment for segment in LogReader(folder).segments if segment.closed]
 
 
-def _list_closed(folder: Path) -> list[Segment]:
+def _list_closed(folder: LogFolder) -> list[Segment]:
     """Bring metadata.yaml up to date; return what it lists."""
     closed = _closed(folder)
     write_bag_metadata(folder, [statistics_of(s.path, s.file) for s in closed])
@@ -129,18 +132,30 @@ def _events(segment: Segment) -> int:
     return count_events(statistics_of(segment.path, segment.file).counts)
 
 
+def install_over(copy: SegmentWriter, replaced: Segment) -> None:
+    """Put a closed copy in the place of the segment that it was made of.
+
+    Raises:
+        OSError: As the file system says, or another file has its name now.
+    """
+    copy.install(replacing=replaced.mapped.identity)
+
+
 def compact_segment(
-    path: Path,
+    folder: LogFolder,
+    name: str,
     *,
     pause: Pause = no_pause,
-    install: Callable[[SegmentWriter], None] = SegmentWriter.install,
+    install: Callable[[SegmentWriter, Segment], None] = install_over,
 ) -> bool:
     """Replace a closed segment by its compacted copy; at every instant one of both is there.
 
     Args:
-        path: Its file.
+        folder: The log's.
+        name: Its file there.
         pause: Called between chunks; what it raises stops the work, and the old segment stays.
-        install: Called with the copy, closed, synced and compared: to put it in place.
+        install: Called with the copy, closed, synced and compared, and with the segment: to put
+            one in the place of the other.
 
     Returns:
         Whether it was replaced; False where there is nothing to gain.
@@ -149,23 +164,24 @@ def compact_segment(
         CorruptLogError: It is damaged, or not closed; it stays as it is.
         OSError: As the file system says; it stays as it is.
     """
-    _read_through(path, pause)
-    segment = open_segment(path)
+    path = folder / name
+    _read_through(folder, name, pause)
+    segment = open_segment(path, folder=folder)
     if not segment.closed:
         raise CorruptLogError(path, segment.whole_end, "not closed, so it cannot be compacted")
     if not needs_compaction(segment):
         return False
-    with rechunked([segment], pause) as copy:
-        install(copy)
+    with rechunked(folder, [segment], pause) as copy:
+        install(copy, segment)
     return True
 
 
-def _read_through(path: Path, pause: Pause) -> None:
+def _read_through(folder: LogFolder, name: str, pause: Pause) -> None:
     """Read a file once, by calls: a sector that cannot be read is then an error.
 
     Met through a mapped file, it would end the process: a robot's recorder, with its writer.
     """
-    with path.open("rb", buffering=0) as file:
+    with os.fdopen(folder.open_to_read(name), "rb", buffering=0) as file:
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_SEQUENTIAL)
         block = bytearray(CHUNK_BYTES)
         while file.readinto(block):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semmap_log.commits import Commit
-from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import ChunkPlace, LogReader
@@ -49,14 +49,11 @@ def follow(
         CorruptLogError: What follows is not a continuation of what was yielded.
         LogError: Another log lies there now.
     """
-    log_id = reader.info.log_id
     position = _Position(after)
     seen: list[Segment] = []
     while True:
         is_last_look = stop is not None and stop()
         reader.refresh()
-        if reader.info.log_id != log_id:
-            raise LogError(f"{reader.folder}: another log lies here now; open it anew.")
         if not are_same(seen, reader.segments):
             seen, before = reader.segments, position.event
             for followed in commits_after(reader, position.event):

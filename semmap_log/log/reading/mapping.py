@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.errors import LogAccessError, NotALogError
+from semmap_log.log.folder import LogFolder
 
 MOST_AT_ONCE = 2**19
 """Bytes asked of the disk in one call; a longer request the kernel cuts short."""
@@ -46,15 +47,19 @@ class MappedFile:
             _library().madvise(self.address + first, size, mmap.MADV_DONTNEED)
 
 
-def map_file(path: Path) -> MappedFile:
+def map_file(path: Path, folder: LogFolder | None = None) -> MappedFile:
     """Return a file's bytes as they are now, without keeping a file descriptor.
+
+    Args:
+        path: The file, for messages.
+        folder: Where it is found by its name; None: where its path says.
 
     Raises:
         NotALogError: It is no regular file.
         LogAccessError: It cannot be read; `FileNotFoundError` is its cause where it has gone.
     """
     try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        fd = (folder or LogFolder(path.parent)).open_to_read(path.name)
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     try:

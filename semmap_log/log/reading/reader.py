@@ -16,6 +16,7 @@ from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import Retracted
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
@@ -52,7 +53,7 @@ BEGINNING = ChunkPlace(0, 0)
 class LogReader:
     """A log as it was when it was opened, or last refreshed."""
 
-    def __init__(self, folder: Path, *, only: Path | None = None) -> None:
+    def __init__(self, folder: LogFolder | Path, *, only: Path | None = None) -> None:
         """Open the log in that folder, or only one segment of it.
 
         Raises:
@@ -60,9 +61,9 @@ class LogReader:
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
-        self.folder = folder
+        self.place = LogFolder.of(folder)
         self._only = only
-        self._files = SegmentFolder(folder)
+        self._files = SegmentFolder(self.place)
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
@@ -89,15 +90,22 @@ class LogReader:
             NotALogError: The log is gone.
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
+            LogError: Another log lies there now.
         """
         before = self.segments
         if self._only is not None:
             self.segments = [open_segment(self._only)]
         else:
             found = self._files.look()
+            self._check_same_log(found.segments[0])
             self.segments, self.leftovers = found.segments, found.leftovers
         if self.segments != before:
             self._retractions, self._latest_ns, self._is_in_order = None, None, False
+
+    @property
+    def folder(self) -> Path:
+        """The log's folder, as it was given: for messages."""
+        return self.place.path
 
     @property
     def info(self) -> LogInfo:
@@ -112,6 +120,7 @@ class LogReader:
         Raises:
             CorruptLogError: A chunk is not what was written, or a segment does not follow the last.
         """
+        self._check_order()
         last: Page | None = None
         before: Segment | None = None
         passage = Passage(self.segments[start.segment :], progress)
@@ -266,6 +275,14 @@ class LogReader:
         by = int(np.searchsorted(self._latest_ns, at_ns, "right"))
         return min(by, len(self.segments) - 1)
 
+    def _check_same_log(self, found: Segment) -> None:
+        log_id = found.header.info.log_id
+        if self.segments and log_id != self.info.log_id:
+            raise LogError(
+                f"{self.folder}: another log lies here now (expected the id {self.info.log_id}, "
+                f"got {log_id}); open it anew."
+            )
+
     def _next_event(self, place: int) -> int | None:
         """Return the number of the first event behind a segment; None: it is the last."""
         if place + 1 < len(self.segments):
@@ -284,7 +301,7 @@ class LogReader:
             check_follows(segment, commit, self.segments[place - 1])
 
     def _check_order(self) -> None:
-        """Check that the segments' events and times follow each other, as their summaries tell."""
+        """Check that the segments are one log's, one behind the other, as their heads tell."""
         if not self._is_in_order:
             for before, segment in pairwise(self.segments):
                 check_adjoins(segment, before)

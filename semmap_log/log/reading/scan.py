@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError, NotALogError
 from semmap_log.log import records as mcap
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading.chunk_table import ChunkTable
@@ -173,11 +174,14 @@ def _keep_tables_of(segment: Segment) -> None:
             vars(oldest).pop("_spans", None)
 
 
-def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:
+def open_segment(
+    path: Path, *, earlier: Segment | None = None, folder: LogFolder | None = None
+) -> Segment:
     """Return the segment in that file.
 
     Args:
-        path: The file.
+        path: The file, for messages.
+        folder: Where it is found by its name; None: where its path says.
         earlier: The same segment as it was: a live one is read on from where it ended then.
 
     Raises:
@@ -185,7 +189,7 @@ def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:
         CorruptLogError: It was, and is damaged: in its head; a live one, in what was on the disk.
         LogAccessError: It cannot be read.
     """
-    mapped = map_file(path)
+    mapped = map_file(path, folder)
     header, head_end = read_head(path, mapped.data)
     if is_closed(mapped.data):
         return Segment(path, header, mapped, head_end, live=None)

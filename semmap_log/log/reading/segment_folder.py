@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
+from semmap_log.log.closed_mark import ClosedMark, read_mark
+from semmap_log.log.folder import LogFolder
+from semmap_log.log.form import CLOSED_MARK_NAME
 from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.scan import Segment, open_segment, read_head
-from semmap_log.log.reading.segment_set import SegmentSet, arrange
+from semmap_log.log.reading.segment_set import SegmentSet, arrange, check_reaches
 
 Listing = list[tuple[str, int]]
 """Name and inode of each segment file, by name."""
@@ -31,11 +33,13 @@ class SegmentFolder:
     the old one is held as long as it is mapped. A live segment only grows.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: LogFolder) -> None:
         self.folder = folder
         self._known: dict[tuple[str, int], Segment] = {}
         self._listing: Listing = []
         self._found = SegmentSet([], [])
+        self._reaches: tuple[ClosedMark | None, Segment] | None = None
+        """The mark, and the last segment, for which it was found that the log reaches it."""
 
     def look(self) -> SegmentSet:
         """Return the segments of the log as they are now.
@@ -50,9 +54,10 @@ class SegmentFolder:
         """
         seen: Listing = []
         for attempt in range(_MOST_LISTINGS):
+            mark = read_mark(self.folder)  # first: what is closed meanwhile is no concern of ours
             listing = list_segments(self.folder)
             try:
-                return self._take_in(listing)
+                return self._checked(self._take_in(listing), mark)
             except (GoneError, CorruptLogError) as error:
                 settled = listing == seen and not isinstance(error, GoneError)
                 if settled or attempt == _MOST_LISTINGS - 1:
@@ -61,11 +66,19 @@ class SegmentFolder:
                 time.sleep(attempt * _LISTING_PAUSE_S)
         raise AssertionError("unreachable")
 
+    def _checked(self, found: SegmentSet, mark: ClosedMark | None) -> SegmentSet:
+        """Return what was found, once it is known to be as long as it was."""
+        seen = (mark, found.segments[-1])
+        if mark is not None and seen != self._reaches:
+            check_reaches(mark, self.folder / CLOSED_MARK_NAME, found.segments)
+            self._reaches = seen
+        return found
+
     def _take_in(self, listing: Listing) -> SegmentSet:
         if listing == self._listing and (same := self._grown()) is not None:
             return same
         known = self._open(listing)
-        self._found = arrange(self.folder, list(known.values()))
+        self._found = arrange(self.folder.path, list(known.values()))
         self._known, self._listing = known, listing
         return self._found
 
@@ -99,9 +112,9 @@ class SegmentFolder:
 
     def _read_on(self, path: Path, known: Segment | None) -> Segment:
         try:
-            if known is not None and (known.closed or path.stat().st_size == len(known.file)):
+            if known is not None and (known.closed or self._size(path) == len(known.file)):
                 return known
-            return open_segment(path, earlier=known)
+            return open_segment(path, earlier=known, folder=self.folder)
         except LogError as error:
             if isinstance(error.__cause__, FileNotFoundError):
                 raise GoneError(str(error)) from error.__cause__
@@ -110,8 +123,11 @@ class SegmentFolder:
             gone = GoneError if isinstance(error, FileNotFoundError) else LogAccessError
             raise gone(f"{path}: cannot be read: {error.strerror}.") from error
 
+    def _size(self, path: Path) -> int:
+        return self.folder.status(path.name, follows=True).st_size
 
-def list_segments(folder: Path) -> Listing:
+
+def list_segments(folder: LogFolder) -> Listing:
     """Return name and inode of the segment files of a log, by name.
 
     Raises:
@@ -119,21 +135,20 @@ def list_segments(folder: Path) -> Listing:
         LogAccessError: It cannot be read.
     """
     try:
-        with os.scandir(folder) as entries:
-            found = [(e.name, e.inode()) for e in entries if e.name.endswith(".mcap")]
+        found = [(name, inode) for name, inode in folder.files() if name.endswith(".mcap")]
     except FileNotFoundError:
-        message = f"{folder}: no such log. To make one: semmap-log init {folder}"
+        message = f"{folder.path}: no such log. To make one: semmap-log init {folder.path}"
         raise NotALogError(message) from None
     except NotADirectoryError:
-        raise NotALogError(f"{folder}: a log is a folder, this is a file.") from None
+        raise NotALogError(f"{folder.path}: a log is a folder, this is a file.") from None
     except OSError as error:
-        raise LogAccessError(f"{folder}: cannot be read: {error.strerror}.") from error
+        raise LogAccessError(f"{folder.path}: cannot be read: {error.strerror}.") from error
     if not found:
-        raise NotALogError(f"{folder}: a folder without segments (*.mcap), so not a log.")
-    return sorted(found)
+        raise NotALogError(f"{folder.path}: a folder without segments (*.mcap), so not a log.")
+    return found
 
 
-def check_is_log(folder: Path) -> None:
+def check_is_log(folder: LogFolder) -> None:
     """Return if a segment of ours lies in a folder: then it is a log's, however damaged.
 
     Raises:
@@ -144,6 +159,6 @@ def check_is_log(folder: Path) -> None:
     *others, last = (folder / name for name, _ in list_segments(folder))
     for path in others:
         with suppress(LogError):
-            read_head(path, map_file(path).data)
+            read_head(path, map_file(path, folder).data)
             return
-    read_head(last, map_file(last).data)
+    read_head(last, map_file(last, folder).data)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache, partial
 from itertools import repeat, tee
 
@@ -13,7 +13,7 @@ from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.log.chunks import StoredChunk
-from semmap_log.log.form import CHUNK_BYTES
+from semmap_log.log.form import CHUNK_BYTES, count_events
 from semmap_log.log.kind_bits import COMMIT_BIT
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.ahead import ahead
@@ -146,6 +146,51 @@ def last_commit(segment: Segment) -> Commit | None:
     """Return a segment's last commit; None: it has none."""
     for chunk in reversed(segment.chunks.having(COMMIT_BIT).tolist()):
         return page_at(segment, chunk).last_commit()
+    return None
+
+
+def end_of(segment: Segment) -> int:
+    """Return the number of the first event behind a segment's whole commits.
+
+    Raises:
+        CorruptLogError: The summary of a closed segment is damaged.
+    """
+    if segment.live is not None:
+        return segment.live.whole_place.committed
+    assert segment.counts is not None, "a closed segment counts its messages"
+    return segment.header.first_event + count_events(segment.counts)
+
+
+def head_of(segment: Segment) -> bytes:
+    """Return the hash of a segment's last commit; of the one before it if it has none.
+
+    Raises:
+        CorruptLogError: The commit cannot be read.
+    """
+    if segment.live is not None:
+        return segment.live.whole_place.hash
+    last = last_commit(segment)
+    return segment.header.hash_so_far if last is None else last.hash
+
+
+def head_before(segments: Sequence[Segment], event: int) -> bytes | None:
+    """Return the hash of the commit that ends right before an event; None: none ends there.
+
+    Args:
+        segments: All of a log, in order.
+        event: Its number.
+
+    Raises:
+        CorruptLogError: The commit cannot be read.
+    """
+    for segment in reversed(segments):
+        if event == segment.header.first_event:
+            return segment.header.hash_so_far
+        if event > segment.header.first_event:
+            if event == end_of(segment):
+                return head_of(segment)
+            commit = commit_of(segment, event - 1)
+            return commit.hash if commit and commit.last_event == event - 1 else None
     return None
 
 

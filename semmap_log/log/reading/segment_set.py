@@ -10,9 +10,16 @@ from pathlib import Path
 
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.form import count_events
+from semmap_log.log.closed_mark import ClosedMark
+from semmap_log.log.form import CLOSED_MARK_NAME
 from semmap_log.log.reading.scan import Segment
-from semmap_log.log.reading.segment_reading import commit_of, last_commit
+from semmap_log.log.reading.segment_reading import (
+    commit_of,
+    end_of,
+    head_before,
+    head_of,
+    last_commit,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +69,10 @@ def check_follows(segment: Segment, last: Commit | None, before: Segment) -> Non
     """
     next_event = before.header.first_event if last is None else last.last_event + 1
     head = before.header.hash_so_far if last is None else last.hash
+    _check_begins(segment, next_event, head, before)
+
+
+def _check_begins(segment: Segment, next_event: int, head: bytes, before: Segment) -> None:
     if segment.header.first_event != next_event:
         raise CorruptLogError(
             segment.path,
@@ -80,37 +91,47 @@ def check_follows(segment: Segment, last: Commit | None, before: Segment) -> Non
 
 
 def check_adjoins(segment: Segment, before: Segment) -> None:
-    """Check that a segment begins where the one before it ends, as far as their summaries tell.
+    """Check that a segment begins where the one before it ends, as their heads and indexes tell.
 
-    No chunk is read: for questions that look at a few places of a long log. The hashes are
-    compared where one is read behind the other: `check_follows`.
+    No chunk is read: for questions that look at a few places of a long log. They rest on all of
+    its segments, since what an index tells of one may be why it is not read.
 
     Raises:
-        CorruptLogError: Events are missing between them, or their order is not that of their times.
+        CorruptLogError: Events are missing between them, one is of another copy of the log, or
+            their order is not that of their times.
     """
-    _check_counts(segment, before)
+    _check_begins(segment, end_of(before), head_of(before), before)
     (_, end_ns), (start_ns, _) = before.recorded, segment.recorded
     if 0 < start_ns <= end_ns:
         problem = f"its first log time {start_ns} is not after the last of {before.path.name}"
         raise CorruptLogError(segment.path, 0, f"{problem}, {end_ns}, which its head says")
 
 
-def _check_counts(segment: Segment, before: Segment) -> None:
-    """Check that the segment before holds all events up to the first of a segment.
+def check_reaches(mark: ClosedMark, path: Path, segments: Sequence[Segment]) -> None:
+    """Check that a log is as long as it was when its last segment was closed.
+
+    Args:
+        mark: What was written then.
+        path: Where, for messages.
+        segments: All of the log, in order.
 
     Raises:
-        CorruptLogError: Not as many as it counts itself.
+        CorruptLogError: It ends before, or is another.
     """
-    if before.counts is None:
+    last = segments[-1]
+    if mark.log_id != last.header.info.log_id:
+        problem = f"it tells of the log {mark.log_id}, not of {last.header.info.log_id}: no mark"
+    elif last.header.last_number < mark.segment:
+        problem = f"segment {mark.segment} is missing: it was the last one"
+    elif (end := end_of(last)) < mark.next_event:
+        path, problem = last.path, f"it ends before event {end}: it was cut, or is an older state"
+    elif head_before(segments, mark.next_event) != bytes.fromhex(mark.head):
+        path, problem = last.path, f"its commit before event {mark.next_event} is of another copy"
+    else:
         return
-    end = before.header.first_event + count_events(before.counts)
-    if end != segment.header.first_event:
-        problem = f"it begins with event {segment.header.first_event}, but {before.path.name}"
-        raise CorruptLogError(
-            segment.path,
-            0,
-            f"{problem} before it ends before event {end}; one of the two is not what it was",
-        )
+    known = f"the last segment that was closed ended before event {mark.next_event}"
+    advice = "`semmap-log recover` goes on with what is there"
+    raise CorruptLogError(path, 0, f"{problem} of this log; {known} ({CLOSED_MARK_NAME}); {advice}")
 
 
 def _check_one_log(found: Sequence[Segment]) -> None:

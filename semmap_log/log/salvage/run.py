@@ -9,7 +9,8 @@ from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, LogExistsError
 from semmap_log.log.clock import Clock, SystemClock
-from semmap_log.log.disk import is_empty, sync_folder
+from semmap_log.log.disk import sync_folder
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import RECOVERING_NAME
 from semmap_log.log.header import LogInfo
 from semmap_log.log.lock import WriterLock
@@ -55,7 +56,7 @@ def recover(
     """
     log = log.resolve()
     _check_is_folder(log)
-    lock = WriterLock(log)
+    lock = WriterLock(LogFolder.held(log))
     try:
         kept = put_away(log)
         found = survey(log, progress)
@@ -63,9 +64,10 @@ def recover(
             return Recovered(found, log if kept else None, kept)
         info = _info(found, entropy, is_new=not found.keeps_numbers)
         with new_folder_beside(log) as folder:
-            new_lock = WriterLock(folder)
+            made = LogFolder.held(folder)
+            new_lock = WriterLock(made)
             try:
-                _write(found, NewLog(folder, log, info), clock or SystemClock(), entropy)
+                _write(found, NewLog(made, log.name, info), clock or SystemClock(), entropy)
                 take_place(log)
                 kept = put_away(log)
             finally:
@@ -95,7 +97,7 @@ def recover_into(
         LogError: There is no log, or what was made of it is not good; nothing is changed then.
     """
     target = target.resolve()
-    if target.exists() and not is_empty(target):
+    if target.exists() and not (target.is_dir() and LogFolder(target).is_empty()):
         raise LogExistsError(f"{target}: there is something here; a new log wants a new folder.")
     found = survey(log, progress)
     if not found.has_to_do:
@@ -103,7 +105,8 @@ def recover_into(
     try:
         with new_folder_beside(target) as folder:
             info = _info(found, entropy, is_new=True)
-            _write(found, NewLog(folder, target, info), clock or SystemClock(), entropy)
+            made = NewLog(LogFolder.held(folder), target.name, info)
+            _write(found, made, clock or SystemClock(), entropy)
             (folder / RECOVERING_NAME).unlink()
             folder.rename(target)
             sync_folder(target.parent)
@@ -158,9 +161,9 @@ def _write(found: Survey, new: NewLog, clock: Clock, entropy: Entropy) -> None:
     except BaseException:
         new.abandon()
         raise
-    made = verify(new.folder)
+    made = verify(new.folder.path)
     if made.exit_code != 0 or made.events != found.events + 1:
         first = made.findings[0].text if made.findings else f"{made.events} events"
         raise CorruptLogError(
-            new.folder, 0, f"the new log is not good: {first}; the old one is kept"
+            new.folder.path, 0, f"the new log is not good: {first}; the old one is kept"
         )

@@ -23,6 +23,7 @@ from semmap_log.errors import LogAccessError
 from semmap_log.log.disk import sync_folder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
+    CLOSED_MARK_NAME,
     LOCK_NAME,
     RECOVERING_NAME,
     TEMPORARY_SUFFIX,
@@ -115,7 +116,7 @@ def _is_of_log(path: Path) -> bool:
     return (
         path.suffix == ".mcap"
         or TORN_SUFFIX in name
-        or name in (BAG_METADATA_NAME, LOCK_NAME)
+        or name in (BAG_METADATA_NAME, CLOSED_MARK_NAME, LOCK_NAME)
         or name.endswith(TEMPORARY_SUFFIX)
     )
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path
 
 from semmap_log.commits import Note
 from semmap_log.events import LogExported
 from semmap_log.log import keyframes
 from semmap_log.log.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.log.clock import Clock
+from semmap_log.log.closed_mark import ClosedMark, write_mark
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import FLOOR_MAP_CHANNEL, ROLL_BYTES, ROLL_COMMITS, segment_name
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.salvage.rewriting import Rewriter, chunks_of
@@ -27,12 +28,12 @@ FORMAT = "semmap-log"
 class NewLog:
     """Writes segments into an empty folder; everything is synced once `finish` has returned."""
 
-    def __init__(self, folder: Path, name: Path, info: LogInfo) -> None:
+    def __init__(self, folder: LogFolder, name: str, info: LogInfo) -> None:
         """Begin a log.
 
         Args:
             folder: Where it is made.
-            name: The folder that it will have: segments are named after it.
+            name: The name that its folder will have: segments are named after it.
             info: What its heads say.
         """
         self.rewriter = Rewriter()
@@ -72,10 +73,14 @@ class NewLog:
         )
         note = Note(actor=ACTOR, source=source, reason=reason)
         event = LogExported(format=FORMAT, file_name=source, at_ns=max(last_ns, 0))
-        for chunk in CommitBuilder(stamp, note, entropy).chunks([event]):
+        last = CommitBuilder(stamp, note, entropy)
+        for chunk in last.chunks([event]):
             segment.add(chunk)
         self._close()
         write_bag_metadata(self.folder, self._closed)
+        closed, end = segment.header, last.commit
+        mark = ClosedMark(closed.info.log_id, closed.number, end.last_event + 1, end.hash.hex())
+        write_mark(self.folder, mark)
 
     def abandon(self) -> None:
         """Let go of what is being written."""
@@ -94,8 +99,8 @@ class NewLog:
                 return segment
             self._close()
         header = self._next
-        path = self.folder / segment_name(self._name, header.number)
-        segment = self._segment = SegmentWriter(path, header)
+        name = segment_name(self._name, header.number)
+        segment = self._segment = SegmentWriter(self.folder, name, header)
         time_ns = last_ns + 1 if last_ns >= 0 else max(0, recorded_ns - 1)
         segment.add(keyframes.keyframe_chunk(self._state.get(), time_ns))
         return segment

@@ -9,10 +9,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semmap_log.errors import LogAccessError
+from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.log.bag_metadata import ClosedSegment, bag_metadata_text
+from semmap_log.log.closed_mark import ClosedMark, read_mark
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
+    CLOSED_MARK_NAME,
     RECOVERING_NAME,
     TEMPORARY_SUFFIX,
     TORN_SUFFIX,
@@ -35,6 +38,8 @@ class Arrangement:
     missing: dict[int, int] = field(default_factory=dict)
     """Number of a segment behind a gap -> the first number that is missing before it."""
     findings: list[Finding] = field(default_factory=list)
+    mark: ClosedMark | None = None
+    """How far it reached, as was known before the files were listed."""
 
     def has(self, number: int) -> bool:
         """Tell whether a segment stands for that number."""
@@ -63,6 +68,7 @@ def arrange(path: Path) -> Arrangement:
     if not path.is_dir():
         found.findings.append(_alien(path, "no such log: expected a folder or one .mcap file"))
         return found
+    found.mark = _mark(found)
     try:
         names = sorted(p for p in path.iterdir())
     except OSError as error:
@@ -117,6 +123,47 @@ def bag_metadata_findings(found: Arrangement, closed: list[ClosedSegment] | None
         )
         findings.append(Finding("metadata", Severity.WARNING, path, None, None, problem))
     return findings
+
+
+def mark_findings(found: Arrangement, next_event: int, head: bytes | None) -> list[Finding]:
+    """Compare how far the log reached, as closed.json tells, with how far it does.
+
+    Args:
+        found: The log's files.
+        next_event: The number behind its last event.
+        head: Hash of its commit that ends where closed.json says; None: none ends there.
+    """
+    mark = found.mark
+    if mark is None:
+        return []
+    path, last = found.folder / CLOSED_MARK_NAME, found.segments[-1]
+    if last.header is not None and last.header.info.log_id != mark.log_id:
+        text = f"it tells of the log {mark.log_id}, not of this one"
+        return [_damage("mark", path, text)]
+    if next_event < mark.next_event:
+        where = last.path if last.last_number >= mark.segment else path
+        text = (
+            f"the log's last segment that was closed ended before event {mark.next_event} "
+            f"({CLOSED_MARK_NAME}), and now all ends before event {next_event}: a segment was "
+            "cut, is missing, or is an older state of itself"
+        )
+        lost = (next_event, mark.next_event - 1)
+        return [Finding("shortened", Severity.DAMAGE, where, None, lost, text)]
+    if mark.next_event and head is not None and head.hex() != mark.head:
+        text = (
+            f"the commit before event {mark.next_event} is not the one that {CLOSED_MARK_NAME} "
+            "tells of: one of the two is of another copy of this log"
+        )
+        return [_damage("mark", last.path, text)]
+    return []
+
+
+def _mark(found: Arrangement) -> ClosedMark | None:
+    try:
+        return read_mark(LogFolder(found.folder))
+    except CorruptLogError as error:
+        found.findings.append(_damage("mark", error.path, error.problem))
+        return None
 
 
 def _sort_out(found: Arrangement, ours: list[SegmentFile]) -> None:

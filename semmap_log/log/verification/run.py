@@ -23,7 +23,12 @@ from semmap_log.log.verification.closing import (
 )
 from semmap_log.log.verification.files import SegmentFile, Vanished, first_bytes, mapped, name_of
 from semmap_log.log.verification.findings import Finding, Severity, Verification
-from semmap_log.log.verification.folder import Arrangement, arrange, bag_metadata_findings
+from semmap_log.log.verification.folder import (
+    Arrangement,
+    arrange,
+    bag_metadata_findings,
+    mark_findings,
+)
 from semmap_log.log.verification.keyframes import KeyframeCheck, Place
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, Gap, SegmentWalk
@@ -97,6 +102,8 @@ class Verifier:
         """Last event of a leftover -> its file, and the hash of that event's commit."""
         self._closed: list[ClosedSegment] = []
         self._current = Path()
+        self._marked: bytes | None = None
+        """Hash of the commit that ends where closed.json says that the log ended once."""
 
     def run(self) -> Verification:
         """Return what was found."""
@@ -272,6 +279,9 @@ class Verifier:
 
     def _commit(self, whole: WholeCommit) -> None:
         commit = whole.commit
+        mark = self.arrangement.mark
+        if mark is not None and mark.next_event == commit.last_event + 1:
+            self._marked = commit.hash
         if commit.hash == self._head:
             self._head_event = commit.last_event
         path, wanted = self._merged.pop(commit.last_event, (self._current, commit.hash))
@@ -289,13 +299,18 @@ class Verifier:
             self._on_commit(whole)
 
     def _folder(self, found: Arrangement) -> None:
-        """Compare what metadata.yaml knows; a leftover's hash must have come by now."""
+        """Compare what closed.json and metadata.yaml know; a leftover's hash must have come."""
+        mark = found.mark
+        damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
+        marks = mark_findings(found, self.chain.next_event, self._marked)
+        self.findings += [finding for finding in marks if finding.path not in damaged]
         damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
         is_all = len(self._closed) == sum(file.is_closed for file in found.segments)
         closed = self._closed if is_all else None
         for finding in bag_metadata_findings(found, closed):
             if finding.path not in damaged:
-                lost = (self.chain.next_event, None) if finding.kind == "missing" else None
+                last = None if mark is None else mark.next_event - 1
+                lost = (self.chain.next_event, last) if finding.kind == "missing" else None
                 self.findings.append(replace(finding, events=lost))
         for path, _ in self._merged.values():
             text = "its number is that of a merged segment, but its commits are not in that one"

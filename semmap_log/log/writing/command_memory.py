@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 from semmap_log.commits import Commit
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading.reader import LogReader
 
 REMEMBERED_COMMANDS = 10_000
@@ -14,7 +14,7 @@ REMEMBERED_COMMANDS = 10_000
 class CommandMemory:
     """The commits of at least the last 10,000 commands; read when first asked."""
 
-    def __init__(self, folder: Path, flush: Callable[[], None]) -> None:
+    def __init__(self, folder: LogFolder, flush: Callable[[], None]) -> None:
         self._folder = folder
         self._flush = flush
         """Hands the kernel what the writer holds back, before the log is read."""

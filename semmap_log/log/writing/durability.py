@@ -91,15 +91,18 @@ class BatchTimer:
         self._appended = threading.Event()
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
+        self._starting = threading.Lock()
 
     def start(self) -> None:
         """Count from now, unless it is counting already."""
         if self._appended.is_set():
             return
         self._appended.set()
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="semmap-log sync", daemon=True)
-            self._thread.start()
+        with self._starting:
+            if self._thread is None:
+                name = "semmap-log sync"
+                self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+                self._thread.start()
 
     def close(self) -> None:
         """Stop counting; what was appended is not synced by this."""

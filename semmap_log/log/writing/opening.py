@@ -9,7 +9,8 @@ from pathlib import Path
 from semmap_log.errors import LogAccessError, LogExistsError
 from semmap_log.log.commits import NO_HASH
 from semmap_log.log.compaction.merge import remove_merged
-from semmap_log.log.disk import is_empty, remove_leftovers, sync_folder
+from semmap_log.log.disk import sync_folder
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
@@ -19,31 +20,27 @@ from semmap_log.log.writing.writer import LogWriter, Surroundings
 from semmap_log.projections.door_map import DoorMapState
 
 
-def create_log(
-    folder: Path, info: LogInfo, surroundings: Surroundings = Surroundings()
-) -> LogWriter:
+def create_log(path: Path, info: LogInfo, surroundings: Surroundings = Surroundings()) -> LogWriter:
     """Make a new log in a folder that does not exist, or is empty, and open it.
 
     Raises:
         LogExistsError: Something is there already.
         LogAccessError: The folder cannot be made.
     """
-    with _told_as_access_error(folder, "no log can be made here"):
-        if folder.exists() and not is_empty(folder):
-            raise LogExistsError(
-                f"{folder}: there is something here already; "
-                "a new log wants a new or an empty folder."
-            )
-        folder.mkdir(parents=True, exist_ok=True)
+    with _told_as_access_error(path, "no log can be made here"):
+        _check_is_free(path)
+        path.mkdir(parents=True, exist_ok=True)
+        folder = LogFolder.held(path)
         with _locked(folder) as lock:
-            remove_leftovers(folder)
+            _check_is_free(path, folder)  # again: somebody may have been quicker
+            folder.remove_leftovers()
             writer = LogWriter(folder, lock, DoorMapState(), surroundings)
             writer.begin(SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH))
-            sync_folder(folder.parent)
+            sync_folder(path.parent)
             return writer
 
 
-def open_for_append(folder: Path, surroundings: Surroundings = Surroundings()) -> LogWriter:
+def open_for_append(path: Path, surroundings: Surroundings = Surroundings()) -> LogWriter:
     """Open a log for writing; a last segment that a crash left torn is made whole first.
 
     Raises:
@@ -52,16 +49,23 @@ def open_for_append(folder: Path, surroundings: Surroundings = Surroundings()) -
         LogAccessError: The file system does not let us.
         CorruptLogError: Commits that were acknowledged are damaged.
     """
-    check_is_log(folder)  # before a lock file is put into somebody else's folder
-    with _told_as_access_error(folder, "cannot be opened"), _locked(folder) as lock:
-        remove_leftovers(folder)
+    check_is_log(LogFolder(path))  # before a lock file is put into somebody else's folder
+    with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
+        folder.remove_leftovers()
         reader = LogReader(folder)
         remove_merged(reader)
         writer = LogWriter(folder, lock, state_at(reader), surroundings)
         writer.go_on(reader)
         if _may_be_half_made(reader):
-            sync_folder(folder.parent)
+            sync_folder(path.parent)
         return writer
+
+
+def _check_is_free(path: Path, folder: LogFolder | None = None) -> None:
+    if path.exists() and not (path.is_dir() and (folder or LogFolder(path)).is_empty()):
+        raise LogExistsError(
+            f"{path}: there is something here already; a new log wants a new or an empty folder."
+        )
 
 
 def _may_be_half_made(reader: LogReader) -> bool:
@@ -70,7 +74,14 @@ def _may_be_half_made(reader: LogReader) -> bool:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[WriterLock]:
+def _held(path: Path) -> Iterator[tuple[LogFolder, WriterLock]]:
+    folder = LogFolder.held(path)
+    with _locked(folder) as lock:
+        yield folder, lock
+
+
+@contextmanager
+def _locked(folder: LogFolder) -> Iterator[WriterLock]:
     """Take the lock; let it go again if what follows fails."""
     lock = WriterLock(folder)
     try:
@@ -81,10 +92,10 @@ def _locked(folder: Path) -> Iterator[WriterLock]:
 
 
 @contextmanager
-def _told_as_access_error(folder: Path, problem: str) -> Iterator[None]:
+def _told_as_access_error(path: Path, problem: str) -> Iterator[None]:
     try:
         yield
     except LogAccessError:
         raise
     except OSError as error:
-        raise LogAccessError(f"{folder}: {problem}: {error.strerror}.") from error
+        raise LogAccessError(f"{path}: {problem}: {error.strerror}.") from error

@@ -7,7 +7,7 @@ any moment. Chunk times and message indexes are made anew from the messages, nev
 from __future__ import annotations
 
 from semmap_log.log.chunks import build_chunk
-from semmap_log.log.disk import replace_file
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import TORN_SUFFIX
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.scan import Segment
@@ -15,11 +15,11 @@ from semmap_log.log.reading.segment_reading import read_chunk
 from semmap_log.log.segment import SegmentWriter
 
 
-def reopened(segment: Segment) -> SegmentWriter:
+def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
     """Return a writer that holds the segment's whole commits, not yet installed."""
     if segment.torn_bytes:
-        keep_torn_tail(segment)
-    writer = SegmentWriter(segment.path, segment.header)
+        keep_torn_tail(folder, segment)
+    writer = SegmentWriter(folder, segment.path.name, segment.header)
     try:
         for chunk in segment.chunks:
             records = bytes(read_chunk(segment, chunk))
@@ -32,13 +32,19 @@ def reopened(segment: Segment) -> SegmentWriter:
     return writer
 
 
-def keep_torn_tail(segment: Segment) -> None:
+def keep_torn_tail(folder: LogFolder, segment: Segment) -> None:
     """Put what lies behind the last whole commit beside the segment, named by where it lay."""
     tail = bytes(segment.file[segment.whole_end :])
     name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
-    kept = segment.path.with_name(name)
-    more = 1
-    while kept.exists() and kept.read_bytes() != tail:
+    kept, more = name, 1
+    while folder.has(kept) and not _holds(folder, kept, tail):
         more += 1
-        kept = segment.path.with_name(f"{name}-{more}")
-    replace_file(kept, tail)
+        kept = f"{name}-{more}"
+    folder.write_whole(kept, tail)
+
+
+def _holds(folder: LogFolder, name: str, data: bytes) -> bool:
+    try:
+        return folder.read_bytes(name) == data
+    except OSError:  # a stranger's link, or something else that is no file
+        return False

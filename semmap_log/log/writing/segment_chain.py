@@ -10,14 +10,15 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
+from dataclasses import dataclass
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
 from semmap_log.log.chunks import BuiltChunk
+from semmap_log.log.closed_mark import ClosedMark, read_mark, write_mark
 from semmap_log.log.compaction.background import BackgroundCompactor
 from semmap_log.log.compaction.rechunk import needs_compaction
-from semmap_log.log.disk import sync_file
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
     CONTINUE_BELOW_BYTES,
     ROLL_AGE_NS,
@@ -34,13 +35,23 @@ MOST_LEFT = 16
 """So many segments are looked at, when a log is opened, for compaction that was left undone."""
 
 
+@dataclass(frozen=True, slots=True)
+class LogEnd:
+    """Where a log ends."""
+
+    next_event: int
+    """Number of the event that comes next."""
+    head: bytes
+    """Hash of the last commit."""
+
+
 class SegmentChain:
     """Used by one thread at a time, but for what the background thread reports.
 
     Every method may raise OSError; after that the live segment must only be abandoned.
     """
 
-    def __init__(self, folder: Path, *, compacts: bool) -> None:
+    def __init__(self, folder: LogFolder, *, compacts: bool) -> None:
         """Prepare.
 
         Args:
@@ -59,11 +70,12 @@ class SegmentChain:
         self._listing = threading.Lock()
         """Held while metadata.yaml is made: the background thread changes it, too."""
         self._compacts = compacts
-        self._compactor = BackgroundCompactor(self._compacted)
+        self._compactor = BackgroundCompactor(folder, self._compacted)
 
     def begin(self, header: SegmentHeader, keyframe: BuiltChunk) -> None:
         """Start a segment: head, keyframe, its name on disk."""
-        segment = SegmentWriter(self.folder / segment_name(self.folder, header.number), header)
+        name = segment_name(self.folder.name, header.number)
+        segment = SegmentWriter(self.folder, name, header)
         try:
             segment.add(keyframe)
             segment.install()
@@ -76,18 +88,19 @@ class SegmentChain:
         """Start the segment after the last."""
         self.begin(self._header.next(first_event, hash_so_far), keyframe)
 
-    def take_up(self, segments: Sequence[Segment]) -> None:
+    def take_up(self, segments: Sequence[Segment], end: LogEnd) -> None:
         """Go on behind these: a live segment is repaired now, a closed one when it is needed."""
         *older, last = segments
         self._older, self._header, self._small = older, last.header, last
         if last.closed:
-            sync_file(last.path)  # who closed it may have been killed before it had done that
+            self.folder.sync_file(last.path.name)  # who closed it may have been killed before that
+            self._mark(last.header, end)
         else:
-            self.continue_last()
+            self.continue_last(end)
         for segment in reversed(_left_to_compact(older)):
-            self._compact(segment.path)
+            self._compact(segment.path.name)
 
-    def continue_last(self) -> None:
+    def continue_last(self, end: LogEnd) -> None:
         """Make the last segment live again, in a copy, if it is small; else close it."""
         last, self._small = self._small, None
         if last is None:
@@ -95,12 +108,12 @@ class SegmentChain:
         if last.closed and len(last.file) >= CONTINUE_BELOW_BYTES:
             self._older = (*self._older, last)
             return
-        segment = reopened(last)
+        segment = reopened(self.folder, last)
         self._list()  # rosbag2's tools must not meet a live segment
-        segment.install()
+        segment.install(replacing=last.mapped.identity)
         self.live = segment
         if segment.size >= CONTINUE_BELOW_BYTES:
-            self.roll()
+            self.roll(end)
 
     def is_full(self, now_ns: int) -> bool:
         """Tell whether the live segment wants another after it."""
@@ -111,15 +124,19 @@ class SegmentChain:
             or now_ns - live.start_ns >= ROLL_AGE_NS
         )
 
-    def roll(self) -> None:
+    def roll(self, end: LogEnd) -> None:
         """Close the live segment, since another will follow, and have it compacted."""
         segment = self.live
-        self.close_live()
+        self.close_live(end)
         if segment is not None:
-            self._compact(segment.path)
+            self._compact(segment.name)
 
-    def close_live(self) -> None:
-        """Give the live segment its index and footer, so that every tool reads it."""
+    def close_live(self, end: LogEnd) -> None:
+        """Give the live segment its index and footer, so that every tool reads it.
+
+        Args:
+            end: Where it ends: from then on, a log that ends before is known to be cut.
+        """
         segment, self.live = self.live, None
         if segment is not None:
             try:
@@ -128,6 +145,7 @@ class SegmentChain:
                 segment.abandon()
                 raise
             self._list(ClosedSegment.of(segment.path, segment.statistics()))
+            self._mark(segment.header, end)
 
     def abandon(self) -> None:
         """Let go of the live segment as it is."""
@@ -143,16 +161,22 @@ class SegmentChain:
         """
         self._compactor.close(wait=wait)
 
-    def _compact(self, path: Path) -> None:
+    def _compact(self, name: str) -> None:
         if self._compacts:
-            self._compactor.add(path)
+            self._compactor.add(name)
 
-    def _compacted(self, path: Path, closed: ClosedSegment) -> None:
+    def _compacted(self, closed: ClosedSegment) -> None:
         """Take in that a segment was replaced; called by the background thread."""
         with self._listing:
-            self._closed[path.name] = closed
+            self._closed[closed.name] = closed
             if not self._older:
                 write_bag_metadata(self.folder, self._closed.values())
+
+    def _mark(self, header: SegmentHeader, end: LogEnd) -> None:
+        """Write down how far the log reaches, now that all of its segments are closed."""
+        mark = ClosedMark(header.info.log_id, header.last_number, end.next_event, end.head.hex())
+        if read_mark(self.folder) != mark:
+            write_mark(self.folder, mark)
 
     def _list(self, *closed: ClosedSegment) -> None:
         """Write metadata.yaml anew, with what was closed."""

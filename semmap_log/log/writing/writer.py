@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
@@ -13,13 +12,14 @@ from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event
 from semmap_log.log.clock import Clock, SystemClock, believable_ns
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing.command_memory import CommandMemory
 from semmap_log.log.writing.durability import SYNC_FAILED, BatchTimer, Promise, SharedSync
-from semmap_log.log.writing.segment_chain import SegmentChain
+from semmap_log.log.writing.segment_chain import LogEnd, SegmentChain
 from semmap_log.log.writing.uniform_commit import uniform_commit
 from semmap_log.log.writing.written_state import WrittenState
 from semmap_log.projections.door_map import DoorMapState
@@ -43,7 +43,7 @@ class LogWriter:
 
     def __init__(
         self,
-        folder: Path,
+        folder: LogFolder,
         lock: WriterLock,
         state: DoorMapState,
         surroundings: Surroundings,
@@ -82,7 +82,11 @@ class LogWriter:
         if commit:
             self.next_event, self._last_hash = commit.last_event + 1, commit.hash
         self._syncs.durable_before = self.next_event  # closed, or about to be copied and synced
-        self._chain.take_up(reader.segments)
+        self._chain.take_up(reader.segments, self._end)
+
+    @property
+    def _end(self) -> LogEnd:
+        return LogEnd(self.next_event, self._last_hash)
 
     @property
     def state(self) -> DoorMapState:
@@ -221,7 +225,8 @@ class LogWriter:
             raise LogPoisonedError(self._poison)
         self._check_process()
         written, segment = self.next_event, self._chain.live
-        assert segment is not None  # what is closed is synced
+        if segment is None:  # what is closed is synced; what was interrupted between two is not
+            raise self._poisoned("interrupted between two segments")
         try:
             segment.sync()
         except OSError as error:
@@ -264,7 +269,7 @@ class LogWriter:
         except OSError as error:
             self._poisoned(error.strerror)
             raise LogPoisonedError(
-                f"{self.folder}: the segment could not be closed: {error.strerror}. "
+                f"{self.folder.path}: the segment could not be closed: {error.strerror}. "
                 "Its commits are whole; the next opening closes it."
             ) from error
         finally:
@@ -275,7 +280,7 @@ class LogWriter:
             if self._poison or self._in_commit or self._syncs.is_broken:
                 self._chain.abandon()
             else:
-                self._chain.close_live()
+                self._chain.close_live(self._end)
                 self._syncs.durable_before = self.next_event
 
     def check_usable(self) -> None:
@@ -286,28 +291,30 @@ class LogWriter:
             LogError: It was closed, was opened by another process, or is appending already.
         """
         if self._busy:
-            raise LogError(f"{self.folder}: an append is under way; what it reads cannot append.")
+            raise LogError(
+                f"{self.folder.path}: an append is under way; what it reads cannot append."
+            )
         if self._in_commit:
             self._poisoned("interrupted in the middle of a commit")
         if self._syncs.is_broken:
-            self._poison = self._poison or f"{self.folder}: {SYNC_FAILED}"
+            self._poison = self._poison or f"{self.folder.path}: {SYNC_FAILED}"
         if self._poison:
             raise LogPoisonedError(self._poison)
         if not self._open:
-            raise LogError(f"{self.folder}: this log was closed; open it again to append.")
+            raise LogError(f"{self.folder.path}: this log was closed; open it again to append.")
         self._check_process()
 
     def _check_process(self) -> None:
         if os.getpid() != self._pid:
             raise LogError(
-                f"{self.folder}: opened by process {self._pid}; a forked child cannot append."
+                f"{self.folder.path}: opened by process {self._pid}; a forked child cannot append."
             )
 
     def _poisoned(self, why: object, command_id: bytes = b"") -> LogPoisonedError:
         """Refuse all that follows, and return the error that says so."""
         self._poison = (
-            f"{self.folder}: a write failed ({why}); whether its events are stored is unknown. "
-            "Open the log again: it keeps every commit that is whole."
+            f"{self.folder.path}: a write failed ({why}); whether its events are stored is "
+            "unknown. Open the log again: it keeps every commit that is whole."
         )
         return LogPoisonedError(self._poison, command_id)
 
@@ -319,9 +326,9 @@ class LogWriter:
         self._in_commit = True  # an interrupt between two segments leaves neither
         with self._syncs.lock:  # nobody may be syncing the file that is closed here
             if chain.live is None:
-                chain.continue_last()
+                chain.continue_last(self._end)
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
-                chain.roll()
+                chain.roll(self._end)
                 self.last_ns = max(wall_ns, self.last_ns + 1)
                 keyframe = self._state.keyframe(self.last_ns)
                 chain.begin_next(self.next_event, self._last_hash, keyframe)

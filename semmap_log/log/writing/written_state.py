@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.events import Retracted
 from semmap_log.log.chunks import BuiltChunk
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY
 from semmap_log.log.keyframes import keyframe_chunk
 from semmap_log.log.pages import Page
@@ -22,7 +22,7 @@ from semmap_log.projections.door_map import DoorMapState
 class WrittenState:
     """A state with records that wait to be folded in: when somebody asks, or when they are many."""
 
-    def __init__(self, folder: Path, state: DoorMapState, flush: Callable[[], None]) -> None:
+    def __init__(self, folder: LogFolder, state: DoorMapState, flush: Callable[[], None]) -> None:
         self._folder = folder
         self._state = state
         self._flush = flush
@@ -84,7 +84,7 @@ class WrittenState:
         page = Page(
             b"".join(self._unfolded),
             self._first_event,
-            self._folder,
+            self._folder.path,
             walked=_joined(self._unfolded, self._offsets),
         )
         batch = page.events()

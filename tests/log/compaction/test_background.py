@@ -20,7 +20,8 @@ from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
 from semmap_log.log.compaction import background, compact_segment
 from semmap_log.log.compaction.background import BackgroundCompactor
 from semmap_log.log.compaction.rechunk import needs_compaction
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.folder import LogFolder
+from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing import segment_chain
 from tests.log.logs import digest_of_records, segment_files, write_log
@@ -37,12 +38,12 @@ class Installed:
     """Remembers what was installed, and lets a test wait for it."""
 
     def __init__(self) -> None:
-        self.calls: list[tuple[Path, ClosedSegment, str]] = []
+        self.calls: list[tuple[ClosedSegment, str]] = []
         self._more = threading.Condition()
 
-    def __call__(self, path: Path, segment: ClosedSegment) -> None:
+    def __call__(self, segment: ClosedSegment) -> None:
         with self._more:
-            self.calls.append((path, segment, threading.current_thread().name))
+            self.calls.append((segment, threading.current_thread().name))
             self._more.notify_all()
 
     def wait_for(self, count: int) -> None:
@@ -56,8 +57,8 @@ def installed() -> Installed:
 
 
 @pytest.fixture
-def compactor(installed: Installed) -> Iterator[BackgroundCompactor]:
-    compactor = BackgroundCompactor(installed)
+def compactor(log: Path, installed: Installed) -> Iterator[BackgroundCompactor]:
+    compactor = BackgroundCompactor(LogFolder(log), installed)
     yield compactor
     compactor.close(wait=False)
 
@@ -88,14 +89,14 @@ def test_segments_are_compacted_one_after_the_other(
     sizes = [path.stat().st_size for path in files]
 
     for path in files:
-        compactor.add(path)
+        compactor.add(path.name)
     installed.wait_for(3)
 
-    assert files == [path for path, *_ in installed.calls]
-    assert {"semmap_log compaction"} == {thread for *_, thread in installed.calls}
+    assert [path.name for path in files] == [said.name for said, _ in installed.calls]
+    assert {"semmap_log compaction"} == {thread for _, thread in installed.calls}
     assert before == digest_of_records(log)
     assert all(path.stat().st_size < size for path, size in zip(files, sizes, strict=True))
-    for path, said, _ in installed.calls:
+    for path, (said, _) in zip(files, installed.calls, strict=True):
         assert statistics_of(path, open_segment(path).file) == said
 
 
@@ -105,7 +106,7 @@ def test_no_thread_before_there_is_work(log: Path, compactor: BackgroundCompacto
     """
     assert [] == compaction_threads()
 
-    compactor.add(segment_files(log)[0])
+    compactor.add(segment_files(log)[0].name)
 
     assert [True] == [thread.daemon for thread in compaction_threads()]
 
@@ -121,7 +122,7 @@ def test_close_finishes_what_is_under_way_and_drops_the_rest(
     """
     files, (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     for path in files:
-        compactor.add(path)
+        compactor.add(path.name)
     assert ready.wait(100)
 
     closing = threading.Thread(target=compactor.close)
@@ -132,7 +133,7 @@ def test_close_finishes_what_is_under_way_and_drops_the_rest(
 
     assert not closing.is_alive()
     assert [] == compaction_threads()
-    assert files[:1] == [path for path, *_ in installed.calls]
+    assert files[:1] == [log / said.name for said, _ in installed.calls]
     assert [False, True, True] == [needs_compaction(open_segment(path)) for path in files]
     assert [] == temporaries(log)
 
@@ -155,7 +156,7 @@ def test_abandoned_at_once(
 
     monkeypatch.setattr(compactor, "_pause", stands_still_once_it_writes)
     before = [path.read_bytes() for path in segment_files(log)]
-    compactor.add(segment_files(log)[0])
+    compactor.add(segment_files(log)[0].name)
     wait_until(lambda: bool(temporaries(log)))
 
     compactor.close(wait=False)
@@ -177,7 +178,7 @@ def test_an_interrupted_close_replaces_nothing_afterwards(
     """
     (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
-    compactor.add(path)
+    compactor.add(path.name)
     assert ready.wait(100)
 
     def interrupted() -> None:
@@ -202,13 +203,13 @@ def _held_before_the_swap(
     """Return what is set when a copy is whole and compared, and what lets it go on."""
     ready, go_on = threading.Event(), threading.Event()
 
-    def held_up(path: Path, *, pause: Any, install: Any) -> bool:
-        def late(copy: SegmentWriter) -> None:
+    def held_up(folder: LogFolder, name: str, *, pause: Any, install: Any) -> bool:
+        def late(copy: SegmentWriter, replaced: Segment) -> None:
             ready.set()
             assert go_on.wait(100)
-            install(copy)
+            install(copy, replaced)
 
-        return compact_segment(path, pause=pause, install=late)
+        return compact_segment(folder, name, pause=pause, install=late)
 
     monkeypatch.setattr(background, "compact_segment", held_up)
     return ready, go_on
@@ -222,7 +223,7 @@ def test_an_append_does_not_wait(
     """
     monkeypatch.setattr(background, "PAUSE_S", 60)
     before = segment_files(log)[0].read_bytes()
-    compactor.add(segment_files(log)[0])
+    compactor.add(segment_files(log)[0].name)
     wait_until(lambda: bool(compaction_threads()))
 
     write_log(log.parent / "other", 350)
@@ -249,11 +250,11 @@ def test_damage_is_logged_and_the_next_is_done(
     broken.write_bytes(data)
 
     with caplog.at_level(logging.WARNING, "semmap_log"):
-        compactor.add(broken)
-        compactor.add(sound)
+        compactor.add(broken.name)
+        compactor.add(sound.name)
         installed.wait_for(1)
 
-    assert [sound] == [path for path, *_ in installed.calls]
+    assert [sound] == [log / said.name for said, _ in installed.calls]
     assert bytes(data) == broken.read_bytes()
     (record,) = caplog.records
     assert ("semmap_log", "WARNING") == (record.name, record.levelname)
@@ -276,7 +277,7 @@ def test_a_full_disk_is_logged(
 
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
-        compactor.add(path)
+        compactor.add(path.name)
         wait_until(lambda: bool(caplog.records))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -293,14 +294,14 @@ def test_a_callback_that_fails_is_logged(log: Path, caplog: pytest.LogCaptureFix
     """
     listed: list[Path] = []
 
-    def refuse_the_first(path: Path, _: ClosedSegment) -> None:
-        listed.append(path)
+    def refuse_the_first(said: ClosedSegment) -> None:
+        listed.append(log / said.name)
         if len(listed) == 1:
             raise OSError(28, "No space left on device")
 
-    compactor = BackgroundCompactor(refuse_the_first)
+    compactor = BackgroundCompactor(LogFolder(log), refuse_the_first)
     for path in segment_files(log)[:2]:
-        compactor.add(path)
+        compactor.add(path.name)
     wait_until(lambda: len(listed) == 2)
     compactor.close()
 
@@ -317,26 +318,26 @@ def test_what_is_compacted_already_is_left_alone(
     """
     first, second = segment_files(log)[:2]
 
-    compactor.add(first)
-    compactor.add(first)
-    compactor.add(second)
+    compactor.add(first.name)
+    compactor.add(first.name)
+    compactor.add(second.name)
     installed.wait_for(2)
 
-    assert [first, second] == [path for path, *_ in installed.calls]
+    assert [first, second] == [log / said.name for said, _ in installed.calls]
 
 
 def test_a_forked_child_cannot_use_it(log: Path, compactor: BackgroundCompactor) -> None:
     """
     In the child `add` is refused, and `close` neither waits nor takes the parent's file away.
     """
-    compactor.add(segment_files(log)[0])
+    compactor.add(segment_files(log)[0].name)
 
     pid = os.fork()
     if pid == 0:
         status = 1
         try:
             compactor.close()
-            compactor.add(segment_files(log)[1])
+            compactor.add(segment_files(log)[1].name)
         except LogError as error:
             status = 0 if "forked child" in str(error) else 2
         finally:
@@ -354,10 +355,10 @@ def test_what_a_child_sees(log: Path, compactor: BackgroundCompactor) -> None:
     compactor.close()
 
     with pytest.raises(LogError, match="a forked child cannot go on"):
-        compactor.add(segment_files(log)[0])
+        compactor.add(segment_files(log)[0].name)
 
     compactor._pid -= 1
-    compactor.add(segment_files(log)[0])
+    compactor.add(segment_files(log)[0].name)
 
 
 def test_abandoned_before_the_swap(
@@ -371,7 +372,7 @@ def test_abandoned_before_the_swap(
     """
     (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
-    compactor.add(path)
+    compactor.add(path.name)
     assert ready.wait(100)
     closing = threading.Thread(target=compactor.close, kwargs={"wait": False})
     closing.start()
@@ -398,7 +399,7 @@ def test_without_a_thread_the_writer_goes_on(
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    compactor.add(segment_files(log)[0])
+    compactor.add(segment_files(log)[0].name)
     compactor.close()
 
     assert "can't start new thread" in caplog.text
@@ -412,4 +413,4 @@ def test_closed_it_takes_nothing_more(log: Path, compactor: BackgroundCompactor)
     compactor.close()
 
     with pytest.raises(LogError, match="compactor was closed"):
-        compactor.add(segment_files(log)[0])
+        compactor.add(segment_files(log)[0].name)

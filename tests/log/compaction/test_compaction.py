@@ -18,6 +18,7 @@ from semmap_log.log import records as mcap
 from semmap_log.log.chunks import BuiltChunk, build_chunk
 from semmap_log.log.compaction import compact, compact_segment, rechunk
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.scan import open_segment
@@ -54,7 +55,7 @@ def test_the_same_records_in_chunks_of_about_a_mib(log: Path) -> None:
     before, (path,) = digest_of_records(log), segment_files(log)
     size = path.stat().st_size
 
-    compacted = compact_segment(path)
+    compacted = compact_segment(LogFolder(path.parent), path.name)
 
     assert compacted
     assert before == digest_of_records(log)
@@ -72,14 +73,14 @@ def test_a_second_time_nothing_is_done(log: Path) -> None:
     It is seen without writing; and if it is done all the same, the bytes are the same.
     """
     (path,) = segment_files(log)
-    compact_segment(path)
+    compact_segment(LogFolder(path.parent), path.name)
     before, node = path.read_bytes(), path.stat().st_ino
 
-    assert not compact_segment(path)
+    assert not compact_segment(LogFolder(path.parent), path.name)
     assert node == path.stat().st_ino
-    with rechunked([open_segment(path)]) as again:
+    with rechunked(LogFolder(path.parent), [open_segment(path)]) as again:
         assert again.temporary is not None
-        assert before == again.temporary.read_bytes()
+        assert before == (path.parent / again.temporary).read_bytes()
 
 
 def test_the_bytes_do_not_depend_on_when_it_was_compacted(tmp_path: Path) -> None:
@@ -124,7 +125,7 @@ def test_a_live_segment_is_refused(tmp_path: Path) -> None:
         (path,) = segment_files(tmp_path / "log")
 
         with pytest.raises(CorruptLogError, match="not closed"):
-            compact_segment(path)
+            compact_segment(LogFolder(path.parent), path.name)
 
 
 def test_memory_is_that_of_a_few_chunks(tmp_path: Path) -> None:
@@ -141,7 +142,7 @@ def test_memory_is_that_of_a_few_chunks(tmp_path: Path) -> None:
         segment = open_segment(segment_files(path)[0])
         tracemalloc.start()
         try:
-            with rechunked([segment]):
+            with rechunked(LogFolder(path), [segment]):
                 peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
@@ -163,7 +164,7 @@ def test_a_flipped_bit_leaves_the_segment_as_it_is(log: Path, where: float) -> N
     path.write_bytes(data)
 
     with pytest.raises(CorruptLogError, match=f"log_000000.mcap: damaged at byte {chunk.offset}"):
-        compact_segment(path)
+        compact_segment(LogFolder(path.parent), path.name)
 
     assert bytes(data) == path.read_bytes()
     assert [] == list(log.glob(".*.tmp"))
@@ -180,11 +181,11 @@ def rewritten(path: Path, change: Callable[[Records], Records]) -> None:
         data = bytes(page_at(segment, chunk).records)
         starts = [*walk(data).tolist(), len(data)]
         records += [data[a:b] for a, b in pairwise(starts)]
-    writer = SegmentWriter(path, segment.header)
+    writer = SegmentWriter(LogFolder(path.parent), path.name, segment.header)
     for record in change(records):
         writer.add(build_chunk(record, np.zeros(1, np.int64)))
     writer.close()
-    writer.install()
+    writer.install(replacing=segment.mapped.identity)
 
 
 def channel_of(record: bytes) -> int:
@@ -248,7 +249,7 @@ def test_records_that_do_not_follow_each_other_are_damage(
     before = path.read_bytes()
 
     with pytest.raises(CorruptLogError, match=problem):
-        compact_segment(path)
+        compact_segment(LogFolder(path.parent), path.name)
 
     assert before == path.read_bytes()
 
@@ -263,7 +264,7 @@ def test_rewritten_records_are_sound(tmp_path: Path) -> None:
     rewritten(segment_files(log)[0], lambda records: records)
 
     assert before == digest_of_records(log)
-    assert compact_segment(segment_files(log)[0])
+    assert compact_segment(LogFolder(segment_files(log)[0].parent), segment_files(log)[0].name)
 
 
 @pytest.mark.parametrize(
@@ -284,7 +285,10 @@ def test_a_segment_that_does_not_follow_is_not_merged(
     after = segment.header.next(30, last_commit(segment).hash)
     behind = replace(segment, path=tmp_path / "behind", header=replace(after, **{field: value}))
 
-    with pytest.raises(CorruptLogError, match=problem), rechunked([segment, behind]):
+    with (
+        pytest.raises(CorruptLogError, match=problem),
+        rechunked(LogFolder(path.parent), [segment, behind]),
+    ):
         pass
 
 
@@ -317,7 +321,7 @@ def test_a_copy_that_differs_is_thrown_away(
     monkeypatch.setattr(rechunk, "_smallest", build)
 
     with pytest.raises(CorruptLogError, match=f"its compacted copy differs in {what}"):
-        compact_segment(path)
+        compact_segment(LogFolder(path.parent), path.name)
 
     assert before == path.read_bytes()
     assert [] == list(log.glob(".*.tmp"))
@@ -334,13 +338,13 @@ def test_a_copy_with_another_head_is_thrown_away(
     monkeypatch.setattr(
         rechunk,
         "open_segment",
-        lambda path: replace(
+        lambda path, folder: replace(
             genuine(path), header=replace(genuine(path).header, hash_so_far=bytes(range(32)))
         ),
     )
 
     with pytest.raises(CorruptLogError, match="differs in its head"):
-        compact_segment(path)
+        compact_segment(LogFolder(path.parent), path.name)
 
 
 def test_segments_of_a_roll_each_keep_their_number(

@@ -25,7 +25,7 @@ from semmap_log.log.writing import segment_chain
 from tests.log.logs import digest_of_records, segment_files, write_log
 
 KILLS = 30
-CALLS = ("fsync", "rename", "unlink")
+CALLS = ("fsync", "renameat", "unlinkat")
 """By which a compaction changes what is on the disk."""
 
 
@@ -141,8 +141,8 @@ def test_killed_before_each_change(
         leftovers += check(log, original, compacted)
 
     assert compacted == contents(log)
-    assert {"fsync": 5, "rename": 2, "unlink": 2}[call] <= kills
-    assert bool(leftovers) == (call in {"fsync", "unlink"})
+    assert {"fsync": 5, "renameat": 2, "unlinkat": 2}[call] <= kills
+    assert bool(leftovers) == (call in {"fsync", "unlinkat"})
 
 
 def strace_compact(log: Path, fault: str) -> subprocess.CompletedProcess[str]:

@@ -14,8 +14,8 @@ import yaml
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
 from semmap_log.events import Event
-from semmap_log.log import disk, segment
 from semmap_log.log.compaction import Compacted, compact, merge, plan_compaction, repaging
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import open_segment
@@ -255,12 +255,16 @@ def test_a_part_of_another_copy_of_the_log_is_not_merged(log: Path) -> None:
         path.unlink()
     for path in segment_files(twin)[4:]:
         path.unlink()
+    for copy in (log, twin):
+        (copy / "closed.json").unlink()
     for copy, state in ((log, "open"), (twin, "closed")):
         with sl.append(copy, compact=False) as opened:
             for _ in range(20):
                 opened.observe(sl.DoorId(1), state)
     shutil.copy(segment_files(twin)[-1], segment_files(log)[-1])
     before = [path.read_bytes() for path in segment_files(log)]
+
+    (log / "closed.json").unlink()
 
     with pytest.raises(CorruptLogError, match=segment_files(log)[-1].name):
         compact(log)
@@ -331,6 +335,7 @@ def test_digest_is_of_all_records(log: Path) -> None:
     before = digest_of_records(log)
 
     segment_files(log)[-1].unlink()
+    (log / "closed.json").unlink()
 
     assert before != digest_of_records(log)
 
@@ -345,17 +350,14 @@ def test_parts_go_only_once_the_merged_name_is_on_the_disk(
     """
     parts = {path: path.read_bytes() for path in segment_files(log)[1:]}
     steps: list[str] = []
-    told = {"replace": os.replace, "unlink": Path.unlink, "sync": disk.sync_folder}
+    replace, unlink, sync = os.replace, os.unlink, LogFolder.sync
     monkeypatch.setattr(
-        os, "replace", lambda a, b: (steps.append(f"replace {Path(b).name}"), told["replace"](a, b))
+        os, "replace", lambda a, b, **how: (steps.append(f"replace {b}"), replace(a, b, **how))
     )
     monkeypatch.setattr(
-        Path, "unlink", lambda path, **how: (steps.append("unlink"), told["unlink"](path, **how))
+        os, "unlink", lambda name, **how: (steps.append("unlink"), unlink(name, **how))
     )
-    for module in (merge, disk, segment):
-        monkeypatch.setattr(
-            module, "sync_folder", lambda folder: (steps.append("sync"), told["sync"](folder))
-        )
+    monkeypatch.setattr(LogFolder, "sync", lambda self: (steps.append("sync"), sync(self)))
 
     compact(log)
     merging, steps[:] = list(steps), []

@@ -17,6 +17,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.events import DoorAnnotated, DoorObserved, Event
 from semmap_log.log import records as mcap
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.keyframes import keyframe_chunk
 from semmap_log.log.reading import live_records, scan
@@ -44,7 +45,7 @@ def _live(
         durable: Whether each commit says that those before it were on the disk.
         last: Changes what the last commit says.
     """
-    writer = SegmentWriter(path, HEADER)
+    writer = SegmentWriter(LogFolder(path.parent), path.name, HEADER)
     writer.add(keyframe_chunk(DoorMapState(), 1))
     writer.install()
     made: list[Commit] = []
@@ -453,6 +454,7 @@ def test_texts_that_hold_chunks_hide_nothing(path: Path) -> None:
     chunk = open_segment(path).chunks[1]
     inside = path.read_bytes()[chunk.offset : chunk.offset + chunk.length].decode("latin-1")
     note = DoorAnnotated(door_id=DoorId(1), key="k", value=inside.replace("\0", " "))
+    path.unlink()
     _live(path, [[SEEN], [note], [SEEN]])
 
     assert 3 == _events(open_segment(path))

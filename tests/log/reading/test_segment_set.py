@@ -14,6 +14,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
 from semmap_log.log.chunks import build_chunk
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading import segment_folder
 from semmap_log.log.reading.reader import LogReader
@@ -48,11 +49,12 @@ def _merge(log: Path, numbers: Sequence[int], to: Path) -> None:
     header = SegmentHeader(
         first.info, first.number, first.first_event, first.hash_so_far, segments[-1].header.number
     )
-    writer = SegmentWriter(to, header)
+    writer = SegmentWriter(LogFolder(to.parent), to.name, header)
     for segment in segments:
         records = b"".join(page.records for page in pages_of(segment))
         writer.add(build_chunk(records, walk(records)))
     writer.close()
+    to.unlink(missing_ok=True)
     writer.install()
 
 
@@ -145,7 +147,7 @@ def test_a_shortened_segment_is_named(cut: int, log: Path) -> None:
 def test_a_segment_of_another_copy_of_the_log_is_named(log: Path, tmp_path: Path) -> None:
     """
     Two copies went their own ways; a segment of one in the other has fitting numbers, but not the
-    hash. Opening reads no commits; whoever reads over the place is told.
+    hash. Whoever opens it is told; in a copy without closed.json, whoever asks anything.
     """
     copy = tmp_path / "copy"
     shutil.copytree(log, copy)
@@ -156,6 +158,9 @@ def test_a_segment_of_another_copy_of_the_log_is_named(log: Path, tmp_path: Path
                 writing.add_door()
     last = LogReader(log).segments[-1].header.number
     shutil.copy(_segment(copy, last), _segment(log, last))
+    with pytest.raises(CorruptLogError, match="is of another copy of this log"):
+        LogReader(log)
+    (log / "closed.json").unlink()
     reader = LogReader(log)
 
     for read in (reader.batches, reader.commits):
@@ -335,6 +340,7 @@ from pathlib import Path
 import semmap_log as sl
 from semmap_log.log.reading import segment_folder
 from semmap_log.log.writing import segment_chain
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.compaction import compact
 segment_chain.ROLL_COMMITS = 3
 segment_chain.CONTINUE_BELOW_BYTES = 30_000

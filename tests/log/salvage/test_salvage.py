@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogLockedError
 from semmap_log.events import Retracted
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import RECOVERING_NAME
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.scan import open_segment
@@ -120,7 +121,7 @@ def test_into_another_folder(log: Path, tmp_path: Path) -> None:
     assert ACTOR == last[3]
     assert "lost were events 2..3" in last[4]
     assert [tmp_path / "log", tmp_path / "new"] == sorted(tmp_path.iterdir())
-    assert ["metadata.yaml", "new_000000.mcap"] == sorted(contents(tmp_path / "new"))
+    assert ["closed.json", "metadata.yaml", "new_000000.mcap"] == sorted(contents(tmp_path / "new"))
 
 
 def entry_with_old_numbers(entry: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -336,7 +337,7 @@ def test_who_writes_is_not_disturbed(log: Path) -> None:
     A log that is open for writing is not recovered in place.
     """
     spoil(log, 0, 2)
-    lock = WriterLock(log)
+    lock = WriterLock(LogFolder(log))
     try:
         with pytest.raises(LogLockedError):
             recover(log)
@@ -358,7 +359,7 @@ def test_wrong_places(log: Path, tmp_path: Path) -> None:
     assert not (log / "damaged-1").exists()
 
 
-STEPS = 17
+STEPS = 21
 """Changes of the file system that a recovery makes, and one more."""
 
 
@@ -401,9 +402,10 @@ def before(real):
             os.kill(os.getpid(), signal.SIGKILL)
         return real(*args, **more)
     return call
-for name in ("replace", "rename", "unlink", "mkdir", "rmdir", "fsync"):
+for name in ("replace", "rename", "link", "unlink", "mkdir", "rmdir", "fsync"):
     setattr(os, name, before(getattr(os, name)))
 from semmap_log.log.lock import WriterLock
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.salvage import recover, swap
 swap._exchange = before(swap._exchange)
 recover(pathlib.Path({str(log)!r}))

@@ -16,6 +16,7 @@ import semmap_log as sl
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import build_chunk
 from semmap_log.log.compaction import compact
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.reading.scan import open_segment
@@ -360,8 +361,8 @@ def test_a_leftover_of_a_merge_is_a_note(log: Path) -> None:
     from semmap_log.log.compaction.rechunk import rechunked
 
     second = segment(log, 1).read_bytes()
-    with rechunked([open_segment(segment(log, n)) for n in (0, 1)]) as writer:
-        writer.install()
+    with rechunked(LogFolder(log), [open_segment(segment(log, n)) for n in (0, 1)]) as writer:
+        writer.install(replacing=identity_of(segment(log, 0)))
 
     found = verify(log)
     assert (0, 2, {"leftover"}) == (
@@ -381,12 +382,16 @@ def test_a_leftover_with_other_commits_is_one_file_too_many(log: Path, tmp_path:
     """
     from semmap_log.log.compaction.rechunk import rechunked
 
-    with rechunked([open_segment(segment(log, n)) for n in (0, 1)]) as writer:
-        writer.install()
+    with rechunked(LogFolder(log), [open_segment(segment(log, n)) for n in (0, 1)]) as writer:
+        writer.install(replacing=identity_of(segment(log, 0)))
     other = eventful_log(tmp_path / "other", accuracy=0.8)
     shutil.copy(segment(other, 1), segment(log, 1))
 
     assert [("duplicated", segment(log, 1), None)] == named(log)
+
+
+def identity_of(file: Path) -> tuple[int, int]:
+    return file.stat().st_dev, file.stat().st_ino
 
 
 def rewritten(file: Path, change: str) -> None:
@@ -395,7 +400,7 @@ def rewritten(file: Path, change: str) -> None:
     from semmap_log.log.segment import SegmentWriter
 
     old = open_segment(file)
-    writer = SegmentWriter(file, old.header)
+    writer = SegmentWriter(LogFolder(file.parent), file.name, old.header)
     for number, chunk in enumerate(old.chunks):
         records = bytearray(chunk.records(old.file))
         page = Page(bytes(records), old.header.first_event, file)
@@ -411,7 +416,7 @@ def rewritten(file: Path, change: str) -> None:
         page = Page(bytes(records), old.header.first_event, file)
         writer.add(build_chunk(bytes(records), page.offsets), levels=page.levels)
     writer.close()
-    writer.install()
+    writer.install(replacing=identity_of(file))
 
 
 @pytest.mark.parametrize(
@@ -465,7 +470,7 @@ def test_a_newer_format_is_an_error_not_damage(log: Path) -> None:
     header = replace(open_segment(segment(log, 2)).header, number=3, last_number=3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(header_module, "FORMAT_VERSION", "9")
-        writer = SegmentWriter(log / "log_000003.mcap", header)
+        writer = SegmentWriter(LogFolder(log), "log_000003.mcap", header)
         writer.close()
         writer.install()
 

@@ -24,6 +24,7 @@ from semmap_log.errors import (
     LogPoisonedError,
 )
 from semmap_log.events import DoorObserved, Event, FloorMap, LevelAdded
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.writing import segment_chain
 
@@ -296,8 +297,8 @@ def test_a_lock_that_cannot_be_taken(tmp_path: Path) -> None:
     """
     (tmp_path / "log").mkdir()
     (tmp_path / "log" / ".lock").mkdir()
-    with pytest.raises(LogAccessError, match="cannot be opened for writing"):
-        WriterLock(tmp_path / "log")
+    with pytest.raises(LogAccessError, match="cannot be opened for writing: Is a directory"):
+        WriterLock(LogFolder(tmp_path / "log"))
     (tmp_path / "log" / ".lock").rmdir()
     path = _crashed(tmp_path / "other")
     (path / ".lock").unlink()
@@ -305,13 +306,13 @@ def test_a_lock_that_cannot_be_taken(tmp_path: Path) -> None:
     with pytest.raises(LogAccessError, match="cannot be opened for writing"):
         sl.append(path)
 
-    lock = WriterLock(tmp_path / "log")
+    lock = WriterLock(LogFolder(tmp_path / "log"))
     (tmp_path / "log" / ".lock").unlink()
     with pytest.raises(LogLockedError, match="another process is writing"):
-        WriterLock(tmp_path / "log")
+        WriterLock(LogFolder(tmp_path / "log"))
     lock.release()
     lock.release()
-    WriterLock(tmp_path / "log").release()
+    WriterLock(LogFolder(tmp_path / "log")).release()
 
 
 def test_a_file_system_that_cannot_lock_folders(
@@ -328,7 +329,7 @@ def test_a_file_system_that_cannot_lock_folders(
         real(fd, operation)
 
     monkeypatch.setattr(fcntl, "flock", only_files)
-    lock = WriterLock(tmp_path)
+    lock = WriterLock(LogFolder(tmp_path))
     with pytest.raises(LogLockedError):
-        WriterLock(tmp_path)
+        WriterLock(LogFolder(tmp_path))
     lock.release()

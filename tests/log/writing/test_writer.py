@@ -374,7 +374,7 @@ os.path.exists("/after")
 log.close()
 """
     trace = tmp_path / "trace"
-    calls = "write,fsync,fdatasync,rename,openat,stat,newfstatat"
+    calls = "write,fsync,fdatasync,linkat,openat,stat,newfstatat"
     subprocess.run(
         [
             "strace",
@@ -394,9 +394,9 @@ log.close()
 
     between = text[text.index('"/before"') : text.index('"/after"')]
     assert ["write", "fdatasync"] * 3 == re.findall(r"\b(write|fdatasync|fsync)\(", between)
-    renames = [m.start() for m in re.finditer(r"rename\(.*\.mcap\"", text)]
-    assert renames
-    for start in renames:
+    names = [m.start() for m in re.finditer(r"linkat\(.*\.mcap\"", text)]
+    assert names
+    for start in names:
         assert re.match(r".*\n(.*openat\(.*O_DIRECTORY.*\n)(.*\n)*?.*fsync\(", text[start:])
 
 
