@@ -283,7 +283,9 @@ def test_a_killed_init_can_be_done_again(tmp_path: Path) -> None:
 
     sl.create(path, tz="UTC").close()
 
-    assert {".lock", "log_000000.mcap", "metadata.yaml"} == {p.name for p in path.iterdir()}
+    assert {".lock", "closed.json", "log_000000.mcap", "metadata.yaml"} == {
+        p.name for p in path.iterdir()
+    }
 
 
 def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:

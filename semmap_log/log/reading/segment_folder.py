@@ -38,6 +38,8 @@ class SegmentFolder:
         self._known: dict[tuple[str, int], Segment] = {}
         self._listing: Listing = []
         self._found = SegmentSet([], [])
+        self._mark: tuple[tuple[int, int, int], ClosedMark | None] = ((0, 0, 0), None)
+        """What closed.json said, and what tells that it is still the same file."""
         self._reaches: tuple[ClosedMark | None, Segment] | None = None
         """The mark, and the last segment, for which it was found that the log reaches it."""
 
@@ -54,7 +56,7 @@ class SegmentFolder:
         """
         seen: Listing = []
         for attempt in range(_MOST_LISTINGS):
-            mark = read_mark(self.folder)  # first: what is closed meanwhile is no concern of ours
+            mark = self._mark_now()  # first: what is closed meanwhile is no concern of ours
             listing = list_segments(self.folder)
             try:
                 return self._checked(self._take_in(listing), mark)
@@ -65,6 +67,21 @@ class SegmentFolder:
                 seen = listing
                 time.sleep(attempt * _LISTING_PAUSE_S)
         raise AssertionError("unreachable")
+
+    def _mark_now(self) -> ClosedMark | None:
+        """Return what closed.json says; it is read again where it is another file."""
+        try:
+            status = self.folder.status(CLOSED_MARK_NAME)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except OSError as error:
+            raise LogAccessError(
+                f"{self.folder.path}: cannot be read: {error.strerror}."
+            ) from error
+        version = (status.st_ino, status.st_mtime_ns, status.st_size)
+        if version != self._mark[0]:
+            self._mark = version, read_mark(self.folder)
+        return self._mark[1]
 
     def _checked(self, found: SegmentSet, mark: ClosedMark | None) -> SegmentSet:
         """Return what was found, once it is known to be as long as it was."""

@@ -317,7 +317,7 @@ def swap(one: Path, other: Path, aside: Path) -> None:
     aside.rename(other)
 
 
-def test_a_cut_tail_shows_by_metadata_yaml_or_by_a_head_kept_elsewhere(log: Path) -> None:
+def test_a_cut_tail_shows_by_what_was_written_or_by_a_head_kept_elsewhere(log: Path) -> None:
     """
     A whole segment gone from the end leaves a chain that is whole in itself.
     """
@@ -328,11 +328,15 @@ def test_a_cut_tail_shows_by_metadata_yaml_or_by_a_head_kept_elsewhere(log: Path
     assert (0, 1) == (grown.exit_code, grown.events_after_head)
 
     segment(log, -1).unlink()
+    by_mark = verify(log)
+    (log / "closed.json").unlink()
     by_metadata = verify(log)
     (log / "metadata.yaml").unlink()
     alone = verify(log)
     by_head = verify(log, head)
 
+    assert ("shortened", 4) == (worst(by_mark).kind, by_mark.exit_code)
+    assert (size, size) == worst(by_mark).events
     assert ("missing", 4) == (worst(by_metadata).kind, by_metadata.exit_code)
     assert (0, Severity.WARNING) == (alone.exit_code, worst(alone).severity)
     assert ("head", 4) == (worst(by_head).kind, by_head.exit_code)

@@ -1,0 +1,299 @@
+"""A log's folder that is moved, exchanged, or full of somebody else's links."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogPoisonedError
+from semmap_log.log.folder import LogFolder
+from semmap_log.log.verification import verify
+from semmap_log.log.writing import segment_chain
+
+DOOR = sl.DoorId(1)
+VICTIM = b"export PATH=/usr/bin\n"
+
+
+@pytest.fixture(autouse=True)
+def _small_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 10)
+
+
+@pytest.fixture
+def victim(tmp_path: Path) -> Path:
+    """A file outside of the log, which nobody may change."""
+    path = tmp_path / "bashrc"
+    path.write_bytes(VICTIM)
+    return path
+
+
+def made(path: Path, sightings: int = 5) -> Path:
+    """Return a log with a door, and so many sightings."""
+    with sl.create(path, tz="UTC", compact=False) as log:
+        log.add_door()
+        see(log, sightings)
+    return path
+
+
+def see(log: sl.DoorLogWriter, count: int) -> None:
+    for i in range(count):
+        log.observe(DOOR, "open" if i % 2 else "closed")
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in path.iterdir() if file.name != ".lock"}
+
+
+def test_a_writer_of_a_moved_folder_leaves_the_next_log_alone(tmp_path: Path) -> None:
+    """
+    Another log is made under the old name; each goes on in its own folder, over rolls, to the end.
+    """
+    ours, theirs = tmp_path / "office_old", tmp_path / "office"
+    first = sl.create(theirs, tz="UTC", compact=False)
+    first.add_door()
+    see(first, 5)
+    theirs.rename(ours)
+    second = sl.create(theirs, tz="UTC", compact=False)
+    second.add_door()
+
+    for _ in range(5):
+        see(second, 7)
+        see(first, 7)
+    first.close()
+    second.close()
+
+    for path, events in ((ours, 1 + 5 + 35), (theirs, 1 + 35)):
+        assert 0 == verify(path).exit_code
+        assert events == sum(len(batch) for batch in sl.read(path).batches())
+
+
+def test_a_writer_answers_from_its_own_folder(tmp_path: Path) -> None:
+    """
+    What it reads itself, retractions and repeated commands with it, is not the other log's.
+    """
+    path = tmp_path / "office"
+    with sl.create(path, tz="UTC", compact=False) as log:
+        log.add_door(name="front")
+        see(log, 25)
+        path.rename(tmp_path / "elsewhere")
+        made(path, sightings=3)
+        log.retract(3)
+
+        assert ["front"] == [door.name for door in log.replay().doors.values()]
+        assert 27 == sum(len(batch) for batch in log.batches())  # one is retracted
+        assert 28 == sum(len(one.batch) for one in log.follow(-1, poll_s=0, stop=lambda: True))
+
+
+def test_relative_paths_are_those_of_the_moment_of_opening(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    After `os.chdir` a log of the same name lies elsewhere: nobody looks at it, or writes to it.
+    """
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    made(there / "log", sightings=1)
+    before = contents(there / "log")
+    monkeypatch.chdir(here)
+    made(Path("log"), sightings=5)
+    reader, writer = sl.read("log"), sl.append("log", compact=False)
+
+    monkeypatch.chdir(there)
+    see(writer, 25)
+    reader.refresh()
+
+    assert [31, 31] == [sum(len(b) for b in log.batches()) for log in (reader, writer)]
+    assert 31 == sum(len(one.batch) for one in reader.follow(-1, poll_s=0, stop=lambda: True))
+    writer.close()
+    assert before == contents(there / "log")
+    assert 0 == verify(here / "log").exit_code
+
+
+def test_a_reader_is_told_of_another_log(tmp_path: Path) -> None:
+    """
+    Exchanged under its name, it is no later state of the one that was opened.
+    """
+    log = sl.read(made(tmp_path / "log"))
+    shutil.rmtree(tmp_path / "log")
+    made(tmp_path / "log", sightings=9)
+
+    with pytest.raises(LogError, match="another log lies here now"):
+        log.refresh()
+
+    assert 6 == sum(len(batch) for batch in log.batches())
+
+
+def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_roll(tmp_path: Path) -> None:
+    """
+    What an `rsync` or a `cp` put over it has lost what was written since: no success is told.
+    """
+    path = made(tmp_path / "log")
+    copy = tmp_path / "copy.mcap"
+    log = sl.append(path, compact=False, durability="flush")
+    see(log, 2)
+    (live,) = path.glob("*.mcap")
+    shutil.copy(live, copy)
+    see(log, 2)
+    copy.replace(live)
+
+    with pytest.raises(LogPoisonedError, match="removed or exchanged"):
+        see(log, 10)
+    with pytest.raises(LogPoisonedError, match="a write failed"):
+        log.observe(DOOR, "open")
+    log.close()
+
+
+def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_path: Path) -> None:
+    """
+    A name that a file under another lost is enough.
+    """
+    path = made(tmp_path / "log")
+    log = sl.append(path, compact=False, durability="flush")
+    see(log, 2)
+    (live,) = path.glob("*.mcap")
+    live.rename(path / "other.mcap")
+
+    with pytest.raises(LogPoisonedError, match="removed or exchanged"):
+        log.close()
+
+
+def test_a_file_in_the_way_of_the_next_segment_is_not_replaced(tmp_path: Path) -> None:
+    """
+    Whoever put it there, it is not ours; what was written before stays.
+    """
+    path = made(tmp_path / "log")
+    (path / "log_000001.mcap").write_bytes(VICTIM)
+    (path / "log_000001.mcap").rename(tmp_path / "kept")
+    log = sl.append(path, compact=False)
+    (tmp_path / "kept").rename(path / "log_000001.mcap")
+
+    with pytest.raises(LogPoisonedError, match="File exists"):
+        see(log, 20)
+    log.close()
+
+    assert VICTIM == (path / "log_000001.mcap").read_bytes()
+    (path / "log_000001.mcap").unlink()
+    assert 10 == sum(len(batch) for batch in sl.read(path).batches())
+
+
+def test_where_there_are_no_hard_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    A look and a rename: nothing that is there is replaced, either.
+    """
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(1, os.strerror(1))
+
+    monkeypatch.setattr(os, "link", refuse)
+    path = made(tmp_path / "log", sightings=25)
+
+    folder = LogFolder.held(path)
+    temporary, fd = folder.new_file("x.mcap")
+    os.close(fd)
+    with pytest.raises(FileExistsError):
+        folder.put_new(temporary, "log_000001.mcap")
+    folder.remove(temporary)
+
+    assert 0 == verify(path).exit_code
+    assert 26 == sum(len(batch) for batch in sl.read(path).batches())
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_a_lock_file_that_is_a_link_is_refused(
+    tmp_path: Path, victim: Path, link: Callable[[Path, Path], None]
+) -> None:
+    """
+    A log may come from a stranger: the lock file is emptied, and must be no other file.
+    """
+    path = made(tmp_path / "log")
+    (path / ".lock").unlink()
+    link(path / ".lock", victim)
+
+    with pytest.raises(LogAccessError, match=r"\.lock: expected a file of this folder alone"):
+        sl.append(path)
+
+    assert VICTIM == victim.read_bytes()
+
+
+def test_a_lock_file_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
+    """
+    Opening one can wait for ever.
+    """
+    path = made(tmp_path / "log")
+    (path / ".lock").unlink()
+    os.mkfifo(path / ".lock")
+
+    with pytest.raises(LogAccessError, match=r"\.lock: expected a file of this folder alone"):
+        sl.append(path)
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+@pytest.mark.parametrize("name", ["metadata.yaml", "closed.json"])
+def test_what_is_written_beside_the_segments_follows_no_link(
+    tmp_path: Path, victim: Path, name: str, link: Callable[[Path, Path], None]
+) -> None:
+    """
+    The link is replaced, or the log refused; the other file stays what it is.
+    """
+    path = made(tmp_path / "log")
+    text = (path / name).read_bytes()
+    (path / name).unlink()
+    victim.write_bytes(text)
+    link(path / name, victim)
+
+    try:
+        with sl.append(path, compact=False) as log:
+            see(log, 3)
+    except LogError as error:
+        assert name in str(error)
+
+    assert text == victim.read_bytes()
+
+
+def test_a_kept_tail_follows_no_link(tmp_path: Path, victim: Path) -> None:
+    """
+    A link lies where the torn tail is to be kept.
+    """
+    path = made(tmp_path / "log")
+    log = sl.append(path, compact=False)
+    see(log, 2)
+    (live,) = path.glob("*.mcap")
+    whole = live.read_bytes()
+    log.close()
+    live.write_bytes(whole + b"torn")
+    (path / f"{live.name}.torn-{len(whole)}").symlink_to(victim)
+
+    with sl.append(path, compact=False) as log:
+        see(log, 1)
+
+    assert VICTIM == victim.read_bytes()
+    assert b"torn" == (path / f"{live.name}.torn-{len(whole)}-2").read_bytes()
+
+
+def test_of_two_creators_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Both found the folder empty; the other was quicker, and has closed its log already.
+    """
+    path = tmp_path / "log"
+    is_empty, others = LogFolder.is_empty, [1]
+
+    def then_made(folder: LogFolder) -> bool:
+        found = is_empty(folder)
+        if others:
+            others.pop()
+            made(path)
+        return found
+
+    path.mkdir()
+    monkeypatch.setattr(LogFolder, "is_empty", then_made)
+
+    with pytest.raises(LogExistsError, match="something here already"):
+        sl.create(path, tz="UTC")
+
+    assert 6 == sum(len(batch) for batch in sl.read(path).batches())
