@@ -132,6 +132,13 @@ class LogFolder:
         except FileNotFoundError:
             return False
 
+    def is_at(self, path: Path) -> bool:
+        """Tell whether a path leads to this folder, which is held open."""
+        try:
+            return os.path.samestat(self.status("."), os.stat(path))
+        except FileNotFoundError:
+            return False
+
     def read_bytes(self, name: str, most: int = -1) -> bytes:
         """Return what is in a regular file; of a longer one so many bytes at most.
 

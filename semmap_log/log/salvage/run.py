@@ -56,7 +56,8 @@ def recover(
     """
     log = log.resolve()
     _check_is_folder(log)
-    lock = WriterLock(LogFolder.held(log))
+    old = LogFolder.held(log)
+    lock = WriterLock(old)
     try:
         kept = put_away(log)
         found = survey(log, progress)
@@ -68,7 +69,7 @@ def recover(
             new_lock = WriterLock(made)
             try:
                 _write(found, NewLog(made, log.name, info), clock or SystemClock(), entropy)
-                take_place(log)
+                take_place(log, old)
                 kept = put_away(log)
             finally:
                 new_lock.release()

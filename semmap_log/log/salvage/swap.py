@@ -21,6 +21,7 @@ from pathlib import Path
 
 from semmap_log.errors import LogAccessError
 from semmap_log.log.disk import sync_folder
+from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
     CLOSED_MARK_NAME,
@@ -42,8 +43,8 @@ def beside(log: Path) -> Path:
 def new_folder_beside(log: Path) -> Iterator[Path]:
     """Hand out an empty, marked folder beside a log's; it is removed if what follows fails."""
     folder = beside(log)
-    if folder.exists():
-        if not (folder / RECOVERING_NAME).exists():
+    if folder.is_symlink() or folder.exists():
+        if folder.is_symlink() or not (folder / RECOVERING_NAME).exists():
             raise LogAccessError(f"{folder}: expected nothing at this place; move it elsewhere.")
         shutil.rmtree(folder)
     try:
@@ -56,13 +57,19 @@ def new_folder_beside(log: Path) -> Iterator[Path]:
         raise
 
 
-def take_place(log: Path) -> None:
+def take_place(log: Path, old: LogFolder) -> None:
     """Put the finished log beside `log` in its place, in one step.
 
+    Args:
+        log: Its path.
+        old: What was read there, and is locked.
+
     Raises:
-        LogAccessError: The file system cannot swap two folders.
+        LogAccessError: The file system cannot swap two folders; or another lies there now.
     """
     folder = beside(log)
+    if not old.is_at(log):
+        raise LogAccessError(f"{log}: was moved away while it was recovered; nothing is changed.")
     shutil.copymode(log, folder)
     sync_folder(folder)
     try:
@@ -96,7 +103,8 @@ def put_away(log: Path) -> Path | None:
 
 def _last_kept(log: Path) -> list[Path]:
     """Return the folder of the last recovery, whose strangers may still have to come back."""
-    return sorted(log.glob("damaged-*"), key=_number)[-1:]
+    kept = [path for path in log.glob("damaged-*") if path.is_dir() and not path.is_symlink()]
+    return sorted(kept, key=_number)[-1:]
 
 
 def _free_name(log: Path) -> Path:

@@ -433,6 +433,50 @@ def test_where_folders_cannot_be_swapped(log: Path, tmp_path: Path, monkeypatch)
     assert [log] == list(tmp_path.iterdir())
 
 
+def test_a_strangers_links_lead_nowhere(log: Path, tmp_path: Path) -> None:
+    """
+    A log in which a recovery seems to be unfinished, its kept files a link to somebody's folder.
+    """
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    (theirs / "letter.txt").write_text("mine")
+    spoil(log, 0, 2)
+    (log / RECOVERING_NAME).touch()
+    (log / "damaged-7").symlink_to(theirs)
+
+    recover(log)
+
+    assert ["letter.txt"] == [path.name for path in theirs.iterdir()]
+    swap.beside(log).symlink_to(theirs)
+    (theirs / RECOVERING_NAME).touch()
+    spoil(log, 0, 2)
+    with pytest.raises(LogAccessError, match="expected nothing at this place"):
+        recover(log)
+    assert (theirs / "letter.txt").exists()
+
+
+def test_a_log_that_was_moved_is_not_exchanged(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Another one lies under its name when the new one is ready: it stays where it is.
+    """
+    spoil(log, 0, 2)
+    is_at = LogFolder.is_at
+
+    def then_moved(folder: LogFolder, path: Path) -> bool:
+        log.rename(tmp_path / "moved")
+        sl.create(log, tz="UTC").close()
+        return is_at(folder, path)
+
+    monkeypatch.setattr(LogFolder, "is_at", then_moved)
+    with pytest.raises(LogAccessError, match="was moved away while it was recovered"):
+        recover(log)
+
+    assert 0 == verify(log).exit_code
+    assert 4 == verify(tmp_path / "moved").exit_code
+
+
 def test_numbers_without_gaps() -> None:
     """
     In order, and ranges shrink to what is left of them.

@@ -170,9 +170,15 @@ def test_threads_that_append_at_once_share_one_timer(monkeypatch: pytest.MonkeyP
     """
     Two who start it together get one thread, and `close` ends it.
     """
-    both, synced = threading.Barrier(2), threading.Event()
+    looking, both, synced = threading.Barrier(2), threading.Barrier(2), threading.Event()
     timer = BatchTimer(synced.set, 0.001)
-    made = threading.Thread.__init__
+    is_set, made = threading.Event.is_set, threading.Thread.__init__
+
+    def unset_for_both(event: threading.Event) -> bool:
+        found = is_set(event)
+        if event is timer._appended and not found:
+            looking.wait(100)
+        return found
 
     def met(thread: threading.Thread, *args: Any, **more: Any) -> None:
         if more.get("name") == "semmap-log sync":
@@ -181,6 +187,7 @@ def test_threads_that_append_at_once_share_one_timer(monkeypatch: pytest.MonkeyP
         made(thread, *args, **more)
 
     monkeypatch.setattr(threading.Thread, "__init__", met)
+    monkeypatch.setattr(timer._appended, "is_set", lambda: unset_for_both(timer._appended))
     together([timer.start, timer.start])
     monkeypatch.undo()
     assert synced.wait(100)
