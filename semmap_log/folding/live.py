@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.errors import CorruptLogError
 from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.running import RunningFold
 from semmap_log.log.reading.following import are_same
@@ -59,7 +59,6 @@ def fold_live(
         CorruptLogError: The log is damaged, or does not hold any more what was read before.
         LogError: Another log lies there now.
     """
-    log_id = reader.info.log_id
     file = None if checkpoint is None else Checkpoint(checkpoint, projection, reader)
     saved = None if file is None else file.load(reader)
     running = RunningFold(projection, saved, file, save_every_s=save_every_s)
@@ -72,7 +71,7 @@ def fold_live(
                 is_first_look = not seen
                 seen = reader.segments
                 before = running.position.event
-                _check_continues(reader, log_id, running)
+                _check_continues(reader, running)
                 began_anew = running.advance(reader)
                 if is_first_look or running.position.event != before:
                     yield LiveState(running.state, running.position.event, began_anew)
@@ -84,15 +83,12 @@ def fold_live(
         running.save()
 
 
-def _check_continues(reader: LogReader, log_id: str, running: RunningFold[S]) -> None:
+def _check_continues(reader: LogReader, running: RunningFold[S]) -> None:
     """Return if the log still holds what was taken in.
 
     Raises:
         CorruptLogError: It does not.
-        LogError: It is another log.
     """
-    if reader.info.log_id != log_id:
-        raise LogError(f"{reader.folder}: another log lies here now; open it anew.")
     if not running.position.is_in(reader):
         raise CorruptLogError(
             reader.folder,

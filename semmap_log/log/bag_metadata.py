@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import zlib
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,6 +92,18 @@ def _says(folder: LogFolder, text: bytes) -> bool:
         return folder.read_bytes(BAG_METADATA_NAME) == text
     except OSError:
         return False
+
+
+def listed_names(text: str) -> list[str]:
+    """Return the closed segments that a metadata.yaml lists, as far as it can be read."""
+    names = []
+    for quoted in _LISTED.findall(text):
+        with suppress(ValueError):
+            names.append(str(json.loads(quoted)))
+    return names
+
+
+_LISTED = re.compile(r'^    - path: (".*")$', re.MULTILINE)
 
 
 def bag_metadata_text(segments: list[ClosedSegment]) -> str:

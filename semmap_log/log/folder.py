@@ -32,6 +32,10 @@ _CANNOT_LINK = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
 """What file systems say that have no hard links (FAT, some network servers)."""
 
 
+Version = tuple[int, int, int, int]
+"""Device, inode, size and time of the last change of a file."""
+
+
 class LogFolder:
     """A folder in which a log lies, or will."""
 
@@ -123,6 +127,15 @@ class LogFolder:
         """
         status = self.status(name, follows=True)
         return status.st_dev, status.st_ino
+
+    def version(self, name: str) -> Version:
+        """Return what changes when a file is exchanged, or written to.
+
+        Raises:
+            OSError: As the system says.
+        """
+        status = self.status(name)
+        return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
     def is_there(self, name: str, fd: int) -> bool:
         """Tell whether a name is that of the file which is open there."""

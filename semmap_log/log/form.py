@@ -148,6 +148,20 @@ def segment_name(log: str, number: int) -> str:
     return f"{plain or 'log'}_{number:06d}.mcap"
 
 
+def number_in(name: str) -> int | None:
+    """Return the number in a segment's file name; None: it has none."""
+    found = _NUMBER.search(name)
+    return int(found[1]) if found else None
+
+
+def stem_of(name: str) -> str:
+    """Return a segment's file name without its number."""
+    return _NUMBER.sub("", name).removesuffix(".mcap")
+
+
+_NUMBER = re.compile(r"_(\d{6,})\.mcap$")
+
+
 def offered_qos(durability: str) -> str:
     """Return a channel's QoS as rosbag2 writes it, one block for all topics.
 

@@ -191,7 +191,7 @@ def test_a_log_that_is_put_back_meanwhile_is_an_error(path: Path, tmp_path: Path
     shutil.rmtree(path)
     (tmp_path / "backup").rename(path)
 
-    with pytest.raises(CorruptLogError, match="commit of event 3, which was read before, is not"):
+    with pytest.raises(CorruptLogError, match="the commit before event 4, which was there before"):
         next(live)
 
 

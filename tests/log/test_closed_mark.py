@@ -200,6 +200,30 @@ def test_a_log_without_it_opens_and_gets_it(log: Path) -> None:
     assert 26 == mark(log)["next_event"]
 
 
+@pytest.mark.parametrize(
+    ("damage", "problem"),
+    [
+        (cut, r"metadata\.yaml lists it as closed, but no footer ends it: it was cut"),
+        (removed, r"metadata\.yaml: .* it lists segment 2, which is missing"),
+    ],
+)
+def test_without_it_metadata_yaml_tells(
+    log: Path, damage: Callable[[Path], None], problem: str
+) -> None:
+    """
+    Of a log that is older than closed.json: reading and appending are refused as well.
+    """
+    damage(log)
+    (log / "closed.json").unlink()
+
+    for ask in (sl.read, sl.append):
+        with pytest.raises(CorruptLogError, match=problem):
+            ask(log)
+
+    (log / "metadata.yaml").unlink()
+    assert events(log) < 26
+
+
 def test_it_outlives_compaction(log: Path) -> None:
     """
     Segments are rechunked and merged: what it tells stays true.
@@ -267,6 +291,7 @@ def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
     for path in segment_files(log)[1:]:
         path.unlink()
     (log / "closed.json").unlink()
+    (log / "metadata.yaml").unlink()
     shutil.copytree(log, copy)
     for path, accuracy in ((log, 0.9), (copy, 0.8)):
         with sl.append(path, compact=False) as opened:

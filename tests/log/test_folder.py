@@ -10,7 +10,13 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogPoisonedError
+from semmap_log.errors import (
+    CorruptLogError,
+    LogAccessError,
+    LogError,
+    LogExistsError,
+    LogPoisonedError,
+)
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain
@@ -161,6 +167,52 @@ def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_pa
 
     with pytest.raises(LogPoisonedError, match="removed or exchanged"):
         log.close()
+
+
+def overwritten(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def copied_over(path: Path) -> None:
+    shutil.copy(path, path.with_suffix(".copy"))
+    path.with_suffix(".copy").replace(path)
+
+
+@pytest.mark.parametrize("change", [Path.unlink, overwritten, copied_over])
+@pytest.mark.parametrize("rolls", [0, 1])
+def test_a_closed_segment_that_is_no_more_what_was_written_is_told(
+    tmp_path: Path, change: Callable[[Path], None], rolls: int
+) -> None:
+    """
+    Not before it would be needed: at the next roll, and at the end.
+    """
+    log = sl.create(tmp_path / "log", tz="UTC", compact=False)
+    log.add_door()
+    see(log, 25)
+    change(tmp_path / "log" / "log_000000.mcap")
+
+    def go_on() -> None:
+        see(log, 10 * rolls)
+        log.close()
+
+    with pytest.raises(LogPoisonedError, match=r"_000000\.mcap was removed, exchanged or written"):
+        go_on()
+
+
+def test_a_reader_is_told_of_a_log_that_was_put_back(tmp_path: Path) -> None:
+    """
+    Its live segment is gone, which no file tells of: who has seen it knows.
+    """
+    path = made(tmp_path / "log")
+    log = sl.append(path, compact=False, durability="flush")
+    see(log, 5)
+    reader = sl.read(path)
+    (path / "log_000001.mcap").unlink()
+
+    with pytest.raises(CorruptLogError, match="the log was put back, or exchanged; open it anew"):
+        reader.refresh()
+
+    assert 11 == sum(len(batch) for batch in reader.batches())
 
 
 def test_a_file_in_the_way_of_the_next_segment_is_not_replaced(tmp_path: Path) -> None:

@@ -51,8 +51,8 @@ class BackgroundCompactor:
         self._ended = threading.Event()
         self._closing = False
         self._abandoned = threading.Event()
-        self._swap = threading.Lock()
-        """Held while a segment is replaced: `close` returns before that or after it."""
+        self.swapping = threading.Lock()
+        """Held while a segment is replaced, and that is told: others come before that or after."""
         self._pid = os.getpid()
 
     def add(self, name: str) -> None:
@@ -94,7 +94,7 @@ class BackgroundCompactor:
         finally:
             if not self._ended.is_set():  # interrupted: stop at once, or behind the swap
                 self._abandoned.set()
-                with self._swap:
+                with self.swapping:
                     pass
 
     def _start(self) -> None:
@@ -131,7 +131,7 @@ class BackgroundCompactor:
             raise _Abandoned
 
     def _install(self, copy: SegmentWriter, replaced: Segment) -> None:
-        with self._swap:
+        with self.swapping:
             if self._abandoned.is_set():
                 raise _Abandoned
             install_over(copy, replaced)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from semmap_log.commits import Commit
-from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import ChunkPlace, LogReader
@@ -46,21 +45,18 @@ def follow(
         stop: Asked before each look; once it says yes, what is there then is the end.
 
     Raises:
-        CorruptLogError: What follows is not a continuation of what was yielded.
+        CorruptLogError: The log is damaged; or it is no continuation of what it was.
         LogError: Another log lies there now.
     """
-    position = _Position(after)
     seen: list[Segment] = []
     while True:
         is_last_look = stop is not None and stop()
         reader.refresh()
         if not are_same(seen, reader.segments):
-            seen, before = reader.segments, position.event
-            for followed in commits_after(reader, position.event):
-                position.advance(reader, followed.commit)
+            seen = reader.segments
+            for followed in commits_after(reader, after):
+                after = followed.commit.last_event
                 yield followed
-            if position.event == before:
-                position.check_is_in(reader)  # or nobody would, until the log is longer again
         if is_last_look:
             return
         time.sleep(poll_s)
@@ -95,48 +91,6 @@ def commits_after(reader: LogReader, event: int) -> Iterator[FollowedCommit]:
 def are_same(some: list[Segment], others: list[Segment]) -> bool:
     """Tell whether nothing was written in between: a segment that grew is another object."""
     return len(some) == len(others) and all(map(operator.is_, some, others))
-
-
-@dataclass(slots=True)
-class _Position:
-    """How far a follower has come."""
-
-    event: int
-    commit: Commit | None = None
-
-    def advance(self, reader: LogReader, commit: Commit) -> None:
-        """Step on to the end of a commit.
-
-        Raises:
-            CorruptLogError: It is not the next one.
-        """
-        last = self.commit
-        if last is not None and commit.previous_hash != last.hash:
-            raise CorruptLogError(
-                reader.folder,
-                0,
-                f"the commit of event {commit.first_event} does not follow the commit of event "
-                f"{last.last_event}, which was read before: the log was put back, or exchanged",
-            )
-        self.event, self.commit = commit.last_event, commit
-
-    def check_is_in(self, reader: LogReader) -> None:
-        """Return if the log still holds the commit that was last.
-
-        Raises:
-            CorruptLogError: It does not.
-        """
-        last = self.commit
-        if last is None:
-            return
-        found = reader.find_commit(last.last_event)
-        if found is None or found.hash != last.hash:
-            raise CorruptLogError(
-                reader.folder,
-                0,
-                f"the commit of event {last.last_event}, which was read before, is not there: "
-                "the log was put back, or exchanged",
-            )
 
 
 class _Cutter:

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
+from semmap_log.log.bag_metadata import listed_names
 from semmap_log.log.closed_mark import ClosedMark, read_mark
-from semmap_log.log.folder import LogFolder
-from semmap_log.log.form import CLOSED_MARK_NAME
+from semmap_log.log.folder import LogFolder, Version
+from semmap_log.log.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
 from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.scan import Segment, open_segment, read_head
-from semmap_log.log.reading.segment_set import SegmentSet, arrange, check_reaches
+from semmap_log.log.reading.segment_set import (
+    SegmentSet,
+    arrange,
+    check_goes_on,
+    check_listed,
+    check_reaches,
+)
 
 Listing = list[tuple[str, int]]
 """Name and inode of each segment file, by name."""
@@ -38,7 +46,9 @@ class SegmentFolder:
         self._known: dict[tuple[str, int], Segment] = {}
         self._listing: Listing = []
         self._found = SegmentSet([], [])
-        self._mark: tuple[tuple[int, int, int], ClosedMark | None] = ((0, 0, 0), None)
+        self._earlier: Sequence[Segment] = ()
+        """The segments when they were last found to be all of the log."""
+        self._mark: tuple[Version | None, ClosedMark | None] = None, None
         """What closed.json said, and what tells that it is still the same file."""
         self._reaches: tuple[ClosedMark | None, Segment] | None = None
         """The mark, and the last segment, for which it was found that the log reaches it."""
@@ -71,25 +81,39 @@ class SegmentFolder:
     def _mark_now(self) -> ClosedMark | None:
         """Return what closed.json says; it is read again where it is another file."""
         try:
-            status = self.folder.status(CLOSED_MARK_NAME)
+            version = self.folder.version(CLOSED_MARK_NAME)
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
             raise LogAccessError(
                 f"{self.folder.path}: cannot be read: {error.strerror}."
             ) from error
-        version = (status.st_ino, status.st_mtime_ns, status.st_size)
         if version != self._mark[0]:
             self._mark = version, read_mark(self.folder)
         return self._mark[1]
 
     def _checked(self, found: SegmentSet, mark: ClosedMark | None) -> SegmentSet:
-        """Return what was found, once it is known to be as long as it was."""
+        """Return what was found, once it is known to be no less than it was."""
         seen = (mark, found.segments[-1])
-        if mark is not None and seen != self._reaches:
+        if seen == self._reaches:
+            return found
+        if mark is not None:
             check_reaches(mark, self.folder / CLOSED_MARK_NAME, found.segments)
-            self._reaches = seen
+        else:
+            check_listed(self._listed(), self.folder / BAG_METADATA_NAME, found.segments)
+        if self._earlier:
+            check_goes_on(found.segments, self._earlier)
+        self._reaches, self._earlier = seen, found.segments
         return found
+
+    def _listed(self) -> list[str]:
+        """Return the closed segments that metadata.yaml lists: in a log without closed.json."""
+        try:
+            return listed_names(
+                self.folder.read_bytes(BAG_METADATA_NAME).decode("utf-8", "replace")
+            )
+        except OSError:
+            return []  # it is a cache
 
     def _take_in(self, listing: Listing) -> SegmentSet:
         if listing == self._listing and (same := self._grown()) is not None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.closed_mark import ClosedMark
-from semmap_log.log.form import CLOSED_MARK_NAME
+from semmap_log.log.form import CLOSED_MARK_NAME, number_in
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import (
     commit_of,
@@ -132,6 +132,48 @@ def check_reaches(mark: ClosedMark, path: Path, segments: Sequence[Segment]) -> 
     known = f"the last segment that was closed ended before event {mark.next_event}"
     advice = "`semmap-log recover` goes on with what is there"
     raise CorruptLogError(path, 0, f"{problem} of this log; {known} ({CLOSED_MARK_NAME}); {advice}")
+
+
+def check_listed(names: Sequence[str], path: Path, segments: Sequence[Segment]) -> None:
+    """Check that what metadata.yaml lists is there, and closed; for a log without closed.json.
+
+    Args:
+        names: The closed segments that it lists.
+        path: Where, for messages.
+        segments: All of the log, in order.
+
+    Raises:
+        CorruptLogError: One was cut, or is missing.
+    """
+    last = segments[-1]
+    advice = "`semmap-log recover` goes on with what is there"
+    if not last.closed and last.path.name in names:
+        problem = f"{path.name} lists it as closed, but no footer ends it: it was cut; {advice}"
+        raise CorruptLogError(last.path, last.whole_end, problem)
+    numbers = [number for name in names if (number := number_in(name)) is not None]
+    if numbers and max(numbers) > last.header.last_number:
+        problem = f"it lists segment {max(numbers)}, which is missing: the log's tail; {advice}"
+        raise CorruptLogError(path, 0, problem)
+
+
+def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> None:
+    """Check that a log is what it was when it was last looked at, and what came behind.
+
+    Args:
+        segments: All of it, in order.
+        earlier: The same, as they were.
+
+    Raises:
+        CorruptLogError: It ends before, or has another commit where it ended.
+    """
+    end = end_of(earlier[-1])
+    if segments[-1].header.info.log_id != earlier[-1].header.info.log_id:
+        return  # another log: its reader says so
+    if end and head_before(segments, end) != head_of(earlier[-1]):
+        problem = f"the commit before event {end}, which was there before, is not there"
+        raise CorruptLogError(
+            segments[-1].path, 0, f"{problem}: the log was put back, or exchanged; open it anew"
+        )
 
 
 def _check_one_log(found: Sequence[Segment]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mmap
 import os
-import re
 import stat
 import struct
 from collections.abc import Iterator
@@ -18,7 +17,14 @@ from mcap.records import Header, Metadata
 
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.log import records as mcap
-from semmap_log.log.form import LIBRARY, LOG_METADATA, PROFILE
+from semmap_log.log.form import (
+    LIBRARY,
+    LOG_METADATA,
+    PROFILE,
+    number_in,
+    segment_name,
+    stem_of,
+)
 from semmap_log.log.header import SegmentHeader
 
 BLOCK = 2**20
@@ -26,7 +32,6 @@ HEAD_BYTES = 2**16
 """The header lies well within; a longer one is none of ours."""
 FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
 
-_NUMBER = re.compile(r"_(\d{6,})\.mcap$")
 _MARKS = (LOG_METADATA.encode(), b"hash_so_far")
 """Both stand in every head: one flipped bit leaves one of them."""
 
@@ -66,16 +71,9 @@ class SegmentFile:
         return self.number if self.header is None else self.header.last_number
 
 
-def number_in(name: str) -> int | None:
-    """Return the number in a segment's file name; None: it has none."""
-    found = _NUMBER.search(name)
-    return int(found[1]) if found else None
-
-
 def name_of(file: SegmentFile, number: int) -> Path:
     """Return the name that the segment of another number must have beside this one."""
-    stem = _NUMBER.sub("", file.path.name).removesuffix(".mcap")
-    return file.path.with_name(f"{stem}_{number:06d}.mcap")
+    return file.path.with_name(segment_name(stem_of(file.path.name), number))
 
 
 class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins anew

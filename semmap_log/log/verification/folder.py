@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError
-from semmap_log.log.bag_metadata import ClosedSegment, bag_metadata_text
+from semmap_log.log.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
 from semmap_log.log.closed_mark import ClosedMark, read_mark
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
@@ -19,11 +16,10 @@ from semmap_log.log.form import (
     RECOVERING_NAME,
     TEMPORARY_SUFFIX,
     TORN_SUFFIX,
+    number_in,
 )
-from semmap_log.log.verification.files import SegmentFile, look_at, number_in
+from semmap_log.log.verification.files import SegmentFile, look_at
 from semmap_log.log.verification.findings import Finding, Severity
-
-_LISTED = re.compile(r'^    - path: (".*")$', re.MULTILINE)
 
 
 @dataclass(slots=True)
@@ -105,7 +101,7 @@ def bag_metadata_findings(found: Arrangement, closed: list[ClosedSegment] | None
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     findings = []
-    for name in _names_in(text):
+    for name in listed_names(text):
         number = number_in(name)
         present = next((s for s in found.segments if s.path.name == name), None)
         if present is not None and not present.is_closed:
@@ -217,15 +213,6 @@ def _notes(names: list[Path]) -> list[Finding]:
             continue
         findings.append(Finding("leftover", Severity.NOTE, path, None, None, text))
     return findings
-
-
-def _names_in(text: str) -> list[str]:
-    """Return the files that a metadata.yaml lists, as far as it can be read."""
-    names = []
-    for quoted in _LISTED.findall(text):
-        with suppress(ValueError):
-            names.append(str(json.loads(quoted)))
-    return names
 
 
 def _alien(path: Path, text: str) -> Finding:

@@ -7,6 +7,7 @@ so that a thousand commands of one line do not make a thousand files.
 
 from __future__ import annotations
 
+import errno
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,7 +19,7 @@ from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.closed_mark import ClosedMark, read_mark, write_mark
 from semmap_log.log.compaction.background import BackgroundCompactor
 from semmap_log.log.compaction.rechunk import needs_compaction
-from semmap_log.log.folder import LogFolder
+from semmap_log.log.folder import LogFolder, Version
 from semmap_log.log.form import (
     CONTINUE_BELOW_BYTES,
     ROLL_AGE_NS,
@@ -69,6 +70,8 @@ class SegmentChain:
         self._closed: dict[str, ClosedSegment] = {}
         self._listing = threading.Lock()
         """Held while metadata.yaml is made: the background thread changes it, too."""
+        self._written: dict[str, Version] = {}
+        """Segments that this writer has closed, or compacted, as they were then."""
         self._compacts = compacts
         self._compactor = BackgroundCompactor(folder, self._compacted)
 
@@ -146,6 +149,7 @@ class SegmentChain:
                 raise
             self._list(ClosedSegment.of(segment.path, segment.statistics()))
             self._mark(segment.header, end)
+            self._check_written(segment.name)
 
     def abandon(self) -> None:
         """Let go of the live segment as it is."""
@@ -168,9 +172,23 @@ class SegmentChain:
     def _compacted(self, closed: ClosedSegment) -> None:
         """Take in that a segment was replaced; called by the background thread."""
         with self._listing:
+            self._written[closed.name] = self.folder.version(closed.name)
             self._closed[closed.name] = closed
             if not self._older:
                 write_bag_metadata(self.folder, self._closed.values())
+
+    def _check_written(self, closed: str) -> None:
+        """Check that all that this writer has written is still what lies there.
+
+        Raises:
+            OSError: A file was removed, exchanged or written over by somebody else.
+        """
+        with self._compactor.swapping, self._listing:
+            for name, version in self._written.items():
+                if not self.folder.has(name) or self.folder.version(name) != version:
+                    problem = f"{name} was removed, exchanged or written over by somebody else"
+                    raise FileNotFoundError(errno.ENOENT, problem)
+            self._written[closed] = self.folder.version(closed)
 
     def _mark(self, header: SegmentHeader, end: LogEnd) -> None:
         """Write down how far the log reaches, now that all of its segments are closed."""

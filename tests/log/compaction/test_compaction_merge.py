@@ -257,6 +257,7 @@ def test_a_part_of_another_copy_of_the_log_is_not_merged(log: Path) -> None:
         path.unlink()
     for copy in (log, twin):
         (copy / "closed.json").unlink()
+        (copy / "metadata.yaml").unlink()
     for copy, state in ((log, "open"), (twin, "closed")):
         with sl.append(copy, compact=False) as opened:
             for _ in range(20):
@@ -336,6 +337,7 @@ def test_digest_is_of_all_records(log: Path) -> None:
 
     segment_files(log)[-1].unlink()
     (log / "closed.json").unlink()
+    (log / "metadata.yaml").unlink()
 
     assert before != digest_of_records(log)
 
