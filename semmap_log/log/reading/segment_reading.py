@@ -21,6 +21,7 @@ from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.note_sources import NoteSources
 from semmap_log.log.reading.page_reading import Records, read_page, unpack
 from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_head import last_commit_in
 from semmap_log.log.reading.window import numbers_of
 from semmap_log.log.walking import ChunkDamage
 
@@ -144,9 +145,7 @@ def _check_numbers(
 
 def last_commit(segment: Segment) -> Commit | None:
     """Return a segment's last commit; None: it has none."""
-    for chunk in reversed(segment.chunks.having(COMMIT_BIT).tolist()):
-        return page_at(segment, chunk).last_commit()
-    return None
+    return last_commit_in(segment.chunks, segment.header)
 
 
 def chunk_of(segment: Segment, event: int) -> int | None:

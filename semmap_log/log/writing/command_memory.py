@@ -1,4 +1,16 @@
-"""Which commands are stored already, so that one that is sent again is stored once."""
+"""Which commands are stored already, so that one that is sent again is stored once.
+
+However long ago it was stored, in whichever segment. As long as nobody asks, nothing is read and
+nothing remembered; a command without an id costs nothing more.
+
+Who asks first has the index of every closed segment read: 8 bytes a commit stay in memory, 8 MB a
+million. That takes as long as opening the log does, and some 0.1 s a million commits more; where
+segments were closed before they had an index, their commits are read instead, once for each
+opening. From then on an unknown command takes some microseconds, whatever the log's length: beside
+a million commits one in 4,000 has a fingerprint that is known, and a chunk is read to tell that
+it is another. A command that is stored takes one chunk of its segment: some milliseconds where it
+is compacted.
+"""
 
 from __future__ import annotations
 
@@ -6,49 +18,89 @@ from collections.abc import Callable
 from pathlib import Path
 
 from semmap_log.commits import Commit
+from semmap_log.errors import CorruptLogError
 from semmap_log.log.reading.reader import LogReader
-
-REMEMBERED_COMMANDS = 10_000
+from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.segment_reading import commit_of
+from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.writing.stored_commands import StoredCommands
 
 
 class CommandMemory:
-    """The commits of at least the last 10,000 commands; read when first asked."""
+    """The commands of a log that is being written: by id those of the live segment, else by index.
 
-    def __init__(self, folder: Path, flush: Callable[[], None]) -> None:
+    Used by one thread at a time.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        live: Callable[[], SegmentWriter | None],
+        flush: Callable[[], None],
+    ) -> None:
+        """Prepare; nothing is read.
+
+        Args:
+            folder: The log's.
+            live: Gives the live segment.
+            flush: Hands the kernel what the writer holds back, before the live segment is read.
+        """
         self._folder = folder
+        self._live = live
         self._flush = flush
-        """Hands the kernel what the writer holds back, before the log is read."""
-        self._commits: dict[bytes, Commit] | None = None
+        self._stored: StoredCommands | None = None
+        self._known: dict[bytes, int] = {}
+        """Of the live segment: command id -> first event."""
+        self._known_of: SegmentWriter | None = None
+        self._taken_in = 0
+        """How many of its commits are among them."""
+        self._seen: Segment | None = None
+        """The live segment as it was read last."""
 
-    def add(self, commit: Commit) -> None:
-        """Remember a commit that was written."""
-        if self._commits is not None:
-            self._commits[commit.command_id] = commit
+    def closed(self, segment: SegmentWriter) -> None:
+        """Take in that the live segment was closed, with all of its commits."""
+        if self._known_of is segment:
+            self._forget_live(None)
+        if self._stored is not None:
+            self._stored.add(segment.path, segment.header.first_event, segment.command_rows)
 
-    def find(self, command_id: bytes, *, everywhere: bool = False) -> Commit | None:
+    def find(self, command_id: bytes) -> Commit | None:
         """Return the commit of a command, if it is stored.
 
         Args:
             command_id: 16 bytes.
-            everywhere: Search the whole log, not only the last 10,000 commits or so.
+
+        Raises:
+            CorruptLogError: A segment in which it may be is damaged.
+            LogAccessError: One cannot be read.
         """
-        if self._commits is None:
-            self._commits = _recent(self._reader())
-        known = self._commits.get(command_id)
-        if known or not everywhere:
-            return known
-        return next((c for c in self._reader().commits() if c.command_id == command_id), None)
+        return self._find_live(command_id) or self._find_stored(command_id)
 
-    def _reader(self) -> LogReader:
+    def _find_live(self, command_id: bytes) -> Commit | None:
+        live = self._live()
+        if live is None:
+            return None
+        if live is not self._known_of:
+            self._forget_live(live)
+        if self._taken_in < len(live.written):
+            self._known.update(live.written.since(self._taken_in))
+            self._taken_in = len(live.written)
+        event = self._known.get(command_id)
+        return None if event is None else self._read_live(live, command_id, event)
+
+    def _read_live(self, live: SegmentWriter, command_id: bytes, event: int) -> Commit:
         self._flush()
-        return LogReader(self._folder)
+        self._seen = open_segment(live.path, earlier=self._seen)
+        commit = commit_of(self._seen, event)
+        if commit is None or commit.command_id != command_id:
+            problem = f"the commit of event {event}, which was written, is not there any more"
+            raise CorruptLogError(live.path, self._seen.whole_end, problem)
+        return commit
 
+    def _forget_live(self, live: SegmentWriter | None) -> None:
+        self._known, self._known_of, self._taken_in, self._seen = {}, live, 0, None
 
-def _recent(reader: LogReader) -> dict[bytes, Commit]:
-    """Return the commits of the last segments, at least `REMEMBERED_COMMANDS` if there are."""
-    first, step = len(reader.segments), 1
-    found: dict[bytes, Commit] = {}
-    while first > 0 and len(found) < REMEMBERED_COMMANDS:
-        first, step = max(0, first - step), 2 * step
-        found = {commit.command_id: commit for commit in reader.commits(first)}
-    return found
+    def _find_stored(self, command_id: bytes) -> Commit | None:
+        if self._stored is None:
+            self._stored = StoredCommands(LogReader(self._folder).segments)
+        return self._stored.find(command_id)

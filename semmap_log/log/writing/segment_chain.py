@@ -8,7 +8,7 @@ so that a thousand commands of one line do not make a thousand files.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -40,11 +40,14 @@ class SegmentChain:
     Every method may raise OSError; after that the live segment must only be abandoned.
     """
 
-    def __init__(self, folder: Path, *, compacts: bool) -> None:
+    def __init__(
+        self, folder: Path, closed: Callable[[SegmentWriter], None], *, compacts: bool
+    ) -> None:
         """Prepare.
 
         Args:
             folder: The log's.
+            closed: Told of each segment that was live and is closed, before it is compacted.
             compacts: Whether full segments are compacted in the background.
         """
         self.folder = folder
@@ -58,6 +61,7 @@ class SegmentChain:
         self._closed: dict[str, ClosedSegment] = {}
         self._listing = threading.Lock()
         """Held while metadata.yaml is made: the background thread changes it, too."""
+        self._tell_closed = closed
         self._compacts = compacts
         self._compactor = BackgroundCompactor(self._compacted)
 
@@ -127,6 +131,7 @@ class SegmentChain:
             except BaseException:
                 segment.abandon()
                 raise
+            self._tell_closed(segment)
             self._list(ClosedSegment.of(segment.path, segment.statistics()))
 
     def abandon(self) -> None:
