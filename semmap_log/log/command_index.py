@@ -82,38 +82,44 @@ class WrittenCommits:
         Args:
             head: Hash of the commit before the segment's first.
         """
-        self.head = head
-        """Hash of the last commit."""
         self._kept = bytearray()
         self._first, self._end, self._hash, self._size = _places()
+        self._length = self._end - self._first
+        self._last, self._last_at = head, -self._hash
+        """What holds the last Commit record, and where."""
 
     def __len__(self) -> int:
-        return len(self._kept) // _dtype().itemsize
+        """How many there are."""
+        return len(self._kept) // self._length
+
+    @property
+    def head(self) -> bytes:
+        """Hash of the last commit."""
+        return self._last[self._last_at + self._hash : self._last_at + self._size]
 
     def add(self, chunk: BuiltChunk) -> None:
         """Take in the commits whose Commit record is in a chunk."""
-        counts = chunk.facts.counts
-        if COMMIT_CHANNEL not in counts:
-            return
-        records, data = chunk.records, chunk.data
-        end = len(data)
-        for channel in reversed(counts):  # the MessageIndexes end it, ids ascending
-            size = counts[channel] * mcap.MESSAGE_INDEX_ENTRY_BYTES
-            if channel == COMMIT_CHANNEL:
-                break
-            end -= mcap.MESSAGE_INDEX_HEAD_BYTES + size
-        at = 0
-        for entry in range(end - size, end, mcap.MESSAGE_INDEX_ENTRY_BYTES):
-            (at,) = _OFFSET.unpack_from(data, entry)
-            self._kept += records[at + self._first : at + self._end]
-        self.head = records[at + self._hash : at + self._size]
+        at = chunk.commit_at
+        if at >= 0:
+            self._add(chunk.records, at)
+        elif COMMIT_CHANNEL in chunk.facts.counts:
+            for at in _commits_in(chunk):
+                self._add(chunk.records, at)
 
-    def since(self, count: int) -> Iterator[tuple[bytes, int]]:
-        """Yield command id and first event of the commits behind the first `count`, in order."""
-        kept = self._columns(count)
-        ids = kept["command_id"].tobytes()
-        for i, first_event in enumerate(kept["first_event"].tolist()):
-            yield ids[i * COMMAND_ID_BYTES : (i + 1) * COMMAND_ID_BYTES], first_event
+    def _add(self, records: bytes, at: int) -> None:
+        self._kept += records[at + self._first : at + self._end]
+        self._last, self._last_at = records, at
+
+    def command_ids(self, start: int) -> list[bytes]:
+        """Return the command id of each commit from a place on, in order."""
+        kept, size = self._kept, self._length
+        ends = range((start + 1) * size, len(kept) + 1, size)
+        return [bytes(kept[end - COMMAND_ID_BYTES : end]) for end in ends]
+
+    def first_event(self, place: int) -> int:
+        """Return the number of the first event of a commit, by its place among them."""
+        at = place * self._length
+        return int.from_bytes(self._kept[at : at + 8], "little")
 
     def rows(self, segment_first: int) -> NDArray[np.uint64]:
         """Return their command index.
@@ -121,12 +127,28 @@ class WrittenCommits:
         Args:
             segment_first: Number of the segment's first event.
         """
-        kept = self._columns(0)
+        size = self._length
+        dtype = np.dtype(
+            {
+                "names": ["first_event", "command_id"],
+                "formats": ["<u8", ("u1", (COMMAND_ID_BYTES,))],
+                "offsets": [0, size - COMMAND_ID_BYTES],
+                "itemsize": size,
+            }
+        )
+        kept = np.frombuffer(bytes(self._kept), dtype)
         return command_rows(kept["command_id"].tobytes(), kept["first_event"], segment_first)
 
-    def _columns(self, start: int) -> NDArray[np.void]:
-        kept = bytes(self._kept[start * _dtype().itemsize :])
-        return np.frombuffer(kept, _dtype())
+
+def _commits_in(chunk: BuiltChunk) -> Iterator[int]:
+    """Yield where the Commits of a chunk begin in its records, as its MessageIndexes say."""
+    counts, data = chunk.facts.counts, chunk.data
+    end = len(data)
+    for channel in reversed(counts):  # they end it, ids ascending
+        size = counts[channel] * mcap.MESSAGE_INDEX_ENTRY_BYTES
+        if channel == COMMIT_CHANNEL:
+            yield from (at for (at,) in _OFFSET.iter_unpack(data[end - size : end]))
+        end -= mcap.MESSAGE_INDEX_HEAD_BYTES + size
 
 
 @cache
@@ -140,18 +162,4 @@ def _places() -> tuple[int, int, int, int]:
         head + commit.fields["command_id"][1] + COMMAND_ID_BYTES,
         head + commit.fields["hash"][1],
         head + commit.itemsize,
-    )
-
-
-@cache
-def _dtype() -> np.dtype[np.void]:
-    first, end, *_ = _places()
-    size = end - first
-    return np.dtype(
-        {
-            "names": ["first_event", "command_id"],
-            "formats": ["<u8", ("u1", (COMMAND_ID_BYTES,))],
-            "offsets": [0, size - COMMAND_ID_BYTES],
-            "itemsize": size,
-        }
     )

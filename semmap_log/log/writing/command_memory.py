@@ -53,9 +53,15 @@ class CommandMemory:
         """Of the live segment: command id -> first event."""
         self._known_of: SegmentWriter | None = None
         self._taken_in = 0
-        """How many of its commits are among them."""
+        """How many of its commits were looked at."""
         self._seen: Segment | None = None
         """The live segment as it was read last."""
+
+    def add(self, commit: Commit) -> None:
+        """Remember a commit that was written, if somebody has asked about its segment."""
+        if self._known_of is not None:
+            self._known[commit.command_id] = commit.first_event
+            self._taken_in += 1
 
     def closed(self, segment: SegmentWriter) -> None:
         """Take in that the live segment was closed, with all of its commits."""
@@ -74,19 +80,24 @@ class CommandMemory:
             CorruptLogError: A segment in which it may be is damaged.
             LogAccessError: One cannot be read.
         """
-        return self._find_live(command_id) or self._find_stored(command_id)
-
-    def _find_live(self, command_id: bytes) -> Commit | None:
         live = self._live()
-        if live is None:
-            return None
-        if live is not self._known_of:
-            self._forget_live(live)
-        if self._taken_in < len(live.written):
-            self._known.update(live.written.since(self._taken_in))
-            self._taken_in = len(live.written)
-        event = self._known.get(command_id)
-        return None if event is None else self._read_live(live, command_id, event)
+        if live is not None:
+            if live is not self._known_of:
+                self._forget_live(live)
+            if self._taken_in < len(live.written):
+                self._look_at(live)
+            event = self._known.get(command_id)
+            if event is not None:
+                return self._read_live(live, command_id, event)
+        if self._stored is None:
+            self._stored = StoredCommands(LogReader(self._folder).segments)
+        return self._stored.find(command_id) if len(self._stored) else None
+
+    def _look_at(self, live: SegmentWriter) -> None:
+        """Take in the commits that were written before somebody asked."""
+        for command_id in live.written.command_ids(self._taken_in):
+            self._known[command_id] = live.written.first_event(self._taken_in)
+            self._taken_in += 1
 
     def _read_live(self, live: SegmentWriter, command_id: bytes, event: int) -> Commit:
         self._flush()
@@ -99,8 +110,3 @@ class CommandMemory:
 
     def _forget_live(self, live: SegmentWriter | None) -> None:
         self._known, self._known_of, self._taken_in, self._seen = {}, live, 0, None
-
-    def _find_stored(self, command_id: bytes) -> Commit | None:
-        if self._stored is None:
-            self._stored = StoredCommands(LogReader(self._folder).segments)
-        return self._stored.find(command_id)

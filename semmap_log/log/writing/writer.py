@@ -168,6 +168,7 @@ class LogWriter:
             commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
+        self._commands.add(commit)
         self._in_commit = False
         return commit
 
