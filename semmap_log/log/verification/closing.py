@@ -213,7 +213,7 @@ def _index(
     if index != [list(column) for column in zip(*contents.spans, strict=True)]:
         text = "the index of the chunks' events is not what they are"
         flaws.append(Flaw("index", at, text))
-    if head not in (None, contents.closing_head()):
+    if head is not None and head != contents.closing_head():
         text = (
             f"its last commit has the hash {contents.closing_head().hex()[:16]}…, but the index "
             f"says {head.hex()[:16]}…"

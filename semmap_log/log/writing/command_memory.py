@@ -4,11 +4,11 @@ However long ago it was stored, in whichever segment. As long as nobody asks, no
 nothing remembered; a command without an id costs nothing more.
 
 Who asks first has the index of every closed segment read: 8 bytes a commit stay in memory, 8 MB a
-million. That takes as long as opening the log does, and some 0.1 s a million commits more; where
-segments were closed before they had an index, their commits are read instead, once for each
-opening. From then on an unknown command takes some microseconds, whatever the log's length: beside
-a million commits one in 4,000 has a fingerprint that is known, and a chunk is read to tell that
-it is another. A command that is stored takes one chunk of its segment: some milliseconds where it
+million. That takes about as long as opening the log: 0.3 to 0.6 s for 1,825 segments of 1,000
+commits; 4 s where these were closed before there was an index, so that their commits are read, once
+for each opening. From then on an unknown command takes 10 us, however long the log is: beside a
+million commits one in 4,000 has a fingerprint that is known, and a chunk is read to tell that it is
+another. A command that is stored takes one chunk of its segment: a millisecond, some more where it
 is compacted.
 """
 

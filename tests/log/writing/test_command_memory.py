@@ -135,11 +135,23 @@ def test_commands_of_a_continued_segment_are_kept_once(tmp_path: Path) -> None:
         assert 11 == len(memory(log)._stored)
         send(log, 10)
         send(log, 11)
+        assert 12 == len(memory(log)._known)
         log._writer._chain.roll()
+        assert {} == memory(log)._known
         send(log, 12)
 
         assert 13 == len(memory(log)._stored)
         assert list(range(1, 14)) == [send(log, number) for number in range(13)]
+
+
+def test_a_command_that_is_held_back_is_known(tmp_path: Path) -> None:
+    """
+    Durability `none` keeps it in memory: to be answered, it is written first.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", durability="none") as log:
+        log.append([DoorAdded(door_id=DOOR)])
+
+        assert [1, 2, 1, 2] == [send(log, number) for number in (7, 8, 7, 8)]
 
 
 def test_an_id_drawn_at_random_can_be_asked_for(tmp_path: Path, rolls: None) -> None:
