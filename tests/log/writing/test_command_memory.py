@@ -135,7 +135,7 @@ def test_commands_of_a_continued_segment_are_kept_once(tmp_path: Path) -> None:
         assert 11 == len(memory(log)._stored)
         send(log, 10)
         send(log, 11)
-        assert 12 == len(memory(log)._known)
+        assert 13 == len(memory(log)._known)
         log._writer._chain.roll()
         assert {} == memory(log)._known
         send(log, 12)
