@@ -130,7 +130,7 @@ def test_commands_of_a_continued_segment_are_kept_once(tmp_path: Path) -> None:
     """
     path = tmp_path / "log"
     made(path, range(10))
-    with sl.append(path, compact=False) as log:
+    with sl.append(path, clock=SteadyClock(), compact=False) as log:
         assert log.find_command(an_id(99)) is None
         assert 11 == len(memory(log)._stored)
         send(log, 10)
