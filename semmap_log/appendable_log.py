@@ -233,15 +233,17 @@ class AppendableLog(DoorLog):
         """Return once every commit so far survives a power cut."""
         self._writer.sync()
 
-    def find_command(self, command_id: bytes, *, everywhere: bool = False) -> Commit | None:
-        """Return the commit that a command became, if it is stored.
+    def find_command(self, command_id: bytes) -> Commit | None:
+        """Return the commit that a command became, if it is stored, however long ago.
 
         Args:
             command_id: 16 bytes.
-            everywhere: Look in the whole log, not only in its last 10,000 commits or so.
+
+        Raises:
+            CorruptLogError: A segment in which it may be is damaged.
         """
         with self._mutex:
-            return self._writer.find(command_id, everywhere=everywhere)
+            return self._writer.find(command_id)
 
     def robot_pose(self, pose: RobotPose) -> None:
         """Keep a pose for the next commit; if none comes within a second, it gets its own."""

@@ -94,7 +94,7 @@ def import_file(
     command_id = None
     if not (options.update or options.renumber):
         command_id = command_id_of(path, options)
-        known = log.find_command(command_id, everywhere=True)
+        known = log.find_command(command_id)
         if known is not None:
             return Imported(ImportPlan((), 0), None, known_before=True)
     plan = plan_of(log, path, options)

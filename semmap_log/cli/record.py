@@ -55,7 +55,8 @@ def run(
     Until the input ends, or Ctrl-C. Each line is one commit; a door is its door_id or its name. A
     bad line is reported with its number and skipped; then the exit code is 1. Exit code 0 means
     that every line is stored.
-    A line with a command_id that is stored already is stored once, and answered as it was then.
+    A line with a command_id that is stored already, however long ago, is stored once, and answered
+    as it was then.
 
     With --ros1 or --ros2 it records what topics say about doors: the events of each message are
     one commit, messages that wait share a sync, and what was received when it is told to stop is

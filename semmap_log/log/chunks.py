@@ -81,6 +81,8 @@ class BuiltChunk:
     facts: ChunkFacts
     offsets: NDArray[np.int64] | None = field(default=None, compare=False)
     """Where each record begins, if whoever built it knows: others must walk."""
+    commit_at: int = field(default=-1, compare=False)
+    """Where its only Commit begins, if whoever built it knows; -1: not known, or there is none."""
 
 
 NO_SPAN = (-1, -1)

@@ -11,8 +11,16 @@ A segment: Header (profile `ros2`), Metadata `semmap_log`, every Schema and Chan
 Keyframe, then commits. A commit is a chunk, or several of about a MiB: its events, its CommitNote
 if there is something to say, and last its Commit, which alone makes the events visible. Between
 chunks, about one a MiB, stand further Keyframes: chunks of their own, outside of all commits, with
-the log time of the record before. Closing adds Metadata `semmap_index`, DataEnd with the data's
-CRC, the summary and the Footer.
+the log time of the record before. Closing adds
+
+- Metadata `semmap_index`: how many events each chunk has and when they happened (`header`), and
+  under `head` the hash of the segment's last commit (that of the head's Metadata, if it has none);
+- the Attachment `semmap_commands`, if there is a commit: by it a command that is sent again is
+  found (`command_index`);
+- DataEnd with the data's CRC, the summary and the Footer.
+
+Logs that were closed before there were `head` and `semmap_commands` have neither, and are read
+from their commits.
 """
 
 from __future__ import annotations
@@ -31,6 +39,7 @@ LIBRARY = "semmap-log"
 
 LOG_METADATA = "semmap_log"
 INDEX_METADATA = "semmap_index"
+COMMAND_ATTACHMENT = "semmap_commands"
 DIGEST_KEY = "sha256"
 """Each of our Metadata records carries the sha256 of its other entries under this key."""
 

@@ -96,12 +96,18 @@ class SegmentHeader:
 
 
 def index_metadata(
-    events: Sequence[int], least_ns: Sequence[int], greatest_ns: Sequence[int]
+    events: Sequence[int], least_ns: Sequence[int], greatest_ns: Sequence[int], head: bytes
 ) -> Metadata:
     """Return the Metadata `semmap_index`: what the events of each chunk span, in file order.
 
     How many they are, and their least and greatest happened time; 0, -1, -1 where there are none.
     Values: base64 of zlib of little-endian int64s.
+
+    Args:
+        events: How many events each chunk has.
+        least_ns: Their least happened time.
+        greatest_ns: Their greatest.
+        head: Hash of the segment's last commit; of the one before, if it has none.
     """
     return _signed(
         INDEX_METADATA,
@@ -109,6 +115,7 @@ def index_metadata(
             "events": _pack(events),
             "least_happened_ns": _pack(least_ns),
             "greatest_happened_ns": _pack(greatest_ns),
+            "head": head.hex(),
         },
     )
 
@@ -125,6 +132,16 @@ def read_index(
     names = ("events", "least_happened_ns", "greatest_happened_ns")
     events, least, greatest = (_unpack(entries[name]) for name in names)
     return events, least, greatest
+
+
+def head_in_index(metadata: Metadata) -> bytes | None:
+    """Return the hash of the last commit from a `semmap_index` record; None: an older log's.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    text = _checked(metadata).get("head")
+    return None if text is None else bytes.fromhex(text)
 
 
 def _pack(values: Sequence[int]) -> str:

@@ -13,8 +13,11 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
+    AttachmentIndex,
     Channel,
     DataEnd,
     Footer,
@@ -28,6 +31,7 @@ from mcap.records import (
 
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import BuiltChunk, ChunkFacts
+from semmap_log.log.command_index import WrittenCommits, attachment
 from semmap_log.log.disk import write_all
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
@@ -57,6 +61,19 @@ def channel_record(topic: Topic) -> Channel:
             "topic_type_hash": type_hash(topic.ros_type),
         },
         schema_id=topic.schema_id,
+    )
+
+
+def attachment_index(record: Attachment, length: int, offset: int) -> AttachmentIndex:
+    """Return what the summary says of an attachment of so many bytes, at that place."""
+    return AttachmentIndex(
+        offset=offset,
+        length=length,
+        log_time=record.log_time,
+        create_time=record.create_time,
+        data_size=len(record.data),
+        name=record.name,
+        media_type=record.media_type,
     )
 
 
@@ -94,12 +111,17 @@ class SegmentWriter:
         self.size = 0
         """Of the file, with what is held back."""
         self.commits = 0
+        self.written = WrittenCommits(header.hash_so_far)
+        """Of what commands the commits are, and the hash of the last."""
         self.levels: set[int] = {0}
+        self.command_rows = np.empty(0, np.uint64)
+        """Once it is closed: the index of its commands."""
         self._chunks: list[tuple[int, ChunkFacts]] = []
         """Where each chunk lies, and what the summary says of it."""
         self._held_back: list[bytes] = []
         self._held_back_size = 0
         self._metadata: list[MetadataIndex] = []
+        self._attachments: list[AttachmentIndex] = []
         self._crc = 0
         self._writing = threading.Lock()
         """Held while bytes go to the file or wait for it: in one order, whoever hands them on."""
@@ -151,6 +173,7 @@ class SegmentWriter:
         facts = chunk.facts
         self._chunks.append((offset, facts))
         self.commits += facts.counts.get(COMMIT_CHANNEL, 0)
+        self.written.add(chunk)
 
     def flush(self) -> None:
         """Hand to the kernel what is held back: it then survives the end of the process."""
@@ -209,8 +232,10 @@ class SegmentWriter:
             [count_events(one.counts) for one in facts],
             [one.happened[0] for one in facts],
             [one.happened[1] for one in facts],
+            self.written.head,
         )
         self._write_metadata(INDEX_METADATA, mcap.record(index))
+        self._write_command_index()
         self._write(mcap.record(DataEnd(data_section_crc=self._crc)))
         self._write(self._summary())
         os.fsync(self._fd)
@@ -272,6 +297,16 @@ class SegmentWriter:
         self._metadata.append(MetadataIndex(length=len(data), name=name, offset=self.size))
         self._write(data)
 
+    def _write_command_index(self) -> None:
+        """Write by what a command of this segment is found, if there is any."""
+        if not len(self.written):
+            return
+        self.command_rows = self.written.rows(self.header.first_event)
+        index = attachment(self.command_rows, self.statistics().message_end_time)
+        data = mcap.record(index)
+        self._attachments.append(attachment_index(index, len(data), self.size))
+        self._write(data)
+
     def statistics(self) -> Statistics:
         """Return the MCAP Statistics of what was written so far."""
         counts: Counter[int] = Counter()
@@ -279,7 +314,7 @@ class SegmentWriter:
             counts.update(facts.counts)
         times = [facts.times for _, facts in self._chunks]
         return Statistics(
-            attachment_count=0,
+            attachment_count=len(self._attachments),
             channel_count=len(topics()) + len(self.levels - {0}),
             channel_message_counts=dict(sorted(counts.items())),
             chunk_count=len(self._chunks),
@@ -299,10 +334,13 @@ class SegmentWriter:
             (Opcode.CHANNEL, list(channels)),
             (Opcode.STATISTICS, [self.statistics()]),
             (Opcode.CHUNK_INDEX, [facts.index_at(offset) for offset, facts in self._chunks]),
+            (Opcode.ATTACHMENT_INDEX, list(self._attachments)),
             (Opcode.METADATA_INDEX, list(self._metadata)),
         ]
         summary, offsets = b"", b""
-        for opcode, group in groups:  # none is empty: each segment begins with a keyframe
+        for opcode, group in groups:
+            if not group:
+                continue
             data = mcap.record(*group)
             offset = SummaryOffset(
                 group_opcode=opcode,

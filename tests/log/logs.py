@@ -7,12 +7,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
+from mcap.records import Metadata
+
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.events import DoorObserved, Event
-from semmap_log.log.form import KEYFRAME_CHANNEL
+from semmap_log.log.compaction import compact
+from semmap_log.log.form import DIGEST_KEY, INDEX_METADATA, KEYFRAME_CHANNEL
+from semmap_log.log.header import _signed, index_metadata
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.segment import SegmentWriter
 
 
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
@@ -32,6 +38,22 @@ def sightings(door: DoorId, count: int, start: int = 0) -> Iterator[Event]:
         state = DoorState.OPEN if (start + i) % 2 else DoorState.CLOSED
         accuracy = 0.5 + ((start + i) % 1000) / 2000
         yield DoorObserved(door_id=door, state=state, accuracy_open=accuracy, accuracy_closed=0.9)
+
+
+def close_as_before(path: Path) -> None:
+    """Write a log's closed segments anew as they were closed before they told head and commands."""
+
+    def index(*columns: Any) -> Metadata:
+        with_head = index_metadata(*columns).metadata
+        return _signed(
+            INDEX_METADATA, {k: v for k, v in with_head.items() if k not in ("head", DIGEST_KEY)}
+        )
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("semmap_log.log.segment.index_metadata", index)
+        patch.setattr(SegmentWriter, "_write_command_index", lambda _: None)
+        patch.setattr("semmap_log.log.compaction.merge.needs_compaction", lambda _: True)
+        compact(path, merge=False)
 
 
 def segment_files(log: Path) -> list[Path]:

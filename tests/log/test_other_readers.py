@@ -139,6 +139,7 @@ def test_mcap_seeking_reader(log: Path) -> None:
             assert summary is not None
             assert summary.statistics is not None
             assert summary.statistics.message_count == len(messages)
+            assert summary.statistics.attachment_count == len(list(reader.iter_attachments())) == 1
             theirs += [(c.topic, m.log_time, m.publish_time) for _, c, m in messages]
 
     assert ours(log) == theirs
@@ -153,7 +154,7 @@ def test_mcap_stream_reader_checks_the_data_crc(log: Path) -> None:
             kinds = [type(r).__name__ for r in StreamReader(file, validate_crcs=True).records]
 
         assert kinds[-1] == "Footer"
-        assert 2 == kinds.count("Metadata")
+        assert (2, 1) == (kinds.count("Metadata"), kinds.count("Attachment"))
 
 
 @pytest.mark.parametrize("whole", [True, False], ids=["folder", "files"])

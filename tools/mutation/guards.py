@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
+from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
 from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
@@ -210,5 +211,6 @@ COLUMNS = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
+    *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING, *LIVE_ROOMS,
 )  # fmt: skip

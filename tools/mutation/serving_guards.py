@@ -156,7 +156,7 @@ FILES = (
     _put("doors without a place are no file's business", "yaml_start.py",
          "if door.is_placed and door_id not in listed", "if door_id not in listed", YAML),
     _put("a file that the log took in", "yaml_start.py",
-         "if any(log.find_command(each, everywhere=True) for each in ids):", "if False:", YAML),
+         "if any(log.find_command(each) for each in ids):", "if False:", YAML),
     _put("a file that the server saved", "yaml_start.py",
          "recorded.event.format == SAVED_FORMAT", 'recorded.event.format == ""', YAML),
 )  # fmt: skip

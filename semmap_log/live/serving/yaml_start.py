@@ -121,7 +121,7 @@ def _replace(
         if door.is_placed and door_id not in listed
     ]
     file_id = _replace_id(table.path)
-    command_id = None if log.find_command(file_id, everywhere=True) else file_id
+    command_id = None if log.find_command(file_id) else file_id
     note = Note(source=table.path.name, reason="--yaml-replace")
     log.append([*removed, *plan.events], note=note, command_id=command_id)
     return [f"{table.path}: the log's doors are the file's now: {_shown(found)}"]
@@ -132,7 +132,7 @@ def _is_known(
 ) -> bool:
     """Tell whether the log took the file in, as it is, or saved one that says the same."""
     ids = (command_id_of(table.path, ImportOptions(level=level)), _replace_id(table.path))
-    if any(log.find_command(each, everywhere=True) for each in ids):
+    if any(log.find_command(each) for each in ids):
         return True
     saved = [
         recorded.number

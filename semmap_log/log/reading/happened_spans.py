@@ -52,13 +52,9 @@ def spans_of_summary(summary: ClosedSummary) -> NDArray[np.void]:
     Raises:
         CorruptLogError: Its index is missing or damaged.
     """
-    at = _index_offset(summary)
-    opcode, body = mcap.FRAME.unpack_from(summary.file, at)
-    start = at + mcap.FRAME.size
-    if opcode != Opcode.METADATA or start + body > summary.data_end:
-        raise CorruptLogError(summary.path, at, f"no {INDEX_METADATA} where its summary says")
+    at, index = index_of(summary)
     try:
-        columns = read_index(mcap.read_record(Metadata, summary.file[start : start + body]))
+        columns = read_index(index)
         spans = np.empty(len(columns[0]), SPAN)
         spans["events"], spans["least"], spans["greatest"] = columns
     except (ValueError, KeyError) as error:
@@ -72,6 +68,23 @@ def total_span(spans: NDArray[np.void]) -> tuple[int, int]:
     if not len(filled):
         return NO_SPAN
     return int(filled["least"].min()), int(filled["greatest"].max())
+
+
+def index_of(summary: ClosedSummary) -> tuple[int, Metadata]:
+    """Return where the Metadata `semmap_index` of a closed segment lies, and the record.
+
+    Raises:
+        CorruptLogError: It is missing, or no Metadata.
+    """
+    at = _index_offset(summary)
+    opcode, body = mcap.FRAME.unpack_from(summary.file, at)
+    start = at + mcap.FRAME.size
+    if opcode != Opcode.METADATA or start + body > summary.data_end:
+        raise CorruptLogError(summary.path, at, f"no {INDEX_METADATA} where its summary says")
+    try:
+        return at, mcap.read_record(Metadata, summary.file[start : start + body])
+    except ValueError as error:
+        raise CorruptLogError(summary.path, at, f"its {INDEX_METADATA}: {error}") from None
 
 
 def _index_offset(summary: ClosedSummary) -> int:

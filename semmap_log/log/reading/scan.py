@@ -24,6 +24,7 @@ from semmap_log.log.reading.closed_summary import FOOTER_BYTES, ClosedSummary, r
 from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
 from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
 from semmap_log.log.reading.mapping import MappedFile, map_file
+from semmap_log.log.reading.segment_head import last_commit_in, stored_head
 from semmap_log.log.walking import frames
 
 
@@ -62,6 +63,24 @@ class Segment:
             CorruptLogError: It does not fit its CRC, or itself.
         """
         return read_summary(self.path, self.file)
+
+    @cached_property
+    def head(self) -> bytes:
+        """Hash of its last commit; of the commit before the segment, if it has none.
+
+        Of a closed one as closing wrote it; of one that was closed before that was written, and
+        whose last chunk of commits is read for it.
+
+        Raises:
+            CorruptLogError: What closed it, or that chunk, is damaged.
+        """
+        if self.live is not None:
+            return self.live.whole_place.hash
+        stored = stored_head(self.summary)
+        if stored is not None:
+            return stored
+        last = last_commit_in(self.chunks, self.header)
+        return self.header.hash_so_far if last is None else last.hash
 
     @cached_property
     def counts(self) -> Mapping[int, int] | None:

@@ -21,6 +21,7 @@ from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.note_sources import NoteSources
 from semmap_log.log.reading.page_reading import Records, read_page, unpack
 from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_head import last_commit_in
 from semmap_log.log.reading.window import numbers_of
 from semmap_log.log.walking import ChunkDamage
 
@@ -144,9 +145,7 @@ def _check_numbers(
 
 def last_commit(segment: Segment) -> Commit | None:
     """Return a segment's last commit; None: it has none."""
-    for chunk in reversed(segment.chunks.having(COMMIT_BIT).tolist()):
-        return page_at(segment, chunk).last_commit()
-    return None
+    return last_commit_in(segment.chunks, segment.header)
 
 
 def end_of(segment: Segment) -> int:
@@ -159,18 +158,6 @@ def end_of(segment: Segment) -> int:
         return segment.live.whole_place.committed
     assert segment.counts is not None, "a closed segment counts its messages"
     return segment.header.first_event + count_events(segment.counts)
-
-
-def head_of(segment: Segment) -> bytes:
-    """Return the hash of a segment's last commit; of the one before it if it has none.
-
-    Raises:
-        CorruptLogError: The commit cannot be read.
-    """
-    if segment.live is not None:
-        return segment.live.whole_place.hash
-    last = last_commit(segment)
-    return segment.header.hash_so_far if last is None else last.hash
 
 
 def head_before(segments: Sequence[Segment], event: int) -> bytes | None:
@@ -188,7 +175,7 @@ def head_before(segments: Sequence[Segment], event: int) -> bytes | None:
             return segment.header.hash_so_far
         if event > segment.header.first_event:
             if event == end_of(segment):
-                return head_of(segment)
+                return segment.head
             commit = commit_of(segment, event - 1)
             return commit.hash if commit and commit.last_event == event - 1 else None
     return None

@@ -17,7 +17,6 @@ from semmap_log.log.reading.segment_reading import (
     commit_of,
     end_of,
     head_before,
-    head_of,
     last_commit,
 )
 
@@ -100,7 +99,7 @@ def check_adjoins(segment: Segment, before: Segment) -> None:
         CorruptLogError: Events are missing between them, one is of another copy of the log, or
             their order is not that of their times.
     """
-    _check_begins(segment, end_of(before), head_of(before), before)
+    _check_begins(segment, end_of(before), before.head, before)
     (_, end_ns), (start_ns, _) = before.recorded, segment.recorded
     if 0 < start_ns <= end_ns:
         problem = f"its first log time {start_ns} is not after the last of {before.path.name}"
@@ -169,7 +168,7 @@ def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> No
     end = end_of(earlier[-1])
     if segments[-1].header.info.log_id != earlier[-1].header.info.log_id:
         return  # another log: its reader says so
-    if end and head_before(segments, end) != head_of(earlier[-1]):
+    if end and head_before(segments, end) != earlier[-1].head:
         problem = f"the commit before event {end}, which was there before, is not there"
         raise CorruptLogError(
             segments[-1].path, 0, f"{problem}: the log was put back, or exchanged; open it anew"

@@ -6,9 +6,12 @@ import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
+import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -21,20 +24,24 @@ from mcap.records import (
 
 from semmap_log.log import records as mcap
 from semmap_log.log.bag_metadata import ClosedSegment
+from semmap_log.log.command_index import attachment, command_rows
 from semmap_log.log.form import (
+    COMMIT_CHANNEL,
     INDEX_METADATA,
     LOG_METADATA,
     count_events,
     floor_map_topic,
     topics,
 )
-from semmap_log.log.header import read_index
-from semmap_log.log.segment import channel_record, schema_records
+from semmap_log.log.header import SegmentHeader, head_in_index, read_index
+from semmap_log.log.segment import attachment_index, channel_record, schema_records
 from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, schemas_and_channels
+from semmap_log.messages import layout
 
 SECTOR = 512
+DATA_CRC = "the data's CRC"
 
 
 @dataclass(slots=True)
@@ -42,6 +49,8 @@ class Contents:
     """What the chunks of a segment hold, as far as its summary must say it."""
 
     header_end: int
+    header: SegmentHeader | None = None
+    """None: it cannot be read."""
     is_complete: bool = True
     """Whether all of its chunks are known; else its summary can be checked by itself only."""
     is_flawless: bool = True
@@ -51,6 +60,12 @@ class Contents:
     """How many events each has, and their least and greatest happened time."""
     counts: Counter[int] = field(default_factory=Counter)
     levels: set[int] = field(default_factory=set)
+    command_ids: bytearray = field(default_factory=bytearray)
+    """Of all commits, one behind the other."""
+    first_events: list[int] = field(default_factory=list)
+    """Of each commit."""
+    head: bytes = b""
+    """Hash of the last commit; empty where there is none."""
 
     def add(self, piece: Piece) -> None:
         """Take the next chunk in."""
@@ -58,11 +73,27 @@ class Contents:
         self.spans.append((count_events(piece.counts), *piece.happened))
         self.counts.update(piece.counts)
         self.levels.update(level for level in piece.levels if level)
+        for commit in _commits(piece):
+            self.command_ids += commit["command_id"]
+            self.first_events.append(commit["first_event"])
+            self.head = commit["hash"]
 
-    def statistics(self, metadata_count: int) -> Statistics:
+    def closing_head(self) -> bytes:
+        """Return the hash that the closing must tell: of the last commit, or of the one before."""
+        return self.head or (b"" if self.header is None else self.header.hash_so_far)
+
+    def command_attachment(self) -> Attachment | None:
+        """Return the index of its commands; None: it has no commit."""
+        if not self.first_events or self.header is None:
+            return None
+        firsts = np.array(self.first_events, np.uint64)
+        rows = command_rows(bytes(self.command_ids), firsts, self.header.first_event)
+        return attachment(rows, max(c.message_end_time for c in self.chunks))
+
+    def statistics(self, metadata_count: int, attachment_count: int = 0) -> Statistics:
         """Return the Statistics of it all."""
         return Statistics(
-            attachment_count=0,
+            attachment_count=attachment_count,
             channel_count=len(topics()) + len(self.levels),
             channel_message_counts=dict(sorted(self.counts.items())),
             chunk_count=len(self.chunks),
@@ -93,8 +124,8 @@ def closing_flaws(file: memoryview, at: int, contents: Contents) -> list[Flaw]:
     if index is None:
         return flaws
     start = at + index_length
-    for name, data in _records_behind(file, at, index_length, contents):
-        is_data_crc = start == at + index_length
+    for name, data in _records_behind(file, at, index_length, index, contents):
+        is_data_crc = name == DATA_CRC
         if file[start : start + len(data)] != data and not (
             is_data_crc and (flaws or not contents.is_flawless)  # then it cannot fit
         ):
@@ -108,7 +139,7 @@ def closing_flaws(file: memoryview, at: int, contents: Contents) -> list[Flaw]:
 def is_whole_closing(file: memoryview, at: int, contents: Contents) -> bool:
     """Tell whether what lies from `at` on is as long as what must close the segment."""
     index, length, _ = _index(file, at, contents)
-    behind = _records_behind(file, at, length, contents) if index else ()
+    behind = _records_behind(file, at, length, index, contents) if index else ()
     return at + length + sum(len(data) for _, data in behind) == len(file)
 
 
@@ -123,7 +154,7 @@ def is_torn_closing(file: memoryview, at: int, contents: Contents) -> bool:
     if flaws:
         return False
     start = at + length
-    for _, data in _records_behind(file, at, length, contents):
+    for _, data in _records_behind(file, at, length, index, contents):
         got = bytes(file[start : start + len(data)])
         if got != data[: len(got)] and not _differs_by_lost_sectors(start, got, data):
             return False
@@ -172,6 +203,7 @@ def _index(
     try:
         record = mcap.read_record(Metadata, file[at + mcap.FRAME.size : at + length])
         index = [column.tolist() for column in read_index(record)]
+        head = head_in_index(record)
         expected = mcap.record(record)  # the length in the frame is believed no more
     except (ValueError, KeyError) as error:
         return None, length, [Flaw("index", at, f"the Metadata {INDEX_METADATA}: {error}")]
@@ -181,15 +213,31 @@ def _index(
     if index != [list(column) for column in zip(*contents.spans, strict=True)]:
         text = "the index of the chunks' events is not what they are"
         flaws.append(Flaw("index", at, text))
+    if head is not None and head != contents.closing_head():
+        text = (
+            f"its last commit has the hash {contents.closing_head().hex()[:16]}…, but the index "
+            f"says {head.hex()[:16]}…"
+        )
+        flaws.append(Flaw("index", at, text))
     return record, len(expected), flaws
 
 
 def _records_behind(
-    file: memoryview, at: int, index_length: int, contents: Contents
+    file: memoryview, at: int, index_length: int, index: Metadata, contents: Contents
 ) -> Iterator[tuple[str, bytes]]:
     """Yield the name and the bytes of each record that must follow the index."""
     data_end = at + index_length
-    yield "the data's CRC", mcap.record(DataEnd(data_section_crc=zlib.crc32(file[:data_end])))
+    crc = zlib.crc32(file[:data_end])
+    # What names no head was closed before there was an index of commands.
+    commands = None if head_in_index(index) is None else contents.command_attachment()
+    attachments = []
+    if commands is not None:
+        data = mcap.record(commands)
+        yield "the index of commands", data
+        attachments.append(attachment_index(commands, len(data), data_end))
+        data_end += len(data)
+        crc = zlib.crc32(data, crc)  # as it must be: in a torn closing it may have lost sectors
+    yield DATA_CRC, mcap.record(DataEnd(data_section_crc=crc))
     start = data_end + len(mcap.record(DataEnd(data_section_crc=0)))
     head = len(first_bytes())
     metadata = [
@@ -198,11 +246,13 @@ def _records_behind(
     ]
     levels = [channel_record(floor_map_topic(level)) for level in sorted(contents.levels)]
     known = list(schemas_and_channels())
+    said = contents.statistics(len(metadata), len(attachments))
     groups: list[tuple[Opcode, list[tuple[str, bytes]]]] = [
         (Opcode.SCHEMA, known[: len(schema_records())]),
         (Opcode.CHANNEL, known[len(schema_records()) :] + _named("a Channel", levels)),
-        (Opcode.STATISTICS, _named("the Statistics", [contents.statistics(len(metadata))])),
+        (Opcode.STATISTICS, _named("the Statistics", [said])),
         (Opcode.CHUNK_INDEX, _named("a ChunkIndex", contents.chunks)),
+        (Opcode.ATTACHMENT_INDEX, _named("an AttachmentIndex", attachments)),
         (Opcode.METADATA_INDEX, _named("a MetadataIndex", metadata)),
     ]
     parts: list[bytes] = []
@@ -220,6 +270,14 @@ def _records_behind(
     behind = mcap.record(footer)
     crc = zlib.crc32(b"".join((*parts, offsets, behind[:-4])))
     yield "the Footer", behind[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC
+
+
+def _commits(piece: Piece) -> Iterator[dict[str, Any]]:
+    """Yield the fields of its Commit records, as far as they are of the right size."""
+    commit = layout("Commit")
+    for channel, _, _, _, start, end in piece.messages:
+        if channel == COMMIT_CHANNEL and end - start == mcap.MESSAGE.size + commit.dtype.itemsize:
+            yield commit.unpack(piece.records, start + mcap.MESSAGE.size)
 
 
 def _named(name: str, records: Sequence[McapRecord]) -> list[tuple[str, bytes]]:

@@ -135,7 +135,7 @@ class Verifier:
         self._current = file.path
         is_last = i == len(self.arrangement.segments) - 1
         is_live = is_last and not file.is_closed
-        contents = Contents(file.header_end, is_complete=file.header_end > 0)
+        contents = Contents(file.header_end, file.header, is_complete=file.header_end > 0)
         self._check_place(file, contents)
         with mapped(file) as (data, unreadable):
             self._bytes += len(data)

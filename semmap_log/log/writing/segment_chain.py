@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import errno
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -52,11 +52,14 @@ class SegmentChain:
     Every method may raise OSError; after that the live segment must only be abandoned.
     """
 
-    def __init__(self, folder: LogFolder, *, compacts: bool) -> None:
+    def __init__(
+        self, folder: LogFolder, closed: Callable[[SegmentWriter], None], *, compacts: bool
+    ) -> None:
         """Prepare.
 
         Args:
             folder: The log's.
+            closed: Told of each segment that was live and is closed, before it is compacted.
             compacts: Whether full segments are compacted in the background.
         """
         self.folder = folder
@@ -72,6 +75,7 @@ class SegmentChain:
         """Held while metadata.yaml is made: the background thread changes it, too."""
         self._written: dict[str, Version] = {}
         """Segments that this writer has closed, or compacted, as they were then."""
+        self._tell_closed = closed
         self._compacts = compacts
         self._compactor = BackgroundCompactor(folder, self._compacted)
 
@@ -147,6 +151,7 @@ class SegmentChain:
             except BaseException:
                 segment.abandon()
                 raise
+            self._tell_closed(segment)
             self._list(ClosedSegment.of(segment.path, segment.statistics()))
             self._mark(segment.header, end)
             self._check_written(segment.name)

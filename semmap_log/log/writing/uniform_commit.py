@@ -151,7 +151,8 @@ class _Template:
             stamp.monotonic_clock_ns, stamp.boot_id, stamp.previous_hash, hashed,
             stamp.durability, stamp.durable_before, stamp.content, note,
         )  # fmt: skip
-        return BuiltChunk(records, data, facts, self._offsets if count > FEW else None), commit
+        offsets = self._offsets if count > FEW else None
+        return BuiltChunk(records, data, facts, offsets, self._end), commit
 
     def _packed_few(self, stamp: Stamp, happened: list[int], events: Sequence[Event]) -> bytes:
         """Return the events' records."""

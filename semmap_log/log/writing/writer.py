@@ -11,6 +11,7 @@ from semmap_log.errors import CommandError, LogError, LogPoisonedError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Event
 from semmap_log.log.clock import Clock, SystemClock, believable_ns
+from semmap_log.log.command_index import COMMAND_ID_BYTES
 from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import SegmentHeader
@@ -23,8 +24,6 @@ from semmap_log.log.writing.segment_chain import LogEnd, SegmentChain
 from semmap_log.log.writing.uniform_commit import uniform_commit
 from semmap_log.log.writing.written_state import WrittenState
 from semmap_log.projections.door_map import DoorMapState
-
-COMMAND_ID_BYTES = 16
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,9 @@ class LogWriter:
         self.last_ns = 0
         self._last_hash = NO_HASH
         self._lock = lock
-        self._chain = SegmentChain(folder, compacts=surroundings.compacts)
+        self._commands = CommandMemory(folder, lambda: self._chain.live, self.flush)
+        self._chain = SegmentChain(folder, self._commands.closed, compacts=surroundings.compacts)
         self._state = WrittenState(folder, state, self.flush)
-        self._commands = CommandMemory(folder, self.flush)
         self._syncs = SharedSync()
         self._timer = BatchTimer(self.sync, promise.batch_s)
         self._holds_back = promise.level is Durability.NONE
@@ -245,14 +244,16 @@ class LogWriter:
             except OSError as error:
                 raise self._poisoned(error.strerror) from error
 
-    def find(self, command_id: bytes, *, everywhere: bool = False) -> Commit | None:
-        """Return the commit of a command, if it is stored.
+    def find(self, command_id: bytes) -> Commit | None:
+        """Return the commit of a command, if it is stored, however long ago.
 
         Args:
             command_id: 16 bytes.
-            everywhere: Search the whole log, not only the last 10,000 commits or so.
+
+        Raises:
+            CorruptLogError: A segment in which it may be is damaged.
         """
-        return self._commands.find(command_id, everywhere=everywhere)
+        return self._commands.find(command_id)
 
     def close(self) -> None:
         """Close the live segment, so that every tool reads it, and let the next writer in."""

@@ -1,0 +1,65 @@
+"""The command index of a segment that is read: as closing wrote it, or else from its commits."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Attachment, AttachmentIndex
+from numpy.typing import NDArray
+
+from semmap_log.log import records as mcap
+from semmap_log.log.command_index import command_rows
+from semmap_log.log.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL
+from semmap_log.log.reading.closed_summary import ClosedSummary
+from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_reading import pages_of
+from semmap_log.log.walking import frames
+
+_CRC_BYTES = 4
+
+
+def rows_of(segment: Segment) -> NDArray[np.uint64]:
+    """Return the command index of a closed segment, in memory of its own.
+
+    One that has none, since it was closed before there were any, or whose index does not fit its
+    CRC, has its commits read: they are the truth, and what is wrong with an index `verify` tells.
+
+    Raises:
+        CorruptLogError: Its summary is damaged; or, where they are read, its commits are.
+    """
+    if segment.counts is not None and not segment.counts.get(COMMIT_CHANNEL):
+        return np.empty(0, np.uint64)
+    stored = _stored_rows(segment.summary)
+    return _rows_of_commits(segment) if stored is None else stored
+
+
+def _stored_rows(summary: ClosedSummary) -> NDArray[np.uint64] | None:
+    start, end = summary.groups.get(Opcode.ATTACHMENT_INDEX, (0, 0))
+    for _, at, length in frames(summary.file, start, end):
+        index = mcap.read_record(
+            AttachmentIndex, summary.file[at + mcap.FRAME.size : at + length]
+        )  # under the summary's CRC
+        if index.name == COMMAND_ATTACHMENT and index.offset + index.length <= summary.data_end:
+            return _rows_in(bytes(summary.file[index.offset : index.offset + index.length]))
+    return None
+
+
+def _rows_in(record: bytes) -> NDArray[np.uint64] | None:
+    """Return the rows in an Attachment record; None: its bytes are not what was written."""
+    body, crc = record[mcap.FRAME.size : -_CRC_BYTES], record[-_CRC_BYTES:]
+    if zlib.crc32(body) != int.from_bytes(crc, "little"):
+        return None
+    data = mcap.read_record(Attachment, record[mcap.FRAME.size :]).data
+    return np.frombuffer(data, "<u8").astype(np.uint64)
+
+
+def _rows_of_commits(segment: Segment) -> NDArray[np.uint64]:
+    ids: list[bytes] = []
+    firsts = [np.empty(0, np.uint64)]
+    for page in pages_of(segment):
+        commits = page.commit_rows(page.commit_places())
+        ids.append(commits["command_id"].tobytes())
+        firsts.append(commits["first_event"])
+    return command_rows(b"".join(ids), np.concatenate(firsts), segment.header.first_event)
