@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zlib
 from collections import Counter
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ from mcap.records import Footer, Statistics
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.disk import replace_file, sync_folder
+from semmap_log.log.disk import read_own, replace_file, sync_folder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
@@ -76,11 +77,19 @@ def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:
     path = folder / BAG_METADATA_NAME
     if listed:
         text = bag_metadata_text(listed).encode()
-        if not path.exists() or path.read_bytes() != text:
+        if not _says(path, text):
             replace_file(path, text)
-    elif path.exists():
+    elif os.path.lexists(path):
         path.unlink()
         sync_folder(folder)
+
+
+def _says(path: Path, text: bytes) -> bool:
+    """Tell whether a file holds these bytes; what is no file of ours says something else."""
+    try:
+        return read_own(path) == text
+    except OSError:
+        return False
 
 
 def bag_metadata_text(segments: list[ClosedSegment]) -> str:

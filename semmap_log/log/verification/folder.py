@@ -11,6 +11,7 @@ from pathlib import Path
 
 from semmap_log.errors import LogAccessError
 from semmap_log.log.bag_metadata import ClosedSegment, bag_metadata_text
+from semmap_log.log.disk import NotOursError, read_own
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
     RECOVERING_NAME,
@@ -93,8 +94,8 @@ def bag_metadata_findings(found: Arrangement, closed: list[ClosedSegment] | None
     """
     path = found.folder / BAG_METADATA_NAME
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except FileNotFoundError:
+        text = read_own(path).decode(errors="replace")
+    except (FileNotFoundError, NotOursError):
         text = ""
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
