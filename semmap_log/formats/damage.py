@@ -14,6 +14,8 @@ def reason_of(error: BaseException) -> str:
         return "more memory is needed for it than there is"
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
+    if isinstance(error, UnicodeDecodeError):
+        return f"expected UTF-8 text, got byte 0x{error.object[error.start]:02x} in it"
     is_librarys = type(error).__module__.split(".")[0] in {"rosbags", "apsw", "zstandard"}
     text = str(error).strip()
     if text and (is_librarys or isinstance(error, _SAYING)):

@@ -19,7 +19,7 @@ def least_item_bytes(definitions: Mapping[str, Any], name: str, version: RosVers
     Infinity: it has none but arrays of numbers.
 
     Raises:
-        ValueError: Items that take none, or a type within itself.
+        ValueError: Items that take none, a type within itself, or one that is not there.
     """
     return _Sizes(definitions, version).least_item(name, ())
 
@@ -34,7 +34,7 @@ class _Sizes:
         if name in within:
             raise ValueError(f"{name} is a part of itself")
         least = math.inf
-        for _, (kind, of) in self._definitions[name][1]:
+        for _, (kind, of) in self._fields(name):
             if kind.name in {"ARRAY", "SEQUENCE"}:
                 (item_kind, item), _ = of
                 if item_kind.name == "BASE" and item[0] not in {"string", "wstring"}:
@@ -49,6 +49,11 @@ class _Sizes:
                 least = min(least, self.least_item(of, (*within, name)))
         return least
 
+    def _fields(self, name: str) -> Any:
+        if name not in self._definitions:
+            raise ValueError(f"it lacks the type {name}")
+        return self._definitions[name][1]
+
     def _bytes(self, kind: Any, of: Any) -> int:
         if kind.name == "BASE":
             digits = "".join(filter(str.isdigit, of[0]))
@@ -62,7 +67,7 @@ class _Sizes:
             self._known[of] = 0  # a type within itself is refused elsewhere
             self._known[of] = sum(
                 self._bytes(*field)
-                for field_name, field in self._definitions[of][1]
+                for field_name, field in self._fields(of)
                 if not (self._version == 1 and field_name == PADDING)
             )
         return self._known[of]

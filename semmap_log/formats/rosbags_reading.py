@@ -47,7 +47,8 @@ class RosbagsBag:
     def __init__(self, path: Path, reader: Any, version: RosVersion) -> None:
         self._path = path
         self._reader = reader
-        self._channels = {each.id: _channel(each, version) for each in reader.connections}
+        with _troubles(path):
+            self._channels = {each.id: _channel(each, version) for each in reader.connections}
 
     @property
     def channels(self) -> Collection[BagChannel]:
