@@ -18,7 +18,13 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import Door
 from semmap_log.errors import FormatError
 from semmap_log.formats.map_server_out import write_costs, write_map
-from semmap_log.log.disk import output_errors, refuse_own_folder, replace_file, whole_file
+from semmap_log.log.disk import (
+    output_errors,
+    refuse_own_folder,
+    replace_file,
+    utf8_name,
+    whole_file,
+)
 from semmap_log.moments import format_local
 from semmap_log.replay import Scope
 from semmap_log.views.costmap_picture import DoorMark, costmap_png
@@ -146,4 +152,4 @@ def _title(log: DoorLog, costmap: Costmap, part: Part, scope: Scope) -> str:
         bounds.append(f"up to event {scope.event}")
     if not bounds and doors.event >= 0:
         bounds.append(format_local(doors.latest_ns, tz))
-    return ", ".join([f"{log.path.resolve().name}{level}: {what}", *bounds])
+    return ", ".join([f"{utf8_name(log.path.resolve())}{level}: {what}", *bounds])

@@ -77,6 +77,11 @@ def _is_leftover(path: Path) -> bool:
     return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
 
 
+def utf8_name(path: Path) -> str:
+    r"""Return a path's name for where only UTF-8 goes; other bytes of it are spelt out: `\xff`."""
+    return os.fsencode(path.name).decode("utf-8", "backslashreplace")
+
+
 def refuse_own_folder(folder: Path, out: Path) -> None:
     """Keep what is made from a log out of the log's folder, where everything is the log's.
 

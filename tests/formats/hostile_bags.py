@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import os
+import random
 import sqlite3
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -97,14 +98,15 @@ def message(at_ns: int, size: int = 1) -> bytes:
     return pack("<BQ", Opcode.MESSAGE, len(body)) + body
 
 
+def header(**fields: bytes) -> bytes:
+    """Return the header of a record of ROS 1's bags."""
+    parts = [name.encode() + b"=" + value for name, value in fields.items()]
+    text = b"".join(pack("<I", len(part)) + part for part in parts)
+    return pack("<I", len(text)) + text
+
+
 def ros1_bag_of(compression: str, data: bytes, *, datasize: int | None = None) -> bytes:
     """Return a `.bag` with one chunk of those bytes."""
-
-    def header(**fields: bytes) -> bytes:
-        parts = [name.encode() + b"=" + value for name, value in fields.items()]
-        text = b"".join(pack("<I", len(part)) + part for part in parts)
-        return pack("<I", len(text)) + text
-
     magic = b"#ROSBAG V2.0\n"
     chunk = header(op=b"\5", compression=compression.encode(), size=pack("<I", 100))
     chunk += pack("<I", len(data) if datasize is None else datasize) + data
@@ -236,3 +238,26 @@ HOSTILE: dict[str, tuple[Callable[[Path], None], str]] = {
     "computed.db3": (computed_column, "expected messages to be a table of rosbag2"),
 }  # fmt: skip
 """Name -> what writes it, and what has to be said of it."""
+
+
+def mutated(data: bytes, dice: random.Random) -> bytes:
+    """Return bytes that were flipped, overwritten, cut out, doubled or cut off, in a few places."""
+    hurt = bytearray(data)
+    for _ in range(dice.choice((1, 1, 1, 2, 4, 8))):
+        at = dice.randrange(len(hurt))
+        match dice.randrange(6):
+            case 0:
+                hurt[at] ^= 1 << dice.randrange(8)
+            case 1:
+                hurt[at : at + 4] = dice.choice((b"\xff" * 4, bytes(4), dice.randbytes(4)))
+            case 2:
+                hurt[at : at + 8] = dice.choice((b"\xff" * 8, bytes(8), pack("<Q", 2**32)))
+            case 3:
+                del hurt[at : at + dice.choice((1, 2, 8, 100))]
+            case 4:
+                begin = dice.randrange(len(hurt))
+                hurt[at:at] = hurt[begin : begin + dice.choice((1, 8, 100))]
+            case _:
+                del hurt[at:]
+        hurt = hurt or bytearray(b"x")
+    return bytes(hurt)

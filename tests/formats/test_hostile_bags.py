@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import random
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+from struct import pack
 
 import numpy as np
 import pytest
@@ -19,13 +22,18 @@ from tests.formats.hostile_bags import (
     HOSTILE,
     MIB,
     chunk_of,
+    header,
     mcap_of,
     message,
+    mutated,
+    ros1_bag_of,
     write_database,
     zeros_in_bz2,
     zeros_in_lz4,
     zeros_in_zstd,
 )
+from tests.formats.test_bag_reading import WRITERS
+from tests.formats.test_bag_reading import _day as one_day
 
 MEMORY_BYTES = 1024 * MIB
 PEAK_BYTES = 600 * MIB
@@ -199,3 +207,47 @@ def test_names_that_look_like_a_uri(tmp_path: Path, name: str) -> None:
 
     with open_bag(tmp_path / name) as bag:
         assert [5] == [each.at_ns for each in bag.messages(bag.channels)]
+
+
+NO_SENTENCES = ("AssertionError", "MemoryError", "KeyError", "struct.error", "IndexError", ": '")
+
+
+@pytest.mark.parametrize(
+    "kind", ["rosbags.bag", "sqlite", "ros2.mcap", "lz4.mcap", "no_chunks.mcap", "no_index.mcap"]
+)
+def test_any_damage_is_a_bag_or_an_error_in_words(tmp_path: Path, kind: str) -> None:
+    """
+    Of good bags that were changed at random; the same changes each time.
+    """
+    version, write = WRITERS[kind]
+    write(tmp_path / kind, one_day(version, 6))
+    (good,) = tmp_path.rglob("*.db3") if kind == "sqlite" else [tmp_path / kind]
+    dice, data, refused = random.Random(16), good.read_bytes(), 0
+    bad = tmp_path / f"bad{good.suffix}"
+
+    for _ in range(120):
+        bad.write_bytes(mutated(data, dice))
+        try:
+            with open_bag(bad) as bag:
+                for each in bag.messages(bag.channels):
+                    with suppress(FormatError):
+                        decode_message(each.channel.message_type, each.data)
+        except FormatError as error:
+            refused += 1
+            assert str(error).startswith(str(bad))
+            assert not [word for word in NO_SENTENCES if word in str(error)], error
+
+    assert refused > 40
+
+
+def test_a_library_that_only_asserts_is_put_into_words(tmp_path: Path) -> None:
+    """
+    An index whose entry tells another time than the message does: rosbags says nothing.
+    """
+    inside = header(op=b"\2", conn=pack("<I", 0), time=pack("<II", 7, 7)) + pack("<I", 1) + b"\1"
+    (tmp_path / "x.bag").write_bytes(ros1_bag_of("none", inside))
+
+    with open_bag(tmp_path / "x.bag") as bag, pytest.raises(FormatError) as caught:
+        list(bag.messages(bag.channels))
+
+    assert "x.bag: cannot be read as a bag: its records contradict each other" in str(caught.value)
