@@ -17,6 +17,7 @@ from zlib import crc32
 
 import numpy as np
 
+from semmap_log.formats.damage import reason_of
 from semmap_log.formats.unpacking import MOST_BYTES, unpack
 
 FRAME = Struct("<BQ")
@@ -125,8 +126,9 @@ def parsed(kind: Any, record: Record) -> Any:
     try:
         return kind.read(ReadDataStream(BytesIO(record.body)))
     except Exception as error:
-        reason = str(error) or type(error).__name__
-        raise ValueError(f"the {kind.__name__} at byte {record.at:,}: {reason}") from error
+        raise ValueError(
+            f"the {kind.__name__} at byte {record.at:,}: {reason_of(error)}"
+        ) from error
 
 
 @dataclass(slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import time
 import traceback
 import warnings
@@ -15,6 +16,7 @@ from typing import NoReturn
 
 from fault_injection.fault import CannotTryError, Kind, Outcome, Plan
 
+AGAIN_S = 5.0
 GRACE_S = 20.0
 """So long a kind may take to put away what it built (a mounted disk), before it is killed."""
 
@@ -61,7 +63,8 @@ class KindApart:
 
     def close(self) -> None:
         """End it, and all that it started."""
-        end = time.monotonic() + GRACE_S
+        now = time.monotonic()
+        end, again = now + GRACE_S, now + AGAIN_S
         with suppress(ProcessLookupError):
             os.killpg(self._pid, signal.SIGUSR1)
             os.killpg(self._pid, signal.SIGCONT)  # one that was stopped would never hear of it
@@ -69,6 +72,9 @@ class KindApart:
             with suppress(EOFError, OSError):  # who waits to tell must not wait for us
                 if self._answers.poll(0.01):
                     self._answers.recv()
+            if time.monotonic() > again:
+                again += AGAIN_S
+                os.kill(self._pid, signal.SIGUSR1)
             time.sleep(0.005)
         with suppress(ProcessLookupError):
             os.killpg(self._pid, signal.SIGKILL)
@@ -121,10 +127,15 @@ def _try(kind: Kind, plan: Plan, inlet: Connection) -> NoReturn:
 
 
 def _is_stopped() -> bool:
-    return signal.getsignal(signal.SIGUSR1) is signal.SIG_IGN
+    return bool(_stops)
 
 
 def _stop(*_: object) -> None:
-    signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # once is enough
+    _stops.append(time.monotonic())
     warnings.simplefilter("ignore")  # such as Python's of helpers of its own that ended, too
+    sys.unraisablehook = lambda _: None  # raised in a finalizer it gets lost: then it comes again
     raise _Stopped
+
+
+_stops: list[float] = []
+"""When this process was told to stop."""
