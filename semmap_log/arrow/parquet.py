@@ -45,6 +45,7 @@ def write_parquet(
         groups = _Groups(writer)
         for table in tables:
             groups.add(table.replace_schema_metadata(schema.metadata))
+            file.flush()
         groups.flush()
     return groups.rows
 
