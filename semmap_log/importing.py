@@ -25,6 +25,7 @@ from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.log.disk import utf8_name
 from semmap_log.log.reading.passage import Progress
 from semmap_log.ros_mapping.mapping import WELL_KNOWN
 from semmap_log.ros_mapping.mapping_file import read_mapping
@@ -101,7 +102,7 @@ def import_file(
     if plan.count == 0:
         return Imported(plan, None)
     if not note.source:
-        note = replace(note, source=path.name)
+        note = replace(note, source=utf8_name(path))
     appended = log.append(
         _told(plan.events, plan.count, progress),
         note=note,

@@ -55,7 +55,7 @@ EDGES: dict[str, set[str]] = {
     "pyarrow": {"arrow"},
     "pandas": {"arrow"},
     "mcap": {"log", "formats"},
-    "zstandard": {"log"},
+    "zstandard": {"log", "formats"},
     "lz4": {"log", "formats"},
     "rosbags": {"messages", "formats"},
     "typer": {"cli"},

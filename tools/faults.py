@@ -3,6 +3,10 @@
     python tools/faults.py                              every kind, a few minutes
     python tools/faults.py disk power                   these kinds
     python tools/faults.py disk --faults 300 --seed 7   a sample, the same one each time
+    python tools/faults.py --seconds 600                as much as ten minutes hold, of every kind
+
+Each kind runs in a process of its own, and is stopped in the midst of a fault when its time is
+over. How far it is stands on stderr, and a line for each kind that has ended.
 
 The exit code is 1 if an acknowledged event was lost, one was invented, or a promise was broken;
 then the table says what was done, and where the log is kept as the fault left it.
@@ -16,30 +20,40 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 
+from fault_injection.apart import KindApart
+from fault_injection.budget import Budget, Share
 from fault_injection.fault import CannotTryError, Kind, Plan
 from fault_injection.kinds import KINDS
-from fault_injection.report import Tally, show, to_json
+from fault_injection.report import LINE_EVERY_S, Line, Tally, show, to_json
 
 MEMORY = Path("/dev/shm")  # noqa: S108 - folders of our own, with names nobody can foresee
 INTERRUPTED = 130
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Try what the command line asks for; 0 good, 1 something was lost, invented or broken."""
+def main(
+    arguments: Sequence[str] | None = None, clock: Callable[[], float] = time.monotonic
+) -> int:
+    """Try what the command line asks for; 0 good, 1 something was lost, invented or broken.
+
+    Args:
+        arguments: Of the command line.
+        clock: Tells seconds.
+    """
     args = _parsed(sys.argv[1:] if arguments is None else arguments)
+    names = list(dict.fromkeys(name for asked in args.kinds for name in _named(asked)))
+    budget = Budget(clock, args.seconds, len(names))
     tallies: list[Tally] = []
     code = 0
     try:
-        for name in dict.fromkeys(name for asked in args.kinds for name in _named(asked)):
+        for name in names:
             tallies.append(Tally(name))
-            _try_kind(KINDS[name], args, tallies[-1])
+            _try_kind(KINDS[name], args, tallies[-1], budget)
     except KeyboardInterrupt:
         code = INTERRUPTED
-    _say("")
     if args.json:
         print(json.dumps(to_json(tallies, args.seed), indent=2))
     else:
@@ -47,23 +61,41 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if any(tally.bad for tally in tallies) else code
 
 
-def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally) -> None:
+def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally, budget: Budget) -> None:
     """Count what a kind yields, until it ends, or its time or number is over."""
-    start = time.monotonic()
-    with tempfile.TemporaryDirectory(dir=args.dir, prefix="faults_") as folder:
+    share = budget.next_share()
+    if share.is_over(share.start):
+        tally.skipped = "the time of --seconds was over"
+        return
+    line = Line(tally, share.start)
+    with tempfile.TemporaryDirectory(
+        dir=args.dir, prefix="faults_", ignore_cleanup_errors=True
+    ) as folder:
         plan = Plan(args.seed, Path(folder), faults=args.faults, keep=args.keep)
         try:
-            with closing(kind(plan)) as outcomes:
-                for outcome in outcomes:
-                    tally.count(outcome)
-                    tally.seconds = time.monotonic() - start
-                    _say(tally.line())
-                    is_late = args.seconds is not None and tally.seconds >= args.seconds
-                    if is_late or tally.faults == args.faults:
-                        break
+            with closing(KindApart(kind, plan)) as at_work:
+                _count_outcomes(at_work, tally, share, line)
         except CannotTryError as error:
             tally.skipped = str(error)
-        tally.seconds = time.monotonic() - start
+        finally:
+            tally.seconds = budget.clock() - share.start
+            line.end()
+
+
+def _count_outcomes(at_work: KindApart, tally: Tally, share: Share, line: Line) -> None:
+    now = share.start
+    while not share.is_over(now):
+        try:
+            outcome = at_work.next(min(share.left(now), LINE_EVERY_S))
+        except StopIteration:
+            return
+        if outcome is not None:
+            tally.count(outcome)
+        now = share.clock()
+        tally.seconds = now - share.start
+        line.show(now)
+    if not tally.faults:
+        tally.skipped = "the time of --seconds was over before its first fault"
 
 
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
@@ -78,7 +110,7 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--faults", type=_count, metavar="N",
                         help="a sample of so many of each kind; default: all of them")  # fmt: skip
     parser.add_argument("--seconds", type=float, metavar="S",
-                        help="end each kind after so long")  # fmt: skip
+                        help="end after so long; each kind to come gets its share")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one document instead of the table")
     parser.add_argument("--keep", type=Path, default=Path("faults_found"), metavar="DIR",
                         help="where to keep logs on which something went wrong; default: "
@@ -104,12 +136,6 @@ def _count(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError(f"expected a number from 1 on, got {text}")
     return value
-
-
-def _say(text: str) -> None:
-    """Show what is going on, in place of what was, if somebody is looking."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

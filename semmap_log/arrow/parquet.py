@@ -32,16 +32,20 @@ def write_parquet(
         OSError: It cannot be written.
     """
     schema = schema.with_metadata({**schema.metadata, **said})
-    with pq.ParquetWriter(
-        path,
-        schema,
-        compression="zstd",
-        use_dictionary=[name for name in schema.names if name not in RISING],
-        column_encoding=dict.fromkeys(RISING, "DELTA_BINARY_PACKED"),
-    ) as writer:
+    with (
+        path.open("wb") as file,
+        pq.ParquetWriter(  # itself it takes no name but UTF-8's
+            file,
+            schema,
+            compression="zstd",
+            use_dictionary=[name for name in schema.names if name not in RISING],
+            column_encoding=dict.fromkeys(RISING, "DELTA_BINARY_PACKED"),
+        ) as writer,
+    ):
         groups = _Groups(writer)
         for table in tables:
             groups.add(table.replace_schema_metadata(schema.metadata))
+            file.flush()
         groups.flush()
     return groups.rows
 

@@ -24,27 +24,29 @@ class _CtrlC(KeyboardInterrupt):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a verb and leave with its exit code: 0 good, 1 our error, 2 usage."""
     from semmap_log.cli.app import app
+    from semmap_log.cli.plain_streams import plain_streams
     from semmap_log.cli.ros import split_ros_args
     from semmap_log.errors import SemmapError
 
     _mend_streams()
     warnings.showwarning = _show_warning
-    try:
-        with _ended_by_signals(is_whole_program=arguments is None):
-            ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
-            app(args=ours, obj=ros_args, prog_name="semmap-log")
-    except SemmapError as error:
-        print(f"semmap-log: {error}", file=sys.stderr)  # noqa: T201
-        sys.exit(1)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
-    except BrokenPipeError:  # the reader of our output has gone, as `head` does
-        _forget_output()
-        sys.exit(1)
-    except OSError as error:  # such as a full disk behind our output
-        _forget_output()
-        print(f"semmap-log: {error}", file=sys.stderr)  # noqa: T201
-        sys.exit(1)
+    with plain_streams():
+        try:
+            with _ended_by_signals(is_whole_program=arguments is None):
+                ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
+                app(args=ours, obj=ros_args, prog_name="semmap-log")
+        except SemmapError as error:
+            _tell(f"{error}")
+            sys.exit(1)
+        except KeyboardInterrupt:
+            sys.exit(INTERRUPTED)
+        except BrokenPipeError:  # the reader of our output has gone, as `head` does
+            _forget_output()
+            sys.exit(1)
+        except OSError as error:  # such as a full disk behind our output
+            _forget_output()
+            _tell(f"{error}")
+            sys.exit(1)
 
 
 @contextmanager
@@ -75,7 +77,11 @@ def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """Tell a person what a library's user would get with file and line."""
-    print(f"semmap-log: warning: {message}", file=sys.stderr)  # noqa: T201
+    _tell(f"warning: {message}")
+
+
+def _tell(text: str) -> None:
+    print(f"semmap-log: {text}", file=sys.stderr)  # noqa: T201
 
 
 def _mend_streams() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import math
 import os
 import signal
@@ -17,6 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -95,10 +96,10 @@ def refuse_nan(**values: float | None) -> None:
 
 def console() -> Console:
     """Return stdout for tables: 80 columns and no colours where it is not a terminal."""
-    from rich.console import Console
+    from semmap_log.cli.plain_console import PlainConsole
 
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 80
-    return Console(width=width, highlight=False)
+    return PlainConsole(sys.stdout, width=width)
 
 
 def say(text: str) -> None:
@@ -113,14 +114,14 @@ def size_of(size: int) -> str:
 
 def print_json(value: Any) -> None:
     """Print a value as one JSON document."""
-    typer.echo(json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2))
+    typer.echo(json_text(value, indent=2))
 
 
 def print_json_list(values: Iterator[dict[str, Any]]) -> None:
     """Print a list as one JSON document, an item a line, without holding it in memory."""
     opening = "["
     for value in values:
-        typer.echo(f"{opening}\n{json.dumps(value, ensure_ascii=False, allow_nan=False)}", nl=False)
+        typer.echo(f"{opening}\n{json_text(value)}", nl=False)
         opening = ","
     typer.echo("[]" if opening == "[" else "\n]")
 
@@ -167,7 +168,6 @@ def on_stop(stop: Callable[[], object]) -> None:
 
 
 def _bar(unit: str) -> Any:
-    from rich.console import Console
     from rich.progress import (
         BarColumn,
         DownloadColumn,
@@ -182,6 +182,7 @@ def _bar(unit: str) -> Any:
     )
     from rich.text import Text
 
+    from semmap_log.cli.plain_console import PlainConsole
     from semmap_log.views.timeline_table import duration
 
     class RateColumn(ProgressColumn):
@@ -199,11 +200,11 @@ def _bar(unit: str) -> Any:
         "ns": [TaskProgressColumn(), RateColumn()],
     }
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         *amount.get(unit, [MofNCompleteColumn(), RateColumn()]),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
+        console=PlainConsole(sys.stderr),
         transient=True,
     )
 

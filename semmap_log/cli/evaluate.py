@@ -86,7 +86,7 @@ def run(
     from semmap_log.beliefs.evaluation import evaluate
     from semmap_log.beliefs.protocol import Protocol
     from semmap_log.formats.evaluation_json import evaluation_to_json
-    from semmap_log.log.disk import refuse_own_folder
+    from semmap_log.log.disk import refuse_own_folder, utf8_name
     from semmap_log.moments import parse_duration
     from semmap_log.probabilities.estimators import ESTIMATORS, by_name
     from semmap_log.views.evaluation_table import evaluation_table
@@ -108,7 +108,7 @@ def run(
     if plot is not None:
         from semmap_log.views.plots.calibration import plot_calibration
 
-        plot_calibration(found, plot, name=log.resolve().name)
+        plot_calibration(found, plot, name=utf8_name(log.resolve()))
     names = opened.door_names()
     if as_json:
         print_json(evaluation_to_json(found, names=names))

@@ -78,7 +78,10 @@ def run(
     \b
     Formats, by the file's name:
       .yaml    the thesis's door database, as its server loads it
-      .csv     timestamp,door,state,accuracy: every state that was set or seen
+      .csv     timestamp,door,state,accuracy: every state that was set or seen.
+               A name that begins with = + - @ gets an ' before it, so that no
+               spreadsheet takes it for a formula; control characters are written
+               as \\u001b. `import` takes both back
       .jsonl   every event but retracted ones, one JSON object a line
       .parquet every event, retracted ones marked, with who and why: for pandas,
                DuckDB, polars (needs semmap-log[arrow])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import say
+from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
     from semmap_log.formats.importing import ImportPlan
@@ -50,7 +50,7 @@ def tell_plan(file: Path, plan: ImportPlan) -> None:
     from semmap_log.formats.event_json import event_to_json
 
     for event in one_by_one(plan.events):
-        typer.echo(json.dumps(event_to_json(event), ensure_ascii=False, allow_nan=False))
+        typer.echo(json_text(event_to_json(event)))
     say(f"{file}: {plan.count} events; nothing was written.")
     for text in plan.summary:
         say(f"  {text}")

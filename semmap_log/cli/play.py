@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import LogPath, PaletteName, on_stop, refuse_nan, say
+from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
 if TYPE_CHECKING:
@@ -162,8 +163,9 @@ def _line_writer() -> Callable[[str], None]:
     def show(text: str) -> None:
         nonlocal last
         if text != last:
-            sys.stderr.write(f"\r\x1b[2K{text}\r")
-            sys.stderr.flush()
+            terminal = steering(sys.stderr)
+            terminal.write(f"\r\x1b[2K{plain(text)}\r")
+            terminal.flush()
             last = text
 
     return show

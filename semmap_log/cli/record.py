@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from enum import Enum
 from typing import Annotated
@@ -11,6 +10,7 @@ import typer
 
 from semmap_log.cli.common import LogPath, on_stop, say
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile
+from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 
@@ -107,7 +107,7 @@ def run(
                 "line": one.line,
                 **({"error": one.error} if one.error else {"event": one.event}),
             }
-            sys.stdout.write(json.dumps(said, ensure_ascii=False) + "\n")
+            sys.stdout.write(json_text(said) + "\n")
             sys.stdout.flush()
 
     with sl.append(

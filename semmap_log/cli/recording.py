@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
 from semmap_log.cli.common import on_stop, say
+from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.ros import open_node
 
 if TYPE_CHECKING:
@@ -89,4 +89,4 @@ def _show(event: Event, note: Note) -> None:
     from semmap_log.formats.event_json import event_to_json
 
     said = {"actor": note.actor, "source": note.source, "reason": note.reason}
-    typer.echo(json.dumps(event_to_json(event, note=said), ensure_ascii=False, allow_nan=False))
+    typer.echo(json_text(event_to_json(event, note=said)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import select
 import sys
 from collections import deque
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import LogPath
+from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
     from semmap_log.commits import Note
@@ -134,7 +134,7 @@ def _json_line(recorded: RecordedEvent, note: Note) -> str:
     from semmap_log.formats.event_json import NOTE_KEYS, event_to_json
 
     said = {key: getattr(note, key) for key in NOTE_KEYS}
-    return json.dumps(event_to_json(recorded, note=said), ensure_ascii=False, allow_nan=False)
+    return json_text(event_to_json(recorded, note=said))
 
 
 def _words(opened: DoorLog) -> Callable[[RecordedEvent, Note], str]:

@@ -191,10 +191,11 @@ def _pixels(size: str) -> tuple[int, int]:
 @contextmanager
 def _recording(opened: DoorLog, save: Path | None, looks: dict[str, Any]) -> Iterator[Path]:
     """Write the recording, to be kept or to be gone at the end, and hand out its path."""
+    from semmap_log.log.disk import utf8_name
     from semmap_log.views.rerun.recording import save_rrd
 
     with tempfile.TemporaryDirectory(prefix="semmap-log-") as folder:
-        path = save or Path(folder) / f"{opened.path.resolve().name}.rrd"
+        path = save or Path(folder) / f"{utf8_name(opened.path.resolve())}.rrd"
         with progress("Replaying") as told:
             summary = save_rrd(opened, path, progress=told, **looks)
         if save is not None:

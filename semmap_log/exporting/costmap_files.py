@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,9 +16,15 @@ from semmap_log.costmap.keepout import keepout_mask
 from semmap_log.costmaps import Costmap
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import Door
-from semmap_log.errors import FormatError, OutputError
+from semmap_log.errors import FormatError
 from semmap_log.formats.map_server_out import write_costs, write_map
-from semmap_log.log.disk import refuse_own_folder, replace_file, whole_file
+from semmap_log.log.disk import (
+    output_errors,
+    refuse_own_folder,
+    replace_file,
+    utf8_name,
+    whole_file,
+)
 from semmap_log.moments import format_local
 from semmap_log.replay import Scope
 from semmap_log.views.costmap_picture import DoorMark, costmap_png
@@ -106,13 +111,13 @@ def _picture(out: Path, page: _Page) -> tuple[Path, ...]:
         DoorMark(door.door_id, door.name, *door.start, *door.end, door.state) for door in page.doors
     ]
     png = costmap_png(page.values, page.costmap.geometry, marks, title=page.title)
-    with _told(out):
+    with output_errors(out):
         replace_file(out, png)
     return (out,)
 
 
 def _array(out: Path, page: _Page) -> tuple[Path, ...]:
-    with _told(out), whole_file(out) as temporary, temporary.open("wb") as file:
+    with output_errors(out), whole_file(out) as temporary, temporary.open("wb") as file:
         np.save(file, page.values)
     return (out,)
 
@@ -147,14 +152,4 @@ def _title(log: DoorLog, costmap: Costmap, part: Part, scope: Scope) -> str:
         bounds.append(f"up to event {scope.event}")
     if not bounds and doors.event >= 0:
         bounds.append(format_local(doors.latest_ns, tz))
-    return ", ".join([f"{log.path.resolve().name}{level}: {what}", *bounds])
-
-
-@contextmanager
-def _told(out: Path) -> Iterator[None]:
-    """Say in our words what the system would not do."""
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(f"{out}: could not be written: {error.strerror}. What was there before "
-                          "is as it was.") from error  # fmt: skip
+    return ", ".join([f"{utf8_name(log.path.resolve())}{level}: {what}", *bounds])

@@ -11,12 +11,12 @@ from pathlib import Path
 from semmap_log.costmaps import costmap_at
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
-from semmap_log.errors import CommandError, FormatError, OutputError, UnknownLevelError
+from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
-from semmap_log.log.disk import refuse_own_folder, whole_file
+from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.window import Window
@@ -78,14 +78,8 @@ def export(
     writer = writers.get(out.suffix.lower())
     if writer is None:
         raise FormatError(out, f"its name tells no format that can be exported; known: {WRITABLE}.")
-    try:
-        with whole_file(out) as temporary:
-            return writer(temporary)
-    except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(f"{out}: could not be written: {error.strerror}. What was there before "
-                          "is as it was.") from error  # fmt: skip
+    with output_errors(out), whole_file(out) as temporary:
+        return writer(temporary)
 
 
 def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | None) -> Exported:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId
-from semmap_log.errors import FormatError, OutputError
-from semmap_log.log.disk import refuse_own_folder, whole_file
+from semmap_log.errors import FormatError
+from semmap_log.log.disk import output_errors, refuse_own_folder, replace_file
 from semmap_log.log.reading.passage import Progress
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.report import report
@@ -61,10 +61,6 @@ def write_report(
         log, since=since, until=until, doors=doors, tz=tz, palette=palette, progress=progress
     )
     page = made.html.encode()
-    try:
-        with whole_file(out) as temporary:
-            temporary.write_bytes(page)
-    except OSError as error:
-        raise OutputError(f"{out}: could not be written: {error.strerror}. What was there before "
-                          "is as it was.") from error  # fmt: skip
+    with output_errors(out):
+        replace_file(out, page)
     return ReportWritten(made.doors, made.events, len(page))

@@ -16,19 +16,21 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import re
 import warnings
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.folding.plain_state import dump_plain, load_plain
 from semmap_log.folding.position import Position, Retraction
-from semmap_log.log.disk import refuse_own_folder, replace_file
-from semmap_log.log.form import TEMPORARY_SUFFIX
+from semmap_log.log.disk import (
+    left_by_killed,
+    output_errors,
+    read_own,
+    refuse_own_folder,
+    replace_file,
+)
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.projections.projection import Dumping, Projection, name_of, version_of
 
@@ -73,7 +75,7 @@ class Checkpoint(Generic[S]):
             CheckpointError: The file is of something else, or cannot be read.
         """
         try:
-            data = self.path.read_bytes()
+            data = read_own(self.path)
         except FileNotFoundError:
             return None
         except OSError as error:
@@ -113,14 +115,10 @@ class Checkpoint(Generic[S]):
             "retractions": position.retractions,
         }
         whole = MAGIC + json.dumps(head).encode() + b"\n" + self._dump_state(state)
-        try:
-            self._remove_leftovers()
+        with output_errors(self.path):
+            for leftover in left_by_killed(self.path):
+                leftover.unlink(missing_ok=True)
             replace_file(self.path, whole + hashlib.sha256(whole).digest())
-        except OSError as error:
-            raise OutputError(
-                f"{self.path}: could not be written: {error.strerror}. "
-                "What was there before is whole."
-            ) from error
 
     def _fits(self, head: Mapping[str, Any]) -> bool:
         """Tell whether a file is of this projection and log.
@@ -156,14 +154,6 @@ class Checkpoint(Generic[S]):
         state: S = projection.load(data) if isinstance(projection, Dumping) else load_plain(data)
         return state
 
-    def _remove_leftovers(self) -> None:
-        """Remove the temporary files of processes that were killed while they saved."""
-        leftover = re.compile(rf"\.{re.escape(self.path.name)}\.(\d+){TEMPORARY_SUFFIX}")
-        for path in self.path.absolute().parent.iterdir():
-            if (found := leftover.fullmatch(path.name)) and not _is_running(int(found[1])):
-                with suppress(FileNotFoundError):
-                    path.unlink()
-
 
 def _taken_apart(data: bytes) -> tuple[dict[str, Any], bytes]:
     """Return the head of a file, and the state in it.
@@ -186,13 +176,3 @@ def _position(head: Mapping[str, Any]) -> Position:
         latest_ns=head["latest_ns"],
         retractions=tuple(Retraction(*one) for one in head["retractions"]),
     )
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        pass
-    return True

@@ -6,11 +6,14 @@ import heapq
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Literal
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bag_reading import BagChannel, BagMessage, BagReader, metadata_file
 from semmap_log.formats.files import MIB, read_capped
 from semmap_log.formats.mcap_reading import McapBag
+from semmap_log.formats.packed_bags import PackedMessages, unpacked_files
+from semmap_log.formats.problems import shown
 from semmap_log.formats.rosbags_reading import open_with_rosbags
 from semmap_log.formats.strict_yaml import Mapping, Node, Scalar, parse_yaml
 from semmap_log.formats.strict_yaml import Sequence as YamlList
@@ -20,7 +23,7 @@ def open_folder(folder: Path, stack: ExitStack) -> BagReader:
     """Open the files of a folder, which the stack closes.
 
     rosbags, given a folder, passes over messages in silence where a file and metadata.yaml differ
-    in a topic's QoS; so each file is opened by itself, but for compressed ones.
+    in a topic's QoS, and unpacks whatever is packed; so each file is opened by itself.
 
     Raises:
         FormatError: It is no bag, a log of ours, or a file is missing or cannot be read.
@@ -29,9 +32,13 @@ def open_folder(folder: Path, stack: ExitStack) -> BagReader:
     if not metadata.exists():
         return _Files([_open(file, stack) for file in _bags_in(folder)])
     found = _Metadata(metadata)
-    if found.is_compressed:
-        return open_with_rosbags(folder, stack)
-    return _Files([_open(folder / name, stack) for name in found.files])
+    files = [folder / name for name in found.files]
+    if found.packed == "file":
+        files = unpacked_files(files, stack)
+    bags = [_open(file, stack) for file in files]
+    if found.packed == "message":
+        bags = [PackedMessages(file, bag) for file, bag in zip(files, bags, strict=True)]
+    return _Files(bags)
 
 
 def _open(file: Path, stack: ExitStack) -> BagReader:
@@ -77,8 +84,7 @@ class _Metadata:
         if not isinstance(names, YamlList):
             raise FormatError(path, "expected rosbag2's metadata, got something else")
         self.files = [name.text for name in names.items if isinstance(name, Scalar)]
-        mode = _child(root, "compression_mode")
-        self.is_compressed = isinstance(mode, Scalar) and mode.text.lower() not in {"", "none"}
+        self.packed = _packing(root, path)
         for name in self.files:
             if Path(name).is_absolute() or ".." in Path(name).parts:
                 raise FormatError(path, f"expected files of this folder, got {name!r}")
@@ -86,6 +92,27 @@ class _Metadata:
 
 def _child(node: Node | None, key: str) -> Node | None:
     return node.entries.get(key) if isinstance(node, Mapping) else None
+
+
+def _packing(root: Node | None, path: Path) -> Literal["", "file", "message"]:
+    """Return what of a bag is packed with zstd.
+
+    Raises:
+        FormatError: It is packed in another way.
+    """
+    mode, form = (
+        node.text.lower() if isinstance(node := _child(root, key), Scalar) else ""
+        for key in ("compression_mode", "compression_format")
+    )
+    if mode in {"", "none"}:
+        return ""
+    if form != "zstd":
+        raise FormatError(path, f"expected a bag packed with zstd, got {shown(form)}")
+    if mode == "file":
+        return "file"
+    if mode == "message":
+        return "message"
+    raise FormatError(path, f"expected packed files or messages, got {shown(mode)}")
 
 
 def _tree(path: Path) -> Node:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from semmap_log.errors import FormatError, OutputError
+from semmap_log.errors import FormatError
 from semmap_log.formats.ros_types import RosVersion
-from semmap_log.log.disk import whole_file, whole_folder
+from semmap_log.log.disk import output_errors, whole_file, whole_folder
 
 WRITABLE_BAGS = ".mcap, .bag (ROS 1), or a name without an extension (a rosbag2 folder)"
 
@@ -60,14 +60,12 @@ def new_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[NewBag]:
         OutputError: It cannot be written, or a folder of that name is there; what was there stays.
     """
     write_bag, whole = _form_of(path)
-    try:
-        with whole(path) as temporary, write_bag(temporary, topics) as bag:
-            yield bag
-    except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(f"{path}: could not be written: {error.strerror or error}. What was "
-                          "there before is as it was.") from error  # fmt: skip
+    with (
+        output_errors(path),
+        whole(path) as temporary,
+        write_bag(temporary, topics) as bag,
+    ):
+        yield bag
 
 
 def ros_version_of(path: Path) -> RosVersion:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from semmap_log.doors import DoorState
 from semmap_log.formats.csv_rows import read_rows
+from semmap_log.formats.csv_text import meant
 from semmap_log.formats.csv_times import instants_of
 from semmap_log.formats.problems import Problems, shown
 
@@ -55,7 +56,7 @@ def read_windows(path: Path, *, tz: str) -> dict[str, list[Window]]:
                     f"starts, got {start} to {end}",
                 )
             else:
-                windows.setdefault(door, []).append(Window(start_ns, end_ns, line))
+                windows.setdefault(meant(door), []).append(Window(start_ns, end_ns, line))
     merged = {door: list(_merged(found, door, problems)) for door, found in windows.items()}
     problems.raise_any()
     return merged

@@ -1,7 +1,8 @@
 """Door logs as CSV: `timestamp,door,state[,accuracy]`, a row a change or a sighting.
 
 A row with an accuracy is a sighting, one without an update. Times without an offset are a zone's
-wall clock. A second file may say in which windows of time a door's state is known at all.
+wall clock. A second file may say in which windows of time a door's state is known at all. How
+names are written that a spreadsheet or a terminal would obey is told in `csv_text`.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from semmap_log.events import (
 )
 from semmap_log.formats.csv_blocks import Columns, CsvBlocks
 from semmap_log.formats.csv_rows import Row
+from semmap_log.formats.csv_text import harmless, is_written_otherwise, meant
 from semmap_log.formats.csv_times import instants_in, instants_of
 from semmap_log.formats.csv_windows import KnownTimes, Window, read_windows
 from semmap_log.formats.problems import Problems, shown
@@ -73,7 +75,7 @@ def dump_door_csv(rows: Iterable[Sighting], *, tz: str) -> Iterator[str]:
     yield ",".join(COLUMNS) + "\n"
     for ns, door, state, accuracy in rows:
         shown_accuracy = "" if math.isnan(accuracy) else repr(float(accuracy))
-        yield f"{format_wall(ns, tz)},{_quoted(door)},{state.name},{shown_accuracy}\n"
+        yield f"{format_wall(ns, tz)},{_quoted(harmless(door))},{state.name},{shown_accuracy}\n"
 
 
 def sighting_of(event: Event, *, happened_ns: int, door: str) -> Sighting | None:
@@ -110,6 +112,8 @@ class _Reader:
         """Of each door; None: at all times."""
         self.last_ns = np.zeros(16, np.int64)
         """Of each door: when its last row happened."""
+        self.has_odd_names = False
+        """Some of them read like others that are written harmlessly."""
         self.rows = 0
         self.kept = SightingColumns()
         self.waiting: list[tuple[int, int, int, float]] = []
@@ -150,7 +154,9 @@ class _Reader:
 
     def door_numbers(self, column: TextColumn) -> NDArray[np.int64] | None:
         """Return the doors, new ones among them; None: a name is odd."""
-        codes = self.names.codes_of(column, accepts=lambda text: bool(text.decode().strip()))
+        if self.has_odd_names:  # what is read as one of them may be written as another
+            return None
+        codes = self.names.codes_of(column, accepts=_is_plain_name)
         for text in self.names.texts[len(self.known) :]:
             self.begin(text.decode())
         return codes
@@ -177,9 +183,10 @@ class _Reader:
         ):
             state = self.parsed_state(state_text, line)
             accuracy = self.parsed_accuracy(accuracy_text, line) if accuracy_text else NAN
-            door = self.names.code_of(name.encode())
+            named = meant(name)
+            door = self.names.code_of(named.encode())
             if door is None:
-                door = self.new_door(name, line)
+                door = self.new_door(named, line)
             if index in wrong:
                 self.problems.add(line, wrong[index])
             elif state is not None and door is not None:
@@ -247,6 +254,7 @@ class _Reader:
                 f"expected a door's name, of at most {MOST_NAME} characters, got {shown(name)}",
             )
             return None
+        self.has_odd_names |= is_written_otherwise(name)
         door = self.names.add(name.encode())
         self.begin(name)
         return door
@@ -284,6 +292,11 @@ class _Reader:
                 )
             if known is None and self.windows is not None:
                 yield f"door {shown(name)}: no window; taken as known at all times"
+
+
+def _is_plain_name(text: bytes) -> bool:
+    name = text.decode()
+    return bool(name.strip()) and not is_written_otherwise(name)
 
 
 def _is_state(text: bytes) -> bool:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from semmap_log.errors import FormatError
+from semmap_log.log.disk import kind_of
 
 MIB = 2**20
 GZIP_MAGIC = b"\x1f\x8b"
@@ -48,7 +49,7 @@ def open_regular(path: Path) -> BinaryIO:
     mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
         os.close(descriptor)
-        raise FormatError(path, f"expected a regular file, got {_name_of(mode)}")
+        raise FormatError(path, f"expected a regular file, got {kind_of(mode)}")
     return os.fdopen(descriptor, "rb")
 
 
@@ -102,11 +103,3 @@ def decode_utf8(data: bytes, path: Path, *, first_line: int = 1) -> str:
 def _unreadable(path: Path, error: OSError | ValueError) -> FormatError:
     reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
     return FormatError(path, f"cannot be read: {reason}")
-
-
-def _name_of(mode: int) -> str:
-    if stat.S_ISDIR(mode):
-        return "a folder"
-    if stat.S_ISFIFO(mode):
-        return "a named pipe"
-    return "a device or socket"

@@ -22,7 +22,14 @@ from numpy.typing import NDArray
 from semmap_log.costmap.costs import to_occupancy
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.errors import CostmapError, OutputError
-from semmap_log.log.disk import sync_file, sync_folder
+from semmap_log.log.disk import (
+    name_beside,
+    new_beside,
+    output_errors,
+    refuse_special,
+    sync_file,
+    sync_folder,
+)
 
 WrittenMode = Literal["trinary", "raw"]
 
@@ -161,9 +168,12 @@ def _both(picture: Path, header: Path) -> Iterator[tuple[Path, Path]]:
     first, the new one comes last.
     """
     folder = picture.parent
-    new = [_beside(path, "tmp") for path in (picture, header)]
-    try:
+    new: list[Path] = []
+    with output_errors(header):
         try:
+            for path in (picture, header):
+                refuse_special(path)
+                new.append(new_beside(path))
             yield new[0], new[1]
             for path in new:
                 sync_file(path)
@@ -173,11 +183,6 @@ def _both(picture: Path, header: Path) -> Iterator[tuple[Path, Path]]:
             for path in new:
                 with suppress(OSError):
                     path.unlink()
-    except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(f"{header}: could not be written: {error.strerror}. What was there "
-                          "before is as it was.") from error  # fmt: skip
 
 
 def _swap(old: list[Path], new: list[tuple[Path, Path]]) -> None:
@@ -186,7 +191,7 @@ def _swap(old: list[Path], new: list[tuple[Path, Path]]) -> None:
         if path.is_dir():
             raise IsADirectoryError(0, "there is a folder of that name")
     done: list[tuple[Path, Path]] = []
-    aside = [(path, _beside(path, "old")) for path in old if os.path.lexists(path)]
+    aside = [(path, name_beside(path, ".old")) for path in old if os.path.lexists(path)]
     try:
         for source, target in aside + new:
             source.rename(target)
@@ -199,7 +204,3 @@ def _swap(old: list[Path], new: list[tuple[Path, Path]]) -> None:
     for _, target in aside:
         with suppress(OSError):
             target.unlink()
-
-
-def _beside(path: Path, what: str) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.{what}")

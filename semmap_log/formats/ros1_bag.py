@@ -21,7 +21,7 @@ def ros1_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[_Ros1Bag]:
     import lz4.frame
     from rosbags.rosbag1 import Writer
 
-    path.unlink(missing_ok=True)  # of a process that was killed; rosbags replaces nothing
+    path.unlink()  # which `whole_file` made: rosbags makes its own, and follows no link
     writer = Writer(path)
     writer.set_compression(Writer.CompressionFormat.LZ4)
     # ROS's own roslz4 reads no frames but these ("malformed data to decompress").

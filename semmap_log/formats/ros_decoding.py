@@ -11,7 +11,12 @@ from functools import lru_cache
 from typing import Any, Literal
 
 from semmap_log.errors import FormatError
+from semmap_log.formats.damage import reason_of
+from semmap_log.formats.ros_sizes import least_item_bytes
 from semmap_log.formats.ros_types import RosVersion, ros_types
+
+MOST_ITEMS = 8_000_000
+"""Of lists in a message, each of which becomes an object; numbers in arrays do not count."""
 
 DefinitionForm = Literal["msg", "idl"]
 
@@ -36,12 +41,31 @@ def decode_message(message_type: MessageType, data: bytes) -> Any:
         FormatError: The type is not known, or the bytes are no such message.
     """
     types = _types_of(message_type)
+    if len(data) > MOST_ITEMS * _item_bytes(message_type):
+        raise FormatError(
+            message_type.name,
+            f"expected lists of at most {MOST_ITEMS:,} items, got {len(data):,} bytes of them",
+        )
     decode = types.deserialize_ros1 if message_type.ros_version == 1 else types.deserialize_cdr
     try:
         return decode(data, message_type.name)
     except Exception as error:  # noqa: BLE001  of bytes that are anything: rosbags checks few
-        reason = str(error) or type(error).__name__
+        reason = reason_of(error)
         raise FormatError(message_type.name, f"bytes that are no such message: {reason}") from None
+
+
+@lru_cache(maxsize=256)
+def _item_bytes(message_type: MessageType) -> float:
+    """Return how many bytes the least item takes in any list of the type that is no array.
+
+    Raises:
+        FormatError: None: a few bytes could say that there are billions.
+    """
+    types = _types_of(message_type)
+    try:
+        return least_item_bytes(types.fielddefs, message_type.name, message_type.ros_version)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(message_type.name, f"its definition: {reason_of(error)}") from None
 
 
 @lru_cache(maxsize=256)
@@ -65,7 +89,7 @@ def _types_of(message_type: MessageType) -> Any:
         else:
             types.register(get_types_from_msg(message_type.definition, message_type.name))
     except Exception as error:  # noqa: BLE001  a grammar's, a missing type's, a name's
-        reason = str(error) or type(error).__name__
+        reason = reason_of(error)
         raise FormatError(message_type.name, f"its definition cannot be read: {reason}") from None
     return types
 

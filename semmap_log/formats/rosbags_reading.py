@@ -1,7 +1,8 @@
-"""Bags that rosbags reads: ROS 1's `.bag`, rosbag2's `.db3`, and folders that were compressed."""
+"""Bags that rosbags reads: ROS 1's `.bag` and rosbag2's `.db3`."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -10,30 +11,32 @@ from typing import Any
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bag_reading import BagChannel, BagMessage
+from semmap_log.formats.damage import reason_of
+from semmap_log.formats.db3_tables import check_tables
 from semmap_log.formats.files import open_regular
 from semmap_log.formats.ros_decoding import MessageType
 from semmap_log.formats.ros_types import RosVersion, long_name
 
 
 def open_with_rosbags(path: Path, stack: ExitStack) -> RosbagsBag:
-    """Open a file or a folder, which the stack closes.
+    """Open a file, which the stack closes.
 
     Raises:
         FormatError: It cannot be read.
     """
-    if not path.is_dir():
-        _refuse_cut(path)
-        _refuse_unwritten(path)
+    _refuse_cut(path)
+    _refuse_unwritten(path)
     with _troubles(path):
         if path.suffix.lower() == ".bag":
-            from rosbags.rosbag1 import Reader as Reader1
+            from semmap_log.formats.rosbag1_guarded import GuardedReader
 
-            reader: Any = Reader1(path)
+            reader: Any = GuardedReader(path)
             version: RosVersion = 1
         else:
             from rosbags.rosbag2 import Reader as Reader2
 
-            reader, version = Reader2(path), 2
+            check_tables(path)
+            reader, version = Reader2(_plainly_named(path, stack)), 2
         stack.enter_context(reader)
     return RosbagsBag(path, reader, version)
 
@@ -44,7 +47,8 @@ class RosbagsBag:
     def __init__(self, path: Path, reader: Any, version: RosVersion) -> None:
         self._path = path
         self._reader = reader
-        self._channels = {each.id: _channel(each, version) for each in reader.connections}
+        with _troubles(path):
+            self._channels = {each.id: _channel(each, version) for each in reader.connections}
 
     @property
     def channels(self) -> Collection[BagChannel]:
@@ -111,6 +115,16 @@ def _refuse_unwritten(path: Path) -> None:
         )
 
 
+def _plainly_named(path: Path, stack: ExitStack) -> Path:
+    """Return a name by which rosbags finds the file: it takes some characters for a URI's."""
+    if str(path).isascii() and not set(str(path)) & set("?#%"):
+        return path
+    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="semmap-bag-"))
+    link = Path(folder) / "bag.db3"
+    link.symlink_to(path.resolve())
+    return link
+
+
 def _channel(connection: Any, version: RosVersion) -> BagChannel:
     definition = connection.msgdef
     form = definition.format.name.lower()
@@ -129,8 +143,8 @@ def _troubles(path: Path) -> Iterator[None]:
     except FormatError:
         raise
     except Exception as error:
-        reason = str(error) or type(error).__name__
         raise FormatError(
-            path, f"cannot be read as a bag: {reason} (rosbag reindex, or ros2 bag reindex, mends "
-            "one that was not closed)",
-        ) from error  # fmt: skip
+            path,
+            f"cannot be read as a bag: {reason_of(error)} (rosbag reindex, or ros2 bag reindex, "
+            "mends one that was not closed)",
+        ) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -39,8 +40,35 @@ class Tally:
 
     def line(self) -> str:
         """Return where it stands, for people who wait."""
+        skipped = f", not tried: {self.skipped}" if self.skipped else ""
         return (f"{self.kind}: {self.faults:,} faults, {self.checked:,} commits looked for, "
-                f"{len(self.bad):,} bad, {self.seconds:.0f} s")  # fmt: skip
+                f"{len(self.bad):,} bad, {self.seconds:.0f} s{skipped}")  # fmt: skip
+
+
+LINE_EVERY_S = 5.0
+"""Where stderr is no terminal; on one the line is drawn anew each time."""
+
+
+class Line:
+    """Where a kind stands, on stderr."""
+
+    def __init__(self, tally: Tally, now: float) -> None:
+        """Start; `now` is of the same clock as all that follows."""
+        self._tally = tally
+        self._shown = now
+
+    def show(self, now: float) -> None:
+        """Show it in place of what was; where nobody looks, a line every few seconds."""
+        if sys.stderr.isatty():
+            print(f"\r\x1b[K{self._tally.line()}", end="", file=sys.stderr, flush=True)
+        elif now - self._shown >= LINE_EVERY_S:
+            self._shown = now
+            print(f"{self._tally.line()} …", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """Show how it ended, to stay."""
+        again = "\r\x1b[K" if sys.stderr.isatty() else ""
+        print(f"{again}{self._tally.line()}", file=sys.stderr, flush=True)
 
 
 MOST_SHOWN = 20

@@ -9,6 +9,7 @@ from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
+from mutation.foreign_guards import FOREIGN
 from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
@@ -32,6 +33,7 @@ SCAN = "tests/log/reading/test_scan.py"
 SET = "tests/log/reading/test_segment_set.py"
 COMPACTION = "tests/log/compaction/test_compaction.py"
 MERGE = "tests/log/compaction/test_compaction_merge.py"
+WHOLE_FILES = "tests/log/test_whole_files.py"
 GUARDED = "tests/log/test_guards.py"
 
 
@@ -48,6 +50,16 @@ SYNCS = (
              "sync_folder(self.path.parent)", WRITER, DISK),
     _without("sync of a file before it gets its name", "disk.py",
              "        sync_file(temporary)\n", DISK, put=""),
+    _without("a temporary file of nobody else's", "disk.py",
+             "os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW", WHOLE_FILES, put="os.O_CREAT"),
+    _without("no link in place of a temporary file", "disk.py",
+             "os.open(path, os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC)", WHOLE_FILES,
+             put="os.open(path, os.O_WRONLY | os.O_CLOEXEC | os.O_CREAT)"),
+    _without("no pipe or device is read back", "disk.py",
+             "        raise NotOursError(mode)\n    fd =", WHOLE_FILES,
+             put="        pass\n    fd ="),
+    _without("no pipe or device is replaced", "disk.py",
+             "    refuse_special(path)\n", WHOLE_FILES, put=""),
     _without("sync of the folder after a file got its name", "disk.py",
              "sync_folder(path.parent)", DISK),
     _without("sync of folders altogether", "disk.py",
@@ -212,5 +224,6 @@ COLUMNS = (
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
     *COMMAND_INDEXES,
-    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING, *LIVE_ROOMS,
+    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
+    *FOREIGN, *LIVE_ROOMS,
 )  # fmt: skip

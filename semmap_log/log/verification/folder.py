@@ -95,8 +95,8 @@ def bag_metadata_findings(found: Arrangement, closed: list[ClosedSegment] | None
     """
     path = found.folder / BAG_METADATA_NAME
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except FileNotFoundError:
+        text = LogFolder(found.folder).read_bytes(BAG_METADATA_NAME).decode(errors="replace")
+    except (FileNotFoundError, LogAccessError):  # or it is no regular file
         text = ""
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error

@@ -6,8 +6,8 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from semmap_log.errors import FormatError, MissingExtraError, OutputError
-from semmap_log.log.disk import whole_file
+from semmap_log.errors import FormatError, MissingExtraError
+from semmap_log.log.disk import output_errors, whole_file
 
 try:
     import matplotlib as mpl
@@ -53,13 +53,15 @@ def save_figure(figure: Any, path: Path) -> None:
     dpi = min(DPI, int(MOST_PIXELS / max(figure.get_size_inches())))
     if path.suffix == ".png":
         _add_letters(figure)
-    try:
-        with whole_file(path) as temporary, mpl.rc_context(SVG_STYLE), warnings.catch_warnings():
-            # A letter that no font has is a box in the picture; in an .svg it stays a letter.
-            warnings.filterwarnings("ignore", "Glyph .* missing from font")
-            figure.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}.") from None
+    with (
+        output_errors(path),
+        whole_file(path) as temporary,
+        mpl.rc_context(SVG_STYLE),
+        warnings.catch_warnings(),
+    ):
+        # A letter that no font has is a box in the picture; in an .svg it stays a letter.
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        figure.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
 
 
 def _add_letters(figure: Any) -> None:

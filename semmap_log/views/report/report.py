@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from semmap_log.doors import DoorId, DoorMap, DoorState
+from semmap_log.log.disk import utf8_name
 from semmap_log.moments import zone
 from semmap_log.replay import Scope, replay
 from semmap_log.summary import summarize
@@ -131,7 +132,7 @@ def _span(excerpt: Excerpt, found: Gathered) -> Span:
 def _log(log: DoorLog, tz: str) -> dict[str, Any]:
     info = log.info
     return {
-        "name": log.path.resolve().name,
+        "name": utf8_name(log.path.resolve()),
         "building": info.building,
         "robot": info.robot,
         "tz": tz,

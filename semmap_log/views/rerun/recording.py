@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semmap_log.doors import DoorId
-from semmap_log.errors import SemmapError
 from semmap_log.events import RobotPose
-from semmap_log.log.disk import refuse_own_folder, whole_file
+from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.views.excerpt.excerpt import Excerpt, instant_ns
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.survey import survey
@@ -82,8 +81,8 @@ def save_rrd(
     Raises:
         MissingExtraError: rerun is not installed.
         MomentError: A time cannot be read, or `since` comes after `until`.
-        OutputError: The file would lie in the log's own folder.
-        SemmapError: It cannot be written; what was there stays.
+        OutputError: The file would lie in the log's own folder, or cannot be written; what was
+            there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.
     from semmap_log.views.rerun.beliefs import beliefs_to_show
@@ -107,15 +106,12 @@ def save_rrd(
         rounds=rounds,
         tz=log.info.timezone,
     )
-    try:
-        with whole_file(path) as temporary:
-            left_out = write_recording(
-                temporary, excerpt,
-                scene=scene, blueprint=blueprint, palette=palette, costmap=costmap,
-                beliefs=shown, rounds=rounds, progress=progress,
-            )  # fmt: skip
-    except OSError as error:
-        raise SemmapError(f"{path}: cannot be written: {error.strerror or error}.") from None
+    with output_errors(path), whole_file(path) as temporary:
+        left_out = write_recording(
+            temporary, excerpt,
+            scene=scene, blueprint=blueprint, palette=palette, costmap=costmap,
+            beliefs=shown, rounds=rounds, progress=progress,
+        )  # fmt: skip
     seconds = time.monotonic() - started
     return RrdSummary(scene.events, seconds, path.stat().st_size, left_out)
 

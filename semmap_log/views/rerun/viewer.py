@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from semmap_log.errors import SemmapError
-from semmap_log.log.disk import replace_file
+from semmap_log.log.disk import output_errors, replace_file
 from semmap_log.views.rerun.process import Running, ViewerError, running
 
 LOAD_S = 60.0
@@ -84,16 +83,14 @@ def screenshot(
     Raises:
         MissingExtraError: rerun is not installed.
         ViewerError: There is no Vulkan driver, or the viewer failed.
-        SemmapError: The picture cannot be written.
+        OutputError: The picture cannot be written.
     """
     with headless(rrd, size=size) as viewer:
         if at_ns is not None:
             viewer.go_to(timeline, at_ns)
         picture = viewer.picture(view)
-    try:
+    with output_errors(png):
         replace_file(png, picture)
-    except OSError as error:
-        raise SemmapError(f"{png}: cannot be written: {error.strerror or error}.") from None
 
 
 @contextmanager

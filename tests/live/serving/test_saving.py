@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import secrets
 from pathlib import Path
 
 import pytest
@@ -102,12 +103,14 @@ def test_nothing_is_written_outside_the_root(
 
 
 def test_a_link_in_place_of_the_temporary_file_is_not_followed(
-    server: DoorServer, root: Path, trap: Path
+    server: DoorServer, root: Path, trap: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """
-    Whoever may write into the root can foresee that file's name.
+    Were its name foreseen by somebody who may write into the root, another would be drawn.
     """
-    (root / f".doors.yaml.{os.getpid()}{TEMPORARY_SUFFIX}").symlink_to(trap / "precious.yaml")
+    monkeypatch.setattr(secrets, "token_hex", lambda _, some=iter(["beef", "cafe"]): next(some))
+    planted = root / f".doors.yaml.{os.getpid()}.beef{TEMPORARY_SUFFIX}"
+    planted.symlink_to(trap / "precious.yaml")
 
     outcome = server.run(goal_of("SaveDoorDB", "s", file_name="doors.yaml"))
 

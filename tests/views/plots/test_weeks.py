@@ -99,7 +99,7 @@ def test_what_cannot_be_written_is_an_error(weeks: list[TypicalWeek], tmp_path: 
     """
     with pytest.raises(FormatError, match=r"x\.gif: expected a name that ends in \.png or \.svg"):
         plot_weeks(weeks, tmp_path / "x.gif")
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="could not be written"):
         plot_weeks(weeks, tmp_path / "no" / "x.png")
 
     assert [] == list(tmp_path.iterdir())

@@ -257,7 +257,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path) -> None:
     try:
         for most_bytes in (1_000, 20_000, 60_000):
             resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, unlimited[1]))
-            with pytest.raises(SemmapError, match=r"x\.rrd: cannot be written: File too large"):
+            with pytest.raises(SemmapError, match=r"x\.rrd: could not be written: File too large"):
                 save_rrd(log, rrd)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)

@@ -1,0 +1,71 @@
+r"""What verbs write to a terminal: never what steers it, whoever wrote the text.
+
+A name in a foreign file (a door's, a topic's, the file's own) may hold escape sequences. So inside
+of `plain_streams` all that is written to stdout and stderr has such characters spelt out, `\x1b`,
+and so has what rich draws by `PlainConsole`; its own colours go to the stream beneath. In JSON they
+are JSON's escapes (`json_text`), so that programs read the exact text.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+
+def plain(text: str) -> str:
+    """Return a text with all but its line ends spelt out that is not to be seen."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
+def json_text(value: Any, *, indent: int | None = None) -> str:
+    """Return a value as JSON that a terminal shows as it is, and a program reads exactly."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=indent)
+    if text.isascii() and "\x7f" not in text:
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
+
+
+class PlainStream:
+    """A stream for text whose writer cannot be trusted."""
+
+    def __init__(self, beneath: TextIO) -> None:
+        self.beneath = beneath
+
+    def write(self, text: str) -> int:
+        """Write it, plain."""
+        self.beneath.write(plain(text))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write them, plain."""
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "buffer":
+            raise AttributeError("bytes would pass by; what has to, goes to the stream beneath")
+        return getattr(self.beneath, name)
+
+
+def steering(stream: TextIO) -> TextIO:
+    """Return the stream beneath, for what steers the terminal on purpose."""
+    return stream.beneath if isinstance(stream, PlainStream) else stream
+
+
+@contextmanager
+def plain_streams() -> Iterator[None]:
+    """Let all that is written within be plain."""
+    before = sys.stdout, sys.stderr
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if not isinstance(stream, PlainStream):
+            setattr(sys, name, PlainStream(stream))
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
