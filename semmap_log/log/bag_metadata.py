@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import zlib
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mcap.opcode import Opcode
-from mcap.records import Footer, Statistics
+from mcap.records import Statistics
 
-from semmap_log.errors import CorruptLogError
-from semmap_log.log import records as mcap
 from semmap_log.log.disk import replace_file, sync_folder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
@@ -23,8 +20,10 @@ from semmap_log.log.form import (
     offered_qos,
     topics,
 )
-from semmap_log.log.walking import frames
 from semmap_log.messages import type_hash
+
+if TYPE_CHECKING:
+    from semmap_log.log.reading.scan import Segment
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,23 +47,13 @@ class ClosedSegment:
         )
 
 
-def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
+def statistics_of(segment: Segment) -> ClosedSegment:
     """Return what a closed segment's own Statistics say.
 
     Raises:
         CorruptLogError: Its summary is damaged.
     """
-    at = len(file) - len(mcap.MAGIC) - 20
-    footer = mcap.read_record(Footer, file[at : at + 20])
-    if not 0 < footer.summary_start < at:
-        raise CorruptLogError(path, at, "its footer points outside the file")
-    if zlib.crc32(file[footer.summary_start : at + 16]) != footer.summary_crc:
-        raise CorruptLogError(path, footer.summary_start, "its summary does not fit its CRC")
-    for opcode, offset, length in frames(file, footer.summary_start, len(file)):
-        if opcode == Opcode.STATISTICS:
-            said = mcap.read_record(Statistics, file[offset + mcap.FRAME.size : offset + length])
-            return ClosedSegment.of(path, said)
-    raise CorruptLogError(path, footer.summary_start, "its summary has no Statistics")
+    return ClosedSegment.of(segment.path, segment.statistics)
 
 
 def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:

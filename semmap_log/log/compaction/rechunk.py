@@ -118,8 +118,8 @@ def _compare(
     copy = open_segment(writer.temporary)
     if copy.header != writer.header:
         raise _differs(sources[0].path, "its head")
-    said = [statistics_of(segment.path, segment.file) for segment in sources]
-    if _contents(said) != _contents([statistics_of(writer.temporary, copy.file)]):
+    said = [statistics_of(segment) for segment in sources]
+    if _contents(said) != _contents([statistics_of(copy)]):
         raise _differs(sources[0].path, "the number or the time of its messages")
     whole = hashlib.sha256()
     for page in pages_of(copy):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from semmap_log.log.compaction.merge import Step, plan, remove_merged
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.log.compaction.repaging import Pause, no_pause
 from semmap_log.log.disk import remove_leftovers
-from semmap_log.log.form import CHUNK_BYTES, count_events
+from semmap_log.log.form import count_events
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.reader import LogReader
@@ -78,7 +77,7 @@ def _compact(folder: Path, *, merge: bool, progress: Progress | None) -> Compact
     before = _closed(folder)
     steps = plan(before, merge=merge)
     pause = _told(progress, sum(2 * step.size for step in steps)) if progress else no_pause
-    listed = {segment.path: statistics_of(segment.path, segment.file) for segment in before}
+    listed = {segment.path: statistics_of(segment) for segment in before}
     try:
         for step in steps:
             listed = step.run(folder, listed, pause)
@@ -87,7 +86,7 @@ def _compact(folder: Path, *, merge: bool, progress: Progress | None) -> Compact
             _list_closed(folder)  # leftovers wait for the next time: see `remove_merged`
         raise
     after = _list_closed(folder)
-    return _summary(before, steps, len(after), sum(len(segment.file) for segment in after))
+    return _summary(before, steps, len(after), sum(segment.size for segment in after))
 
 
 def _told(progress: Progress, total: int) -> Pause:
@@ -108,7 +107,7 @@ def _closed(folder: Path) -> list[Segment]:
 def _list_closed(folder: Path) -> list[Segment]:
     """Bring metadata.yaml up to date; return what it lists."""
     closed = _closed(folder)
-    write_bag_metadata(folder, [statistics_of(s.path, s.file) for s in closed])
+    write_bag_metadata(folder, [statistics_of(segment) for segment in closed])
     return closed
 
 
@@ -118,7 +117,7 @@ def _summary(
     return Compacted(
         segments_before=len(before),
         segments_after=segments_after,
-        bytes_before=sum(len(segment.file) for segment in before),
+        bytes_before=sum(segment.size for segment in before),
         bytes_after=bytes_after,
         events=sum(_events(segment) for segment in before),
         steps=tuple(tuple(source.path for source in step.sources) for step in steps),
@@ -126,7 +125,7 @@ def _summary(
 
 
 def _events(segment: Segment) -> int:
-    return count_events(statistics_of(segment.path, segment.file).counts)
+    return count_events(statistics_of(segment).counts)
 
 
 def compact_segment(
@@ -149,7 +148,6 @@ def compact_segment(
         CorruptLogError: It is damaged, or not closed; it stays as it is.
         OSError: As the file system says; it stays as it is.
     """
-    _read_through(path, pause)
     segment = open_segment(path)
     if not segment.closed:
         raise CorruptLogError(path, segment.whole_end, "not closed, so it cannot be compacted")
@@ -158,15 +156,3 @@ def compact_segment(
     with rechunked([segment], pause) as copy:
         install(copy)
     return True
-
-
-def _read_through(path: Path, pause: Pause) -> None:
-    """Read a file once, by calls: a sector that cannot be read is then an error.
-
-    Met through a mapped file, it would end the process: a robot's recorder, with its writer.
-    """
-    with path.open("rb", buffering=0) as file:
-        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_SEQUENTIAL)
-        block = bytearray(CHUNK_BYTES)
-        while file.readinto(block):
-            pause(0)

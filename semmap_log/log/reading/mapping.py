@@ -1,49 +1,109 @@
-"""A file's bytes, mapped: they stay readable when the file is replaced or removed."""
+"""A file's bytes, mapped: they can be read when the file is replaced or removed meanwhile."""
 
 from __future__ import annotations
 
-import ctypes
 import mmap
 import os
 import stat
-import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
 
-from semmap_log.errors import LogAccessError, NotALogError
+import numpy as np
 
-MOST_AT_ONCE = 2**19
-"""Bytes asked of the disk in one call; a longer request the kernel cuts short."""
+from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
+from semmap_log.log.reading.byte_source import Identity
+from semmap_log.log.reading.mapped_memory import MappedMemory
 
 
 @dataclass(frozen=True, slots=True)
 class MappedFile:
-    """A file as it was when it was mapped."""
+    """A file as it was when it was mapped: a `ByteSource`. It is copied from, never looked at."""
 
-    data: memoryview
-    identity: tuple[int, int]
+    path: Path
+    """Under which it was opened, for messages."""
+    size: int
+    identity: Identity
     """Device and inode: the same for the same file under any name, another for its successor."""
-    address: int = 0
-    """Where its bytes lie in memory; 0 for an empty file."""
+    memory: MappedMemory | None
+    """None for an empty file."""
+
+    def read(self, start: int, end: int) -> memoryview:
+        """Return a copy of a range; as `ByteSource.read`."""
+        return self.read_ranges(((start, end),))
+
+    def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
+        """Return copies of ranges, one behind the other; as `ByteSource.read_ranges`."""
+        wanted = [(start, max(0, min(end, self.size) - start)) for start, end in ranges]
+        copy = np.empty(sum(size for _, size in wanted), np.uint8)
+        at: int = copy.__array_interface__["data"][0]
+        for start, size in wanted:
+            if size:
+                self._copy(start, size, at)
+                at += size
+        self._check_end(max((start + size for start, size in wanted if size), default=0))
+        return copy.data.toreadonly()
 
     def will_need(self, start: int, end: int) -> None:
         """Ask the disk for bytes that are read soon; nothing else is read ahead."""
-        first = start // mmap.PAGESIZE * mmap.PAGESIZE
-        for at in range(first, end, MOST_AT_ONCE) if self.address else ():
-            size = min(MOST_AT_ONCE, end - at)
-            _library().madvise(self.address + at, size, mmap.MADV_WILLNEED)
+        if self.memory is not None:
+            self.memory.will_need(start, end)
 
     def let_go(self, start: int, end: int) -> None:
-        """Give the memory back in which bytes that were read lie; they stay readable.
+        """Give the memory back in which bytes that were read lie; they can be read again.
 
         The kernel keeps what was read of a mapped file on the process's account until then.
         """
-        first = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE
-        size = end // mmap.PAGESIZE * mmap.PAGESIZE - first
-        if self.address and size > 0:
-            _library().madvise(self.address + first, size, mmap.MADV_DONTNEED)
+        if self.memory is not None:
+            self.memory.let_go(start, end)
+
+    def _copy(self, start: int, size: int, target: int) -> None:
+        assert self.memory is not None, "of an empty file no byte is wanted"
+        if size > mmap.PAGESIZE:
+            self.memory.will_need(start, start + size)  # else it comes page by page
+        try:
+            copied = self.memory.copy(start, size, target)
+        except OSError as error:
+            raise UnreadableLogError(self.path, start, f"{error.strerror}") from error
+        if copied < size:
+            at = start + copied
+            raise UnreadableLogError(self.path, at, self._why_unreadable(at))
+
+    def _check_end(self, end: int) -> None:
+        """Check that the file still reaches to where the bytes end that were read.
+
+        Behind the end of a file that was cut, the last page of it is full of zeros.
+        """
+        size = self._size_now()
+        if size is not None and size < end:
+            raise UnreadableLogError(self.path, size, self._shortened(size))
+
+    def _why_unreadable(self, at: int) -> str:
+        size = self._size_now()
+        if size is not None and size <= at:
+            return self._shortened(size)
+        try:
+            fd = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+            try:
+                if size is not None:
+                    os.pread(fd, 1, at)
+            finally:
+                os.close(fd)
+        except OSError as error:
+            return f"{error.strerror}. To see what is damaged: semmap-log verify LOG."
+        return "what was there when the file was opened is not there now, or for a moment was not"
+
+    def _shortened(self, size: int) -> str:
+        return f"the file had {self.size} bytes when it was opened, and was shortened to {size}"
+
+    def _size_now(self) -> int | None:
+        """Return how long the file is; None if it has another name now, or none."""
+        try:
+            status = self.path.stat()
+        except OSError:
+            return None
+        is_same = (status.st_dev, status.st_ino) == self.identity
+        return status.st_size if is_same else None
 
 
 def map_file(path: Path) -> MappedFile:
@@ -61,47 +121,9 @@ def map_file(path: Path) -> MappedFile:
         status = os.fstat(fd)
         if not stat.S_ISREG(status.st_mode):
             raise NotALogError(f"{path}: not a regular file.")
-        identity = (status.st_dev, status.st_ino)
-        if not status.st_size:
-            return MappedFile(memoryview(b""), identity)
-        data, address = _map(fd, status.st_size)
-        return MappedFile(data, identity, address)
+        memory = MappedMemory(fd, status.st_size) if status.st_size else None
+        return MappedFile(path, status.st_size, (status.st_dev, status.st_ino), memory)
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     finally:
         os.close(fd)
-
-
-def _map(fd: int, size: int) -> tuple[memoryview, int]:
-    """Map a file as the C library does; return its bytes, and where they lie in memory.
-
-    Python's own mmap keeps a descriptor for each mapping (before 3.13), and a process may have
-    1,024: a log of five years has more segments.
-    """
-    # A type for each power of two only, since Python never forgets one. What is mapped beyond the
-    # file's end is address space, never looked at.
-    room = 1 << (size - 1).bit_length()
-    address = _library().mmap(None, room, mmap.PROT_READ, mmap.MAP_SHARED, fd, 0)
-    if address == _FAILED:
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number))
-    _library().madvise(address, room, mmap.MADV_RANDOM)  # a moment reads a MiB of many
-    held = (ctypes.c_ubyte * room).from_address(address)
-    # Every view of the bytes holds `held`: they are unmapped when the last one has gone.
-    weakref.finalize(held, _library().munmap, address, room).atexit = False
-    return memoryview(held).cast("B").toreadonly()[:size], address
-
-
-_FAILED = ctypes.c_void_p(-1).value
-
-
-@cache
-def _library() -> Any:
-    library = ctypes.CDLL(None, use_errno=True)
-    library.mmap.restype = ctypes.c_void_p
-    library.mmap.argtypes = [
-        ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long,
-    ]  # fmt: skip
-    library.munmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
-    library.madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
-    return library

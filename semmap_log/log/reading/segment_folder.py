@@ -99,7 +99,7 @@ class SegmentFolder:
 
     def _read_on(self, path: Path, known: Segment | None) -> Segment:
         try:
-            if known is not None and (known.closed or path.stat().st_size == len(known.file)):
+            if known is not None and (known.closed or path.stat().st_size == known.size):
                 return known
             return open_segment(path, earlier=known)
         except LogError as error:
@@ -144,6 +144,6 @@ def check_is_log(folder: Path) -> None:
     *others, last = (folder / name for name, _ in list_segments(folder))
     for path in others:
         with suppress(LogError):
-            read_head(path, map_file(path).data)
+            read_head(path, map_file(path))
             return
-    read_head(last, map_file(last).data)
+    read_head(last, map_file(last))

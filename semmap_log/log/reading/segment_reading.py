@@ -19,7 +19,7 @@ from semmap_log.log.pages import Page
 from semmap_log.log.reading.ahead import ahead
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.note_sources import NoteSources
-from semmap_log.log.reading.page_reading import Records, read_page, unpack
+from semmap_log.log.reading.page_reading import Unpacked, read_page, unpack
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import numbers_of
 from semmap_log.log.walking import ChunkDamage
@@ -51,7 +51,8 @@ def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
         CorruptLogError: They are not what was written.
     """
     try:
-        return chunk.records(segment.file)
+        stored = segment.source.read(chunk.offset, chunk.offset + chunk.length)
+        return chunk.records(stored, chunk.offset)
     except ChunkDamage as damage:
         raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
 
@@ -72,11 +73,11 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     is_most = 2 * len(chunks) > len(firsts)
     is_sound = is_most and wanted.are_small and segment.is_sound  # to know it, all is read
     at = 0
-    for group, records in _unpacked(segment, wanted):
+    for group, unpacked in _unpacked(segment, wanted):
         mine = chunks[at : at + len(group)]
         at += len(group)
         page = read_page(
-            group, segment.header.first_event, records=records, in_place=True, is_sound=is_sound
+            group, segment.header.first_event, unpacked=unpacked, in_place=True, is_sound=is_sound
         )
         batch = page.events(NoteSources(page, partial(commit_of, segment)))
         _check_numbers(page, batch, firsts[mine], ends[mine])
@@ -104,7 +105,7 @@ FEW_CHUNKS = 3
 """So few are unpacked at once: to hand them to other threads would take longer."""
 
 
-def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Records | None]]:
+def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Unpacked | None]]:
     """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
     groups = _groups(segment, chunks)
     if len(chunks) <= FEW_CHUNKS or chunks.are_plain.all():
@@ -118,7 +119,7 @@ def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
     """Yield chunks in groups, each of them asked of the disk one group ahead."""
     before: ChunkTable | None = None
     for group in chunks.groups(_PAGE_BYTES):
-        segment.mapped.will_need(*group.span())
+        segment.source.will_need(*group.span())
         if before is not None:
             yield before
         before = group

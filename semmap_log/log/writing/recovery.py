@@ -34,7 +34,7 @@ def reopened(segment: Segment) -> SegmentWriter:
 
 def keep_torn_tail(segment: Segment) -> None:
     """Put what lies behind the last whole commit beside the segment, named by where it lay."""
-    tail = bytes(segment.file[segment.whole_end :])
+    tail = bytes(segment.source.read(segment.whole_end, segment.size))
     name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
     kept = segment.path.with_name(name)
     more = 1

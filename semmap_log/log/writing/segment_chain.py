@@ -92,7 +92,7 @@ class SegmentChain:
         last, self._small = self._small, None
         if last is None:
             return  # a crash left a large one: it was made whole, and closed
-        if last.closed and len(last.file) >= CONTINUE_BELOW_BYTES:
+        if last.closed and last.size >= CONTINUE_BELOW_BYTES:
             self._older = (*self._older, last)
             return
         segment = reopened(last)
@@ -160,7 +160,7 @@ class SegmentChain:
             older, self._older = self._older, ()
             for segment in older:
                 with suppress(CorruptLogError):  # who reads it is told
-                    self._closed[segment.path.name] = statistics_of(segment.path, segment.file)
+                    self._closed[segment.path.name] = statistics_of(segment)
             for one in closed:
                 self._closed[one.name] = one
             write_bag_metadata(self.folder, self._closed.values())

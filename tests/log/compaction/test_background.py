@@ -96,7 +96,7 @@ def test_segments_are_compacted_one_after_the_other(
     assert before == digest_of_records(log)
     assert all(path.stat().st_size < size for path, size in zip(files, sizes, strict=True))
     for path, said, _ in installed.calls:
-        assert statistics_of(path, open_segment(path).file) == said
+        assert statistics_of(open_segment(path)) == said
 
 
 def test_no_thread_before_there_is_work(log: Path, compactor: BackgroundCompactor) -> None:
