@@ -130,7 +130,11 @@ class ChunkTable(Sequence[StoredChunk]):
             UnreadableLogError: Some cannot be read.
         """
         starts, ends = self.rows["offset"], self.rows["behind"]
-        firsts = np.append(0, np.flatnonzero(starts[1:] - ends[:-1] > GAP_BYTES) + 1)
+        is_gap = starts[1:] - ends[:-1] > GAP_BYTES
+        if not is_gap.any():
+            start, end = self.span()
+            return LoadedChunks(self, self.source.read(start, end), np.full(len(self), start))
+        firsts = np.append(0, np.flatnonzero(is_gap) + 1)
         counts = np.diff(firsts, append=len(starts))
         starts, ends = starts[firsts], ends[firsts + counts - 1]
         data = self.source.read_ranges(list(zip(starts.tolist(), ends.tolist(), strict=True)))

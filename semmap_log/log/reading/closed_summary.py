@@ -32,17 +32,30 @@ class ClosedSummary:
 
     path: Path
     source: ByteSource
-    data: memoryview
-    """The file's bytes from the DataEnd record on."""
+    tail: memoryview
+    """The file's last bytes, as many as are in memory."""
     data_end: int
     """Where the DataEnd record begins."""
+    data_crc: int
+    """What that says of all bytes before it."""
     groups: Mapping[int, tuple[int, int]]
     """Opcode -> where the records of that kind begin and end in the file."""
 
     def group(self, opcode: int) -> tuple[int, memoryview]:
         """Return where the records of a kind begin in the file, and their bytes; often none."""
         start, end = self.groups.get(opcode, (self.data_end, self.data_end))
-        return start, self.data[start - self.data_end : end - self.data_end]
+        return start, self.read(start, end)
+
+    def read(self, start: int, end: int) -> memoryview:
+        """Return bytes of the file: from memory, if they lie there already.
+
+        Raises:
+            UnreadableLogError: Some cannot be read.
+        """
+        base = self.source.size - len(self.tail)
+        if start < base:
+            return self.source.read(start, end)
+        return self.tail[start - base : end - base]
 
     def chunks(self, data_start: int) -> ChunkTable:
         """Return the segment's chunks.
@@ -67,11 +80,10 @@ class ClosedSummary:
         Raises:
             UnreadableLogError: Some cannot be read.
         """
-        (expected,) = _CRC.unpack_from(self.data, mcap.FRAME.size)
         crc = 0
         for block in blocks(self.source, 0, self.data_end):
             crc = zlib.crc32(block, crc)
-        return bool(crc == expected)
+        return crc == self.data_crc
 
     def statistics(self) -> Statistics:
         """Return the segment's Statistics.
@@ -86,16 +98,15 @@ class ClosedSummary:
             raise CorruptLogError(self.path, start, f"its summary: {error}") from None
 
 
-def is_closed(source: ByteSource) -> bool:
-    """Tell whether a file ends in a footer and the magic: no live segment does.
+_USUAL_BYTES = 2**15
+"""A summary lies within, with the index of what happened, if its segment is small or compacted."""
 
-    Raises:
-        UnreadableLogError: Its end cannot be read.
-    """
-    foot = source.read(max(0, source.size - FOOTER_BYTES), source.size)
-    if len(foot) < FOOTER_BYTES or foot[-len(mcap.MAGIC) :] != mcap.MAGIC:
+
+def is_footer(data: memoryview) -> bool:
+    """Tell whether a file's last bytes are a footer and the magic: no live segment's are."""
+    if len(data) < FOOTER_BYTES or data[-len(mcap.MAGIC) :] != mcap.MAGIC:
         return False
-    return bool(mcap.FRAME.unpack_from(foot) == (Opcode.FOOTER, 20))
+    return bool(mcap.FRAME.unpack_from(data) == (Opcode.FOOTER, 20))
 
 
 def read_summary(path: Path, source: ByteSource) -> ClosedSummary:
@@ -104,13 +115,17 @@ def read_summary(path: Path, source: ByteSource) -> ClosedSummary:
     Raises:
         CorruptLogError: It is damaged.
     """
+    tail = source.read(max(0, source.size - _USUAL_BYTES), source.size)
     footer_at = source.size - FOOTER_BYTES
-    footer = source.read(footer_at, source.size)
-    start, offsets_start, crc = _FOOTER.unpack_from(footer, mcap.FRAME.size)
+    start, offsets_start, crc = _FOOTER.unpack_from(
+        tail, len(tail) - FOOTER_BYTES + mcap.FRAME.size
+    )
     if not DATA_END_BYTES < start <= offsets_start <= footer_at:
         raise CorruptLogError(path, footer_at, "its footer points outside the file")
     data_end = start - DATA_END_BYTES
-    data = source.read(data_end, source.size)
+    if source.size - len(tail) > data_end:
+        tail = source.read(data_end, source.size)
+    data = tail[data_end - source.size :]
     if zlib.crc32(data[DATA_END_BYTES : len(data) - len(mcap.MAGIC) - 4]) != crc:
         raise CorruptLogError(path, start, "its summary does not fit its CRC")
     if mcap.FRAME.unpack_from(data) != (Opcode.DATA_END, 4):
@@ -125,4 +140,14 @@ def read_summary(path: Path, source: ByteSource) -> ClosedSummary:
         if not start <= begins <= begins + size <= offsets_start:
             raise CorruptLogError(path, at, "its summary's offsets point outside of it")
         groups[group] = (begins, begins + size)
-    return ClosedSummary(path, source, data, data_end, groups)
+    (data_crc,) = _CRC.unpack_from(data, mcap.FRAME.size)
+    begin = min(groups.get(kind, (source.size, 0))[0] for kind in _WANTED)
+    if source.size - begin <= SMALL_BYTES:
+        tail = memoryview(bytes(tail[begin - source.size :]))
+    return ClosedSummary(path, source, tail, data_end, data_crc, groups)
+
+
+_WANTED = (Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.METADATA_INDEX)
+"""What is looked at of a summary; Schemas and Channels lie before it."""
+SMALL_BYTES = 2**12
+"""No more is kept of the summary of a segment of few chunks."""

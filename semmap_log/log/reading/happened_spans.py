@@ -53,7 +53,7 @@ def spans_of_summary(summary: ClosedSummary) -> NDArray[np.void]:
         CorruptLogError: Its index is missing or damaged.
     """
     at, end = _index_place(summary)
-    record = summary.source.read(at, end)
+    record = summary.read(at, end)
     if _frame_of(record) != (Opcode.METADATA, len(record) - mcap.FRAME.size):
         raise CorruptLogError(summary.path, at, f"no {INDEX_METADATA} where its summary says")
     try:

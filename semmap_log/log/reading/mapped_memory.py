@@ -22,6 +22,8 @@ import weakref
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 MOST_AT_ONCE = 2**19
 """Bytes asked of the disk in one call; a longer request the kernel cuts short."""
 
@@ -54,20 +56,20 @@ class MappedMemory:
         library.madvise(address, size, mmap.MADV_RANDOM)  # a moment reads a MiB of many
         weakref.finalize(self, library.munmap, address, size).atexit = False
 
-    def copy(self, start: int, size: int, target: int) -> int:
-        """Copy bytes to an address; return how many: fewer, where the next cannot be read.
+    def copy(self, start: int, target: memoryview) -> int:
+        """Copy bytes; return how many: fewer, where the next cannot be read.
 
         Args:
             start: Where they lie in the file.
-            size: How many; all of them lie in what was mapped.
-            target: The address, with room for them.
+            target: Filled with them; all of them lie in what was mapped.
 
         Raises:
             OSError: It is not the file: there is no memory, for one.
         """
-        done = 0
+        done, size = 0, len(target)
+        address: int = np.frombuffer(target, np.uint8).ctypes.data
         while done < size:
-            copied = _copy(self._address + start + done, size - done, target + done)
+            copied = _copy(self._address + start + done, size - done, address + done)
             if not copied:
                 break
             done += copied

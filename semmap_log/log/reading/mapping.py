@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 import os
 import stat
 from collections.abc import Sequence
@@ -18,10 +17,15 @@ from semmap_log.log.reading.mapped_memory import MappedMemory
 
 @dataclass(frozen=True, slots=True)
 class MappedFile:
-    """A file as it was when it was mapped: a `ByteSource`. It is copied from, never looked at."""
+    """A file as it was when it was mapped: a `ByteSource`. No mapped byte is ever looked at.
+
+    While the file has the name under which it was opened, it is opened by that again and read: the
+    system says then what it cannot give, and why. Once it was replaced, renamed or removed, its
+    bytes are copied from the mapping, which keeps them.
+    """
 
     path: Path
-    """Under which it was opened, for messages."""
+    """Under which it was opened."""
     size: int
     identity: Identity
     """Device and inode: the same for the same file under any name, another for its successor."""
@@ -30,19 +34,31 @@ class MappedFile:
 
     def read(self, start: int, end: int) -> memoryview:
         """Return a copy of a range; as `ByteSource.read`."""
-        return self.read_ranges(((start, end),))
+        return self._read_all(((start, max(0, min(end, self.size) - start)),))
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
         """Return copies of ranges, one behind the other; as `ByteSource.read_ranges`."""
-        wanted = [(start, max(0, min(end, self.size) - start)) for start, end in ranges]
-        copy = np.empty(sum(size for _, size in wanted), np.uint8)
-        at: int = copy.__array_interface__["data"][0]
-        for start, size in wanted:
-            if size:
-                self._copy(start, size, at)
+        return self._read_all([(a, max(0, min(b, self.size) - a)) for a, b in ranges])
+
+    def _read_all(self, wanted: Sequence[tuple[int, int]]) -> memoryview:
+        """Return copies of what begins at each offset and has that size."""
+        # Not a bytearray, which would be filled with zeros first.
+        copy = np.empty(sum([size for _, size in wanted]), np.uint8).data
+        if not copy:
+            return copy
+        fd, at = self._reopened(), 0
+        try:
+            for start, size in wanted:
+                part = copy[at : at + size]
+                if fd is None:
+                    self._copy(start, part)
+                else:
+                    self._read(fd, start, part)
                 at += size
-        self._check_end(max((start + size for start, size in wanted if size), default=0))
-        return copy.data.toreadonly()
+        finally:
+            if fd is not None:
+                os.close(fd)
+        return copy.toreadonly()
 
     def will_need(self, start: int, end: int) -> None:
         """Ask the disk for bytes that are read soon; nothing else is read ahead."""
@@ -52,58 +68,51 @@ class MappedFile:
     def let_go(self, start: int, end: int) -> None:
         """Give the memory back in which bytes that were read lie; they can be read again.
 
-        The kernel keeps what was read of a mapped file on the process's account until then.
+        The kernel keeps what was copied from a mapping on the process's account until then.
         """
         if self.memory is not None:
             self.memory.let_go(start, end)
 
-    def _copy(self, start: int, size: int, target: int) -> None:
-        assert self.memory is not None, "of an empty file no byte is wanted"
-        if size > mmap.PAGESIZE:
-            self.memory.will_need(start, start + size)  # else it comes page by page
-        try:
-            copied = self.memory.copy(start, size, target)
-        except OSError as error:
-            raise UnreadableLogError(self.path, start, f"{error.strerror}") from error
-        if copied < size:
-            at = start + copied
-            raise UnreadableLogError(self.path, at, self._why_unreadable(at))
-
-    def _check_end(self, end: int) -> None:
-        """Check that the file still reaches to where the bytes end that were read.
-
-        Behind the end of a file that was cut, the last page of it is full of zeros.
-        """
-        size = self._size_now()
-        if size is not None and size < end:
-            raise UnreadableLogError(self.path, size, self._shortened(size))
-
-    def _why_unreadable(self, at: int) -> str:
-        size = self._size_now()
-        if size is not None and size <= at:
-            return self._shortened(size)
+    def _reopened(self) -> int | None:
+        """Open the file by its name; None: another has it now, or none, or it may not be opened."""
         try:
             fd = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-            try:
-                if size is not None:
-                    os.pread(fd, 1, at)
-            finally:
-                os.close(fd)
-        except OSError as error:
-            return f"{error.strerror}. To see what is damaged: semmap-log verify LOG."
-        return "what was there when the file was opened is not there now, or for a moment was not"
-
-    def _shortened(self, size: int) -> str:
-        return f"the file had {self.size} bytes when it was opened, and was shortened to {size}"
-
-    def _size_now(self) -> int | None:
-        """Return how long the file is; None if it has another name now, or none."""
-        try:
-            status = self.path.stat()
         except OSError:
             return None
-        is_same = (status.st_dev, status.st_ino) == self.identity
-        return status.st_size if is_same else None
+        status = os.fstat(fd)
+        if (status.st_dev, status.st_ino) == self.identity:
+            return fd
+        os.close(fd)
+        return None
+
+    def _read(self, fd: int, start: int, target: memoryview) -> None:
+        """Read a range by its descriptor."""
+        done = 0
+        while done < len(target):
+            try:
+                got = os.preadv(fd, [target[done:]], start + done)
+            except OSError as error:
+                raise self._unreadable(start + done, f"{error.strerror}") from error
+            if not got:
+                now = os.fstat(fd).st_size
+                problem = f"the file had {self.size} bytes when it was opened; it was cut to {now}"
+                raise self._unreadable(start + done, problem)
+            done += got
+
+    def _copy(self, start: int, target: memoryview) -> None:
+        """Copy a range from the mapping."""
+        if self.memory is None or not target:
+            return
+        try:
+            copied = self.memory.copy(start, target)
+        except OSError as error:
+            raise self._unreadable(start, f"{error.strerror}") from error
+        if copied < len(target):
+            problem = "the disk refuses it, or the file was cut; another file has its name now"
+            raise self._unreadable(start + copied, problem)
+
+    def _unreadable(self, at: int, problem: str) -> UnreadableLogError:
+        return UnreadableLogError(self.path, at, problem)
 
 
 def map_file(path: Path) -> MappedFile:

@@ -21,7 +21,13 @@ from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading.byte_source import ByteSource
 from semmap_log.log.reading.chunk_table import ChunkTable
-from semmap_log.log.reading.closed_summary import ClosedSummary, is_closed, read_summary
+from semmap_log.log.reading.closed_summary import (
+    FOOTER_BYTES,
+    SMALL_BYTES,
+    ClosedSummary,
+    is_footer,
+    read_summary,
+)
 from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
 from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
 from semmap_log.log.reading.mapping import map_file
@@ -62,8 +68,10 @@ class Segment:
         Raises:
             CorruptLogError: It does not fit its CRC, or itself.
         """
-        _with_summary.add(self)
-        return read_summary(self.path, self.source)
+        found = read_summary(self.path, self.source)
+        if len(found.tail) > SMALL_BYTES:
+            _with_summary.add(self)
+        return found
 
     @cached_property
     def counts(self) -> Mapping[int, int] | None:
@@ -203,8 +211,11 @@ def open_segment(path: Path, *, earlier: Segment | None = None) -> Segment:
         LogAccessError: It cannot be read.
     """
     source = map_file(path)
-    header, head_end = read_head(path, source)
-    if is_closed(source):
+    ends = source.read_ranges(
+        ((0, _USUAL_HEAD_BYTES), (max(0, source.size - FOOTER_BYTES), source.size))
+    )
+    header, head_end = read_head(path, source, ends[: min(_USUAL_HEAD_BYTES, source.size)])
+    if is_footer(ends[-FOOTER_BYTES:]):
         return Segment(path, header, source, head_end, live=None)
     live = _known_scan(earlier, source, header)
     source.will_need(0 if live is None else min(live.at, source.size), source.size)
@@ -236,14 +247,21 @@ _USUAL_HEAD_BYTES, _MOST_HEAD_BYTES = 2**12, 2**16
 it is none of ours."""
 
 
-def read_head(path: Path, source: ByteSource) -> tuple[SegmentHeader, int]:
+def read_head(
+    path: Path, source: ByteSource, start: memoryview | None = None
+) -> tuple[SegmentHeader, int]:
     """Return a segment's own header and where the records behind it begin.
+
+    Args:
+        path: Its file.
+        source: The file's bytes.
+        start: The first of them; None: not read yet.
 
     Raises:
         NotALogError: Not an MCAP file, or one that somebody else wrote.
         CorruptLogError: The header is damaged.
     """
-    file = source.read(0, _USUAL_HEAD_BYTES)
+    file = source.read(0, _USUAL_HEAD_BYTES) if start is None else start
     if file[: len(mcap.MAGIC)] != mcap.MAGIC:
         raise NotALogError(f"{path}: not an MCAP file.")
     if len(list(islice(frames(file, len(mcap.MAGIC), len(file)), 2))) < 2:

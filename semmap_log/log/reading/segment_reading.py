@@ -41,7 +41,9 @@ def page_at(segment: Segment, chunk: int) -> Page:
     Raises:
         CorruptLogError: They are not what was written.
     """
-    return read_page(segment.chunks[chunk : chunk + 1], segment.header.first_event)
+    alone = segment.chunks[chunk : chunk + 1]
+    segment.source.will_need(*alone.span())
+    return read_page(alone, segment.header.first_event)
 
 
 def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
@@ -95,7 +97,7 @@ def _keep_freed_memory() -> None:
     np.empty(_KEPT_BYTES, np.uint8)  # never touched, so it takes no memory
 
 
-_KEPT_BYTES = 2**22
+_KEPT_BYTES = 2**23
 
 _PAGE_BYTES = 5 * CHUNK_BYTES // 2
 """So many are read together: each page costs some 0.2 ms beside its bytes. Behind a keyframe come a
