@@ -30,6 +30,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.header import read_index
 from semmap_log.log.segment import channel_record, schema_records
+from semmap_log.log.verification.file_bytes import FileBytes
 from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, schemas_and_channels
@@ -81,7 +82,7 @@ class Contents:
         )
 
 
-def closing_flaws(file: memoryview, at: int, contents: Contents) -> list[Flaw]:
+def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:
     """Compare what lies behind the last chunk, from `at` on, with what must.
 
     Args:
@@ -105,21 +106,22 @@ def closing_flaws(file: memoryview, at: int, contents: Contents) -> list[Flaw]:
     return flaws
 
 
-def is_whole_closing(file: memoryview, at: int, contents: Contents) -> bool:
+def is_whole_closing(file: FileBytes, at: int, contents: Contents) -> bool:
     """Tell whether what lies from `at` on is as long as what must close the segment."""
     index, length, _ = _index(file, at, contents)
     behind = _records_behind(file, at, length, contents) if index else ()
     return at + length + sum(len(data) for _, data in behind) == len(file)
 
 
-def is_torn_closing(file: memoryview, at: int, contents: Contents) -> bool:
+def is_torn_closing(file: FileBytes, at: int, contents: Contents) -> bool:
     """Tell whether a crash while a segment was being closed can have left these bytes.
 
     They are a part of what closes it, whole sectors of zeros in place of some of it.
     """
     index, length, flaws = _index(file, at, contents)
     if index is None:
-        return file[at : at + 1] in (b"", bytes([Opcode.METADATA])) and len(file) < at + length
+        first = bytes(file[at : at + 1])
+        return first in (b"", bytes([Opcode.METADATA])) and len(file) < at + length
     if flaws:
         return False
     start = at + length
@@ -131,7 +133,7 @@ def is_torn_closing(file: memoryview, at: int, contents: Contents) -> bool:
     return start >= len(file)
 
 
-def summary_flaws(file: memoryview) -> list[Flaw]:
+def summary_flaws(file: FileBytes) -> list[Flaw]:
     """Check a summary by itself, where the chunks that it speaks of are not all there."""
     at = len(file) - FOOTER_BYTES + mcap.FRAME.size
     footer = mcap.read_record(Footer, file[at : at + 20])
@@ -153,16 +155,14 @@ def _differs_by_lost_sectors(start: int, got: bytes, expected: bytes) -> bool:
     return True
 
 
-def _index(
-    file: memoryview, at: int, contents: Contents
-) -> tuple[Metadata | None, int, list[Flaw]]:
+def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | None, int, list[Flaw]]:
     """Return the Metadata `semmap_index` at `at`, its length, and what is wrong with it.
 
     Its bytes depend on the zlib that packed them, so it is what it says that is compared.
     """
     if at + mcap.FRAME.size > len(file):
         return None, mcap.FRAME.size, [Flaw("closing", at, "the file ends before its index")]
-    opcode, body = mcap.FRAME.unpack_from(file, at)
+    opcode, body = mcap.FRAME.unpack(file[at : at + mcap.FRAME.size])
     length = mcap.FRAME.size + body
     if opcode != Opcode.METADATA:
         text = f"expected the Metadata {INDEX_METADATA}, got a record of opcode {opcode:#04x}"
@@ -185,11 +185,11 @@ def _index(
 
 
 def _records_behind(
-    file: memoryview, at: int, index_length: int, contents: Contents
+    file: FileBytes, at: int, index_length: int, contents: Contents
 ) -> Iterator[tuple[str, bytes]]:
     """Yield the name and the bytes of each record that must follow the index."""
     data_end = at + index_length
-    yield "the data's CRC", mcap.record(DataEnd(data_section_crc=zlib.crc32(file[:data_end])))
+    yield "the data's CRC", mcap.record(DataEnd(data_section_crc=file.crc_to(data_end)))
     start = data_end + len(mcap.record(DataEnd(data_section_crc=0)))
     head = len(first_bytes())
     metadata = [
