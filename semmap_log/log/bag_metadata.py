@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mcap.records import Statistics
 
@@ -21,9 +20,6 @@ from semmap_log.log.form import (
     topics,
 )
 from semmap_log.messages import type_hash
-
-if TYPE_CHECKING:
-    from semmap_log.log.reading.scan import Segment
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +41,6 @@ class ClosedSegment:
             said.message_end_time,
             said.channel_message_counts,
         )
-
-
-def statistics_of(segment: Segment) -> ClosedSegment:
-    """Return what a closed segment's own Statistics say.
-
-    Raises:
-        CorruptLogError: Its summary is damaged.
-    """
-    return ClosedSegment.of(segment.path, segment.statistics)
 
 
 def write_bag_metadata(folder: Path, segments: Iterable[ClosedSegment]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
-from semmap_log.log.bag_metadata import statistics_of, write_bag_metadata
+from semmap_log.log.bag_metadata import write_bag_metadata
 from semmap_log.log.compaction.merge import Step, plan, remove_merged
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.log.compaction.repaging import Pause, no_pause
@@ -19,6 +19,7 @@ from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_folder import check_is_log
+from semmap_log.log.reading.segment_reading import statistics_of
 from semmap_log.log.segment import SegmentWriter
 
 

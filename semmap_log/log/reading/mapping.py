@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
+from semmap_log.log.file_calls import read_into
 from semmap_log.log.reading.byte_source import Identity
 from semmap_log.log.reading.mapped_memory import MappedMemory
 
@@ -90,7 +91,7 @@ class MappedFile:
         done = 0
         while done < len(target):
             try:
-                got = os.preadv(fd, [target[done:]], start + done)
+                got = read_into(fd, target[done:], start + done)
             except OSError as error:
                 raise self._unreadable(start + done, f"{error.strerror}") from error
             if not got:

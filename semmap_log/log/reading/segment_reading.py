@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
+from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.kind_bits import COMMIT_BIT
@@ -143,6 +144,15 @@ def _check_numbers(
     if len(batch) != counts.sum() or (batch.number != expected).any():
         problem = f"expected {int(counts.sum())} events from {int(firsts[0])} on, got others"
         raise CorruptLogError(page.path, page.offset, problem)
+
+
+def statistics_of(segment: Segment) -> ClosedSegment:
+    """Return what metadata.yaml is to say of a closed segment: its own Statistics.
+
+    Raises:
+        CorruptLogError: Its summary is damaged.
+    """
+    return ClosedSegment.of(segment.path, segment.statistics)
 
 
 def last_commit(segment: Segment) -> Commit | None:

@@ -12,6 +12,8 @@ import zlib
 from bisect import bisect_left
 from pathlib import Path
 
+from semmap_log.log.file_calls import read_into
+
 WINDOW_BYTES = 2**22
 """So much is read at once."""
 _CAREFUL_BYTES = 2**18
@@ -104,7 +106,7 @@ class FileBytes:
         return min(max(self._bad[place], at), end) if place < len(self._bad) else end
 
     def _read_some(self, target: memoryview, at: int) -> int:
-        got = os.preadv(self._fd, [target], at)
+        got = read_into(self._fd, target, at)
         if not got:
             raise Vanished(self._path)
         return got

@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
+from semmap_log.log.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.compaction.background import BackgroundCompactor
 from semmap_log.log.compaction.rechunk import needs_compaction
@@ -27,6 +27,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_reading import statistics_of
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing.recovery import reopened
 

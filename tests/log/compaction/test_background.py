@@ -16,11 +16,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import LogError
-from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
+from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.compaction import background, compact_segment
 from semmap_log.log.compaction.background import BackgroundCompactor
 from semmap_log.log.compaction.rechunk import needs_compaction
 from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_reading import statistics_of
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing import segment_chain
 from tests.log.logs import digest_of_records, segment_files, write_log
