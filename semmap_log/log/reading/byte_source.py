@@ -26,6 +26,10 @@ class ByteSource(Protocol):
     def identity(self) -> Identity:
         """The same for the same file under any name, another for its successor."""
 
+    @property
+    def is_guarded(self) -> bool:
+        """Whether what is cut off meanwhile shows as an error: else, in parts, as zeros."""
+
     def read(self, start: int, end: int) -> memoryview:
         """Return a range, read-only; nobody changes it any more.
 

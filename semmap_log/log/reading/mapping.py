@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
-from semmap_log.log.file_calls import read_into
+from semmap_log.log.file_calls import read_into, read_page_into
 from semmap_log.log.reading.byte_source import Identity
 from semmap_log.log.reading.mapped_memory import MappedMemory
 
@@ -32,6 +32,14 @@ class MappedFile:
     """Device and inode: the same for the same file under any name, another for its successor."""
     memory: MappedMemory | None
     """None for an empty file."""
+
+    @property
+    def is_guarded(self) -> bool:
+        """Whether it is still read by its name: in a mapping the last page ends in zeros."""
+        fd = self._reopened()
+        if fd is not None:
+            os.close(fd)
+        return fd is not None
 
     def read(self, start: int, end: int) -> memoryview:
         """Return a copy of a range; as `ByteSource.read`."""
@@ -91,9 +99,9 @@ class MappedFile:
         done = 0
         while done < len(target):
             try:
-                got = read_into(fd, target[done:], start + done)
+                got = _read_some(fd, target[done:], start + done)
             except OSError as error:
-                raise self._unreadable(start + done, f"{error.strerror}") from error
+                raise self._unreadable(start + done, f"{error.strerror}; {_TO_DO}") from error
             if not got:
                 now = os.fstat(fd).st_size
                 problem = f"the file had {self.size} bytes when it was opened; it was cut to {now}"
@@ -114,6 +122,16 @@ class MappedFile:
 
     def _unreadable(self, at: int, problem: str) -> UnreadableLogError:
         return UnreadableLogError(self.path, at, problem)
+
+
+def _read_some(fd: int, target: memoryview, at: int) -> int:
+    try:
+        return read_into(fd, target, at)
+    except OSError:
+        return read_page_into(fd, target, at)
+
+
+_TO_DO = "semmap-log verify LOG names all such places, recover saves the rest"
 
 
 def map_file(path: Path) -> MappedFile:

@@ -74,7 +74,8 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     firsts, ends = numbers_of(segment)
     wanted = segment.chunks.chosen(chunks)
     is_most = 2 * len(chunks) > len(firsts)
-    is_sound = is_most and wanted.are_small and segment.is_sound  # to know it, all is read
+    may_trust = is_most and wanted.are_small and segment.source.is_guarded
+    is_sound = may_trust and segment.is_sound  # to know it, all is read
     at = 0
     for group, unpacked in _unpacked(segment, wanted):
         mine = chunks[at : at + len(group)]

@@ -7,17 +7,14 @@ is, so only a window of it is kept.
 from __future__ import annotations
 
 import mmap
-import os
 import zlib
 from bisect import bisect_left
 from pathlib import Path
 
-from semmap_log.log.file_calls import read_into
+from semmap_log.log.file_calls import read_into, read_page_into
 
 WINDOW_BYTES = 2**22
 """So much is read at once."""
-_CAREFUL_BYTES = 2**18
-"""So much is read page by page where the disk refused some of it."""
 
 
 class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins anew
@@ -95,9 +92,8 @@ class FileBytes:
             try:
                 at += self._read_some(data[at - start : stop - start], at)
             except OSError:
-                stop = min(stop, _next_page(at + _CAREFUL_BYTES))
-                self._read_pages(data[at - start : stop - start], at)
-                at = stop
+                page = at // mmap.PAGESIZE * mmap.PAGESIZE
+                self._bad.insert(bisect_left(self._bad, page), page)
         return data.toreadonly()
 
     def _next_bad(self, at: int, end: int) -> int:
@@ -106,25 +102,13 @@ class FileBytes:
         return min(max(self._bad[place], at), end) if place < len(self._bad) else end
 
     def _read_some(self, target: memoryview, at: int) -> int:
-        got = read_into(self._fd, target, at)
+        try:
+            got = read_into(self._fd, target, at)
+        except OSError:
+            got = read_page_into(self._fd, target, at)
         if not got:
             raise Vanished(self._path)
         return got
-
-    def _read_pages(self, target: memoryview, start: int) -> None:
-        """Read page by page, each for itself: around a bad sector one read fails for many."""
-        os.posix_fadvise(self._fd, start, len(target), os.POSIX_FADV_DONTNEED)
-        os.posix_fadvise(self._fd, 0, 0, os.POSIX_FADV_RANDOM)
-        at, end = start, start + len(target)
-        while at < end:
-            stop = min(_next_page(at), end)
-            try:
-                self._read_some(target[at - start : stop - start], at)
-            except OSError:
-                page = at // mmap.PAGESIZE * mmap.PAGESIZE
-                self._bad.insert(bisect_left(self._bad, page), page)
-            at = stop
-        os.posix_fadvise(self._fd, 0, 0, os.POSIX_FADV_NORMAL)
 
 
 def _next_page(at: int) -> int:
