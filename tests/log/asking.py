@@ -1,10 +1,10 @@
 """A program that asks a log everything, many times over; what it is told goes to stdout as JSON.
 
-    python -m tests.log.asking LOG WHOLE [--wait] [--rounds N] [--fallback ask|look]
+    python -m tests.log.asking LOG WHOLE [--wait [--refresh]] [--rounds N] [--fallback ask|look]
 
 Run as a process of its own: a signal that ends it is seen. With --wait it opens the log once, says
-so, and waits for a line before it asks; else each question opens the log anew. WHOLE is a copy of
-the log that nobody damages: it says what there is to ask.
+so, and waits for a line before it asks, with --refresh after each time a look at what is new; else
+each question opens the log anew. WHOLE is a copy that nobody damages: it says what there is to ask.
 """
 
 from __future__ import annotations
@@ -79,6 +79,7 @@ def main() -> None:
     parser.add_argument("log", type=Path)
     parser.add_argument("whole", type=Path)
     parser.add_argument("--wait", action="store_true")
+    parser.add_argument("--refresh", action="store_true")
     parser.add_argument("--rounds", type=int, default=1)
     parser.add_argument("--fallback", choices=["ask", "look"])
     args = parser.parse_args()
@@ -91,10 +92,17 @@ def main() -> None:
         sys.stdout.write("open\n")
         sys.stdout.flush()
         sys.stdin.readline()
+
+    def opened() -> sl.DoorLog:
+        if not args.wait:
+            return sl.read(args.log)
+        if args.refresh:
+            log.refresh()
+        return log
+
     found = []
     for _ in range(args.rounds):
         for name, ask in asked.items():
-            opened = (lambda: log) if args.wait else (lambda: sl.read(args.log))
             found.append((name, *told(ask, opened)))
     sys.stdout.write(json.dumps(found))
 
