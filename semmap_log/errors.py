@@ -17,6 +17,7 @@
     │   ├── LogAccessError          the file system says no
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
     │   └── CorruptLogError         damage, with file and offset
+    │       └── UnreadableLogError  bytes that the disk refuses, or that were cut off meanwhile
     ├── FormatError                 a foreign file that cannot be read, with file and line
     ├── CostmapError                a grid that cannot be, or does not fit           (ValueError)
     ├── EstimatorError              an estimator that there is not, or that cannot say  (ValueError)
@@ -134,6 +135,14 @@ class CorruptLogError(LogError):
         self.problem = problem
         self.path = path
         self.offset = offset
+
+
+class UnreadableLogError(CorruptLogError):
+    """Bytes of a segment that the disk refuses, or that are gone since the file was opened."""
+
+    def __init__(self, path: Path, offset: int, problem: str) -> None:
+        super().__init__(path, offset, problem)
+        self.args = (f"{path}: cannot be read at byte {offset}: {problem}",)
 
 
 class FormatError(SemmapError, ValueError):

@@ -48,7 +48,7 @@ class LogSummary:
     @property
     def bytes(self) -> int:
         """Size of all segments."""
-        return sum(len(segment.file) for segment in self.segments)
+        return sum(segment.size for segment in self.segments)
 
 
 @dataclass(slots=True)

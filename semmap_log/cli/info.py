@@ -88,7 +88,7 @@ def _to_json(summary: Any) -> dict[str, Any]:
         "segments": [
             {
                 "file": segment.path.name,
-                "bytes": len(segment.file),
+                "bytes": segment.size,
                 "closed": segment.closed,
                 "first_event": segment.header.first_event,
                 "torn_bytes": segment.torn_bytes,

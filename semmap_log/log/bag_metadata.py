@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-import zlib
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.opcode import Opcode
-from mcap.records import Footer, Statistics
+from mcap.records import Statistics
 
-from semmap_log.errors import CorruptLogError
-from semmap_log.log import records as mcap
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
@@ -25,7 +21,6 @@ from semmap_log.log.form import (
     offered_qos,
     topics,
 )
-from semmap_log.log.walking import frames
 from semmap_log.messages import type_hash
 
 
@@ -48,25 +43,6 @@ class ClosedSegment:
             said.message_end_time,
             said.channel_message_counts,
         )
-
-
-def statistics_of(path: Path, file: memoryview) -> ClosedSegment:
-    """Return what a closed segment's own Statistics say.
-
-    Raises:
-        CorruptLogError: Its summary is damaged.
-    """
-    at = len(file) - len(mcap.MAGIC) - 20
-    footer = mcap.read_record(Footer, file[at : at + 20])
-    if not 0 < footer.summary_start < at:
-        raise CorruptLogError(path, at, "its footer points outside the file")
-    if zlib.crc32(file[footer.summary_start : at + 16]) != footer.summary_crc:
-        raise CorruptLogError(path, footer.summary_start, "its summary does not fit its CRC")
-    for opcode, offset, length in frames(file, footer.summary_start, len(file)):
-        if opcode == Opcode.STATISTICS:
-            said = mcap.read_record(Statistics, file[offset + mcap.FRAME.size : offset + length])
-            return ClosedSegment.of(path, said)
-    raise CorruptLogError(path, footer.summary_start, "its summary has no Statistics")
 
 
 def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> None:

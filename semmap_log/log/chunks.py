@@ -169,13 +169,18 @@ class StoredChunk:
     """Of the stored records in the file."""
     stored_size: int
 
-    def records(self, file: memoryview | bytes) -> bytes | memoryview:
+    def records(self, file: memoryview | bytes, base: int = 0) -> bytes | memoryview:
         """Return its records, CRC checked.
+
+        Args:
+            file: The file's bytes, or some of them.
+            base: Where in the file these begin.
 
         Raises:
             ChunkDamage: They are not what was written.
         """
-        stored = memoryview(file)[self.data_offset : self.data_offset + self.stored_size]
+        start = self.data_offset - base
+        stored = memoryview(file)[start : start + self.stored_size]
         if self.compression == "":
             plain: bytes | memoryview = stored
         elif self.compression == "zstd":
@@ -205,18 +210,25 @@ def crc_problem(records: bytes | memoryview, crc: int) -> str:
     return f"its CRC says {crc:08x}, its bytes {zlib.crc32(records):08x}"
 
 
-def read_chunk_head(file: memoryview | bytes, offset: int, length: int) -> StoredChunk:
-    """Return the Chunk whose record lies at `offset`.
+MOST_HEAD_BYTES = mcap.FRAME.size + _BODY.size + 4 + 16 + 8
+"""A Chunk record's bytes before its stored ones are no more."""
+
+
+def read_chunk_head(
+    file: memoryview | bytes, offset: int, length: int, base: int = 0
+) -> StoredChunk:
+    """Return the Chunk whose record lies at `offset` of the file.
 
     Args:
-        file: The file's bytes.
-        offset: Where the record begins.
+        file: The file's bytes, or some of them, with the record's first `MOST_HEAD_BYTES`.
+        offset: Where the record begins in the file.
         length: Bytes of the record, frame included, all of them in the file.
+        base: Where in the file the bytes begin.
 
     Raises:
         ChunkDamage: Its lengths contradict each other.
     """
-    at = offset + mcap.FRAME.size
+    at = offset - base + mcap.FRAME.size
     if length < mcap.FRAME.size + _BODY.size + 12:
         raise ChunkDamage(f"a chunk of {length} bytes has no head")
     start, end, size, crc = _BODY.unpack_from(file, at)
@@ -229,11 +241,12 @@ def read_chunk_head(file: memoryview | bytes, offset: int, length: int) -> Store
     compression = bytes(file[at + 4 : at + 4 + name_length]).decode("ascii", "replace")
     at += 4 + name_length
     (stored_size,) = struct.unpack_from("<Q", file, at)
-    if at + 8 + stored_size != offset + length:
+    if at + 8 + stored_size != offset - base + length:
         raise ChunkDamage(f"{stored_size} stored bytes do not fit a record of {length}")
     if size > MAX_CHUNK_BYTES:
         raise ChunkDamage(f"{size} bytes of records are more than any chunk has")
-    return StoredChunk(offset, length, start, end, size, crc, compression, at + 8, stored_size)
+    data_offset = base + at + 8
+    return StoredChunk(offset, length, start, end, size, crc, compression, data_offset, stored_size)
 
 
 def _compress(records: bytes) -> bytes:

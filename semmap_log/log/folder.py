@@ -39,14 +39,14 @@ Version = tuple[int, int, int, int]
 class LogFolder:
     """A folder in which a log lies, or will."""
 
-    def __init__(self, path: Path, fd: int | None = None) -> None:
+    def __init__(self, path: Path, fd: int | None = None, name: str = "") -> None:
         """Name a folder; `held` opens it, too."""
         self.path = path
         """As it was given: for messages."""
         self.absolute = Path(os.path.abspath(path))
         """Where it was when it was opened, whatever becomes of the working directory."""
         self._fd = fd
-        self.name = path.resolve().name
+        self.name = name or path.name
         """The folder's own name when it was opened."""
         if fd is not None:
             weakref.finalize(self, os.close, fd)
@@ -58,7 +58,8 @@ class LogFolder:
         Raises:
             OSError: As the system says.
         """
-        return cls(path, os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
+        fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        return cls(path, fd, path.resolve().name)
 
     @classmethod
     def of(cls, folder: LogFolder | Path) -> LogFolder:

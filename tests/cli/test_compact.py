@@ -178,7 +178,7 @@ def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
     """
     (path,) = segment_files(write_log(tmp_path / "log", 5))
     segment = open_segment(path)
-    path.write_bytes(bytes(segment.file[: segment.whole_end]))
+    path.write_bytes(bytes(segment.source.read(0, segment.whole_end)))
 
     code, out, _ = run(tmp_path / "log")
 

@@ -187,7 +187,7 @@ def test_a_disk_that_does_not_give_some_bytes(log: Path, tmp_path: Path) -> None
     file = log / "log_000001.mcap"
     command = [
         "strace", "-qq", "-f", "-o", str(tmp_path / "trace"), "-P", str(file),
-        "-e", "trace=pread64", "-e", "inject=pread64:error=EIO:when=3..5",
+        "-e", "trace=preadv2", "-e", "inject=preadv2:error=EIO:when=2..5",
         sys.executable, "-m", "semmap_log", "verify", str(log), "--json",
     ]  # fmt: skip
 

@@ -20,6 +20,7 @@ from semmap_log.log.form import DIGEST_KEY
 from semmap_log.log.header import _signed, index_metadata
 from semmap_log.log.reading import scan, segment_head
 from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.segment_reading import page_at
 from semmap_log.log.verification import Severity, verify
 from semmap_log.log.verification.closing import SECTOR
 from tests.log.eventful import eventful_log
@@ -229,8 +230,7 @@ def test_texts_that_look_like_commits_are_none(tmp_path: Path) -> None:
         door = log.add_door()
         written = log._writer._chain.live
         assert written is not None
-        (chunk,) = LogReader(path).segments[0].chunks[1:2]
-        text = bytes(chunk.records(LogReader(path).segments[0].file)).decode("latin-1")
+        text = bytes(page_at(LogReader(path).segments[0], 1).records).decode("latin-1")
         log.append([DoorAnnotated(door_id=door, key="k", value=text.replace("\0", "\1"))],
                    note=sl.Note(actor=text.replace("\0", "\1")))  # fmt: skip
         commits = list(LogReader(path).commits())

@@ -75,7 +75,7 @@ def _bytes_of_commits(path: Path, commits: int, per_commit: int) -> list[bytes]:
             log.append(events, sync=False)
     (segment,) = sl.read(path).reader.segments
     starts = [chunk.offset for chunk in segment.chunks]
-    written = [bytes(segment.file[start:end]) for start, end in pairwise(starts)]
+    written = [bytes(segment.source.read(start, end)) for start, end in pairwise(starts)]
     return written[-commits:]  # not the last: behind it lies the segment's index
 
 

@@ -63,7 +63,7 @@ class Judge:
             with copy_of(log) as copy:
                 for end in reversed(ends):
                     file = copy / last.path.name
-                    file.write_bytes(bytes(last.file[:end]))
+                    file.write_bytes(bytes(last.source.read(0, end)))
                     if _next_event(copy) == events:
                         break
                 self.truth.append(self._ask_all(copy))

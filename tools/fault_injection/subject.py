@@ -13,6 +13,7 @@ from fault_injection.judging import Judge, Verdict, WrongAnswerError
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.segment_reading import read_chunk
 
 MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""
@@ -96,7 +97,7 @@ def _commit_places(segment: Segment) -> tuple[tuple[int, int], ...]:
     """Return where each commit's chunks lie, from the first to the last of them."""
     places, start = [], None
     for chunk in segment.chunks:
-        heads = Page(chunk.records(segment.file), 0, segment.path).heads
+        heads = Page(read_chunk(segment, chunk), 0, segment.path).heads
         last = int(heads["channel_id"][-1])
         if last == KEYFRAME_CHANNEL:
             continue

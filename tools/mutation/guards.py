@@ -102,7 +102,8 @@ CHECKSUMS = (
     _without("CRC of a chunk", "chunks.py", "    if zlib.crc32(records) != crc:", SCAN, FLIPS,
              put="    if False:"),
     _without("CRC of a summary", "reading/closed_summary.py",
-             "if zlib.crc32(file[start : len(file) - len(mcap.MAGIC) - 4]) != crc:", SCAN, FLIPS,
+             "if zlib.crc32(data[DATA_END_BYTES : len(data) - len(mcap.MAGIC) - 4]) != crc:",
+             SCAN, FLIPS,
              put="if False:"),
     _without("digest of a segment's head", "header.py",
              'if entries.pop(DIGEST_KEY, "") != _digest(entries):', GUARDED, SEGMENTS, FLIPS,
@@ -124,7 +125,7 @@ SIZES = (
     _without("size of a chunk's records", "chunks.py", "if len(plain) != self.size:",
              GUARDED, FLIPS, put="if False:"),
     _without("stored size of a chunk in its record", "chunks.py",
-             "if at + 8 + stored_size != offset + length:", GUARDED, FLIPS,
+             "if at + 8 + stored_size != offset - base + length:", GUARDED, FLIPS,
              put="if False:"),
     _without("limit of a chunk's size", "chunks.py", "if size > MAX_CHUNK_BYTES:",
              GUARDED, put="if False:"),
@@ -135,7 +136,7 @@ SIZES = (
              'place = first_misfit(page.heads["log_time"], ends, rows)', GUARDED,
              put="place = None"),
     _without("heads of chunks against the summary", "reading/chunk_table.py",
-             "if _head_of(chunk) != row.item()[:-1]:", GUARDED, put="if False:"),
+             "if _head_of(chunk) != row.item()[:-2]:", GUARDED, put="if False:"),
     _without("event numbers without gaps in a live segment", "reading/grammar.py",
              "self._sequence != ((numbers - 1) & _SEQUENCE_MASK).astype(np.uint32)", GUARDED,
              SCAN, put="np.zeros(len(numbers), np.bool_)"),
@@ -145,6 +146,33 @@ SIZES = (
     _without("commits that count their events", "reading/grammar.py",
              '(commits["count"] != reached - first)', GUARDED, SCAN,
              put='(commits["count"] == 0)'),
+)  # fmt: skip
+
+CUT = "tests/log/test_shortened_files.py"
+BAD = "tests/log/test_bad_sectors.py"
+MAPPED = "tests/log/reading/test_mapping.py"
+
+BYTES = (
+    _without("a file that ends before it should", "reading/mapping.py", "            if not got:\n",
+             CUT, put="            if not got:\n                break\n            if not got:\n"),
+    _without("another file of the same name", "reading/mapping.py",
+             "if (status.st_dev, status.st_ino) == self.identity:", MAPPED, put="if True:"),
+    _without("a copy that ends before it should", "reading/mapping.py",
+             "        if copied < len(target):", CUT, put="        if False:"),
+    _without("a page alone, where reading many failed", "reading/mapping.py",
+             "return read_page_into(fd, target, at)", MAPPED, put="raise"),
+    _without("pages asked for before they are looked at", "reading/mapped_memory.py",
+             "    while not _are_there(source, size):", CUT, put="    while False:"),
+    _without("CRCs of chunks whose file has lost its name", "reading/segment_reading.py",
+             "wanted.are_small and segment.source.is_guarded", CUT, put="wanted.are_small"),
+    _without("message indexes between their chunks", "reading/chunk_table.py",
+             "if (behind[:-1] > offset[1:]).any():", GUARDED, put="if False:"),
+    _without("an end that cannot be read, of a closed segment", "verification/files.py",
+             " or status.st_size in [end for _, end in data.unreadable]", BAD, put=""),
+    _without("a head that cannot be read", "verification/files.py",
+             "if not (_is_ours(head) or is_named_like_ours):", BAD, put="if not _is_ours(head):"),
+    _without("pages that the disk refuses, told", "verification/run.py",
+             'self._damage("unreadable", start', BAD, put='print("unreadable", start'),
 )  # fmt: skip
 
 SEGMENTS_OF_A_LOG = (
@@ -222,7 +250,7 @@ COLUMNS = (
 )  # fmt: skip
 
 GUARDS: tuple[Mutant, ...] = (
-    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
+    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
     *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS,

@@ -60,7 +60,7 @@ class Step:
             listed[first] = ClosedSegment.of(first, copy.statistics())
             if others:
                 write_bag_metadata(folder, listed.values())
-            copy.install(replacing=self.sources[0].mapped.identity)
+            copy.install(replacing=self.sources[0].source.identity)
         for path in others:
             folder.remove(path.name)
         folder.sync()

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
+from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.chunks import BuiltChunk, build_chunk
 from semmap_log.log.compaction.repaging import Pause, are_pages, no_pause, pages
 from semmap_log.log.folder import LogFolder
@@ -26,7 +26,7 @@ from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.grammar import Place, place_behind
 from semmap_log.log.reading.scan import Segment, open_segment
-from semmap_log.log.reading.segment_reading import last_commit, page_at, pages_of
+from semmap_log.log.reading.segment_reading import last_commit, page_at, pages_of, statistics_of
 from semmap_log.log.reading.segment_set import check_follows
 from semmap_log.log.segment import SegmentWriter
 
@@ -121,8 +121,8 @@ def _compare(
     copy = open_segment(writer.folder / writer.temporary, folder=writer.folder)
     if copy.header != writer.header:
         raise _differs(sources[0].path, "its head")
-    said = [statistics_of(segment.path, segment.file) for segment in sources]
-    if _contents(said) != _contents([statistics_of(copy.path, copy.file)]):
+    said = [statistics_of(segment) for segment in sources]
+    if _contents(said) != _contents([statistics_of(copy)]):
         raise _differs(sources[0].path, "the number or the time of its messages")
     whole = hashlib.sha256()
     for page in pages_of(copy):

@@ -72,8 +72,13 @@ def are_pages(chunks: ChunkTable) -> bool:
 
 def _reads(sources: Iterable[Segment], pause: Pause) -> Iterator[_Read]:
     for segment in sources:
+        asked = 0
         for group in segment.chunks.groups(READ_BYTES):
             pause(0)
+            start, end = group.span()
+            if end > asked:
+                asked = max(end, start + CHUNK_BYTES)
+                segment.source.will_need(start, asked)
             yield _Read(segment, group, read_page(group, segment.header.first_event))
 
 

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
-from semmap_log.log.bag_metadata import statistics_of, write_bag_metadata
+from semmap_log.log.bag_metadata import write_bag_metadata
 from semmap_log.log.compaction.merge import Step, plan, remove_merged
 from semmap_log.log.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.log.compaction.repaging import Pause, no_pause
 from semmap_log.log.folder import LogFolder
-from semmap_log.log.form import CHUNK_BYTES, count_events
+from semmap_log.log.form import count_events
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_folder import check_is_log
+from semmap_log.log.reading.segment_reading import statistics_of
 from semmap_log.log.segment import SegmentWriter
 
 
@@ -81,7 +81,7 @@ def _compact(folder: LogFolder, *, merge: bool, progress: Progress | None) -> Co
     before = _closed(folder)
     steps = plan(before, merge=merge)
     pause = _told(progress, sum(2 * step.size for step in steps)) if progress else no_pause
-    listed = {segment.path: statistics_of(segment.path, segment.file) for segment in before}
+    listed = {segment.path: statistics_of(segment) for segment in before}
     try:
         for step in steps:
             listed = step.run(folder, listed, pause)
@@ -90,7 +90,7 @@ def _compact(folder: LogFolder, *, merge: bool, progress: Progress | None) -> Co
             _list_closed(folder)  # leftovers wait for the next time: see `remove_merged`
         raise
     after = _list_closed(folder)
-    return _summary(before, steps, len(after), sum(len(segment.file) for segment in after))
+    return _summary(before, steps, len(after), sum(segment.size for segment in after))
 
 
 def _told(progress: Progress, total: int) -> Pause:
@@ -111,7 +111,7 @@ def _closed(folder: LogFolder) -> list[Segment]:
 def _list_closed(folder: LogFolder) -> list[Segment]:
     """Bring metadata.yaml up to date; return what it lists."""
     closed = _closed(folder)
-    write_bag_metadata(folder, [statistics_of(s.path, s.file) for s in closed])
+    write_bag_metadata(folder, [statistics_of(segment) for segment in closed])
     return closed
 
 
@@ -121,7 +121,7 @@ def _summary(
     return Compacted(
         segments_before=len(before),
         segments_after=segments_after,
-        bytes_before=sum(len(segment.file) for segment in before),
+        bytes_before=sum(segment.size for segment in before),
         bytes_after=bytes_after,
         events=sum(_events(segment) for segment in before),
         steps=tuple(tuple(source.path for source in step.sources) for step in steps),
@@ -129,7 +129,7 @@ def _summary(
 
 
 def _events(segment: Segment) -> int:
-    return count_events(statistics_of(segment.path, segment.file).counts)
+    return count_events(statistics_of(segment).counts)
 
 
 def install_over(copy: SegmentWriter, replaced: Segment) -> None:
@@ -138,7 +138,7 @@ def install_over(copy: SegmentWriter, replaced: Segment) -> None:
     Raises:
         OSError: As the file system says, or another file has its name now.
     """
-    copy.install(replacing=replaced.mapped.identity)
+    copy.install(replacing=replaced.source.identity)
 
 
 def compact_segment(
@@ -165,7 +165,6 @@ def compact_segment(
         OSError: As the file system says; it stays as it is.
     """
     path = folder / name
-    _read_through(folder, name, pause)
     segment = open_segment(path, folder=folder)
     if not segment.closed:
         raise CorruptLogError(path, segment.whole_end, "not closed, so it cannot be compacted")
@@ -174,15 +173,3 @@ def compact_segment(
     with rechunked(folder, [segment], pause) as copy:
         install(copy, segment)
     return True
-
-
-def _read_through(folder: LogFolder, name: str, pause: Pause) -> None:
-    """Read a file once, by calls: a sector that cannot be read is then an error.
-
-    Met through a mapped file, it would end the process: a robot's recorder, with its writer.
-    """
-    with os.fdopen(folder.open_to_read(name), "rb", buffering=0) as file:
-        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_SEQUENTIAL)
-        block = bytearray(CHUNK_BYTES)
-        while file.readinto(block):
-            pause(0)

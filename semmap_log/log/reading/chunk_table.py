@@ -17,8 +17,14 @@ from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import MAX_CHUNK_BYTES, StoredChunk, read_chunk_head
+from semmap_log.log.chunks import (
+    MAX_CHUNK_BYTES,
+    MOST_HEAD_BYTES,
+    StoredChunk,
+    read_chunk_head,
+)
 from semmap_log.log.kind_bits import bits_of_channels
+from semmap_log.log.reading.byte_source import ByteSource
 from semmap_log.log.walking import ChunkDamage, gather
 
 ROW: np.dtype[np.void] = np.dtype(
@@ -31,12 +37,18 @@ ROW: np.dtype[np.void] = np.dtype(
         ("stored_size", "<i8"),
         ("compression", "S4"),
         ("kinds", "<u4"),
+        ("behind", "<i8"),
     ]
 )
-"""As the fields of `StoredChunk`; and which kinds of record are in it: `kind_bits`."""
+"""As the fields of `StoredChunk`; which kinds of record are in it: `kind_bits`; and where in the
+file its message indexes end."""
 
 SMALL_BYTES = 2**15
 """Chunks of fewer records cost more to check one by one than their bytes do."""
+
+
+GAP_BYTES = 2**10
+"""So much between two chunks is read with them: to skip it would take longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,20 +57,33 @@ class ChunkTable(Sequence[StoredChunk]):
 
     path: Path
     """Their file, for messages."""
-    file: memoryview
+    source: ByteSource
     rows: NDArray[np.void]
     """As `ROW`."""
 
     @classmethod
     def of(
-        cls, path: Path, file: memoryview, chunks: Sequence[StoredChunk], kinds: NDArray[np.uint32]
+        cls,
+        path: Path,
+        source: ByteSource,
+        chunks: Sequence[StoredChunk],
+        kinds: NDArray[np.uint32],
+        behind: Sequence[int],
     ) -> ChunkTable:
-        """Return the table of chunks that were read, with the kinds of record in each."""
+        """Return the table of chunks that were read.
+
+        Args:
+            path: Their file.
+            source: Its bytes.
+            chunks: What their heads say.
+            kinds: The kinds of record in each.
+            behind: Where the message indexes of each end.
+        """
         rows = np.zeros(len(chunks), ROW)
         for i, chunk in enumerate(chunks):
-            rows[i] = (*_head_of(chunk), 0)
-        rows["kinds"] = kinds
-        return cls(path, file, rows)
+            rows[i] = (*_head_of(chunk), 0, 0)
+        rows["kinds"], rows["behind"] = kinds, behind
+        return cls(path, source, rows)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -75,31 +100,55 @@ class ChunkTable(Sequence[StoredChunk]):
         """
         if isinstance(place, slice):
             return self.chosen(place)
-        try:
-            return self._chunk(self.rows[place])
-        except ChunkDamage as damage:
-            raise CorruptLogError(self.path, int(self.rows["offset"][place]), str(damage)) from None
+        offset = int(self.rows["offset"][place])
+        head = self.source.read(offset, offset + MOST_HEAD_BYTES)
+        return self.chunk_in(head, offset, place)
 
     def __iter__(self) -> Iterator[StoredChunk]:
         return (self[i] for i in range(len(self)))
 
-    def _chunk(self, row: np.void) -> StoredChunk:
-        offset, length = int(row["offset"]), int(row["length"])
-        if mcap.FRAME.unpack_from(self.file, offset) != (Opcode.CHUNK, length - mcap.FRAME.size):
-            raise ChunkDamage("no chunk of the length that the segment's summary says")
-        chunk = read_chunk_head(self.file, offset, length)
-        if _head_of(chunk) != row.item()[:-1]:
-            raise ChunkDamage("its head is not what the segment's summary says")
-        return chunk
+    def chunk_in(self, data: memoryview, base: int, place: int) -> StoredChunk:
+        """Return a chunk whose head is at hand.
+
+        Args:
+            data: Bytes of the file, its head among them.
+            base: Where in the file they begin.
+            place: The chunk's.
+
+        Raises:
+            CorruptLogError: The head does not agree with the table.
+        """
+        try:
+            return _chunk_in(data, base, self.rows[place])
+        except ChunkDamage as damage:
+            raise CorruptLogError(self.path, int(self.rows["offset"][place]), str(damage)) from None
+
+    def loaded(self) -> LoadedChunks:
+        """Return them, at least one, with their bytes, and those of their message indexes.
+
+        Raises:
+            UnreadableLogError: Some cannot be read.
+        """
+        starts, ends = self.rows["offset"], self.rows["behind"]
+        is_gap = starts[1:] - ends[:-1] > GAP_BYTES
+        if not is_gap.any():
+            start, end = self.span()
+            return LoadedChunks(self, self.source.read(start, end), np.full(len(self), start))
+        firsts = np.append(0, np.flatnonzero(is_gap) + 1)
+        counts = np.diff(firsts, append=len(starts))
+        starts, ends = starts[firsts], ends[firsts + counts - 1]
+        data = self.source.read_ranges(list(zip(starts.tolist(), ends.tolist(), strict=True)))
+        bases = starts - np.cumsum(ends - starts) + (ends - starts)
+        return LoadedChunks(self, data, np.repeat(bases, counts))
 
     def chosen(self, places: slice | NDArray[Any]) -> ChunkTable:
         """Return the table of some: their places, or for each whether it is wanted."""
-        return ChunkTable(self.path, self.file, self.rows[places])
+        return ChunkTable(self.path, self.source, self.rows[places])
 
-    def extended(self, file: memoryview, more: ChunkTable | None = None) -> ChunkTable:
+    def extended(self, source: ByteSource, more: ChunkTable | None = None) -> ChunkTable:
         """Return this table with more chunks behind, in a file that may have grown."""
         rows = self.rows if more is None else np.concatenate((self.rows, more.rows))
-        return ChunkTable(self.path, file, rows)
+        return ChunkTable(self.path, source, rows)
 
     def having(self, kinds: int) -> NDArray[np.intp]:
         """Return the places of those with a record of one of these kinds: `kind_bits`."""
@@ -118,9 +167,8 @@ class ChunkTable(Sequence[StoredChunk]):
         return small and bool(self.are_plain.all())
 
     def span(self) -> tuple[int, int]:
-        """Return where the first one begins in the file, and where the last one ends."""
-        first, last = self.rows[0], self.rows[-1]
-        return int(first["offset"]), int(last["offset"] + last["length"])
+        """Return where the first one begins in the file, and where all of the last one ends."""
+        return int(self.rows["offset"][0]), int(self.rows["behind"][-1])
 
     def starting_by(self, time_ns: int) -> int:
         """Return how many chunks start at or before that log time."""
@@ -141,6 +189,48 @@ class ChunkTable(Sequence[StoredChunk]):
             end = min(end, *turns[turn : turn + 1].tolist(), len(self))
             yield self[at:end]
             at = end
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedChunks:
+    """Chunks with their bytes, and those of their message indexes, in memory."""
+
+    table: ChunkTable
+    data: memoryview
+    bases: NDArray[np.int64]
+    """For each chunk: where in the file `data` would begin if all before it were in there, too."""
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """Where each Chunk record begins in `data`."""
+        starts: NDArray[np.int64] = self.table.rows["offset"] - self.bases
+        return starts
+
+    @property
+    def index_starts(self) -> NDArray[np.int64]:
+        """Where the message indexes of each begin in `data`."""
+        behind: NDArray[np.int64] = self.starts + self.table.rows["length"]
+        return behind
+
+    def records(self, place: int) -> bytes | memoryview:
+        """Return the records of one, CRC checked.
+
+        Raises:
+            CorruptLogError: Its head does not agree with the table.
+            ChunkDamage: They are not what was written.
+        """
+        base = int(self.bases[place])
+        return self.table.chunk_in(self.data, base, place).records(self.data, base)
+
+
+def _chunk_in(data: memoryview, base: int, row: np.void) -> StoredChunk:
+    offset, length = int(row["offset"]), int(row["length"])
+    if mcap.FRAME.unpack_from(data, offset - base) != (Opcode.CHUNK, length - mcap.FRAME.size):
+        raise ChunkDamage("no chunk of the length that the segment's summary says")
+    chunk = read_chunk_head(data, offset, length, base)
+    if _head_of(chunk) != row.item()[:-2]:
+        raise ChunkDamage("its head is not what the segment's summary says")
+    return chunk
 
 
 def _head_of(chunk: StoredChunk) -> tuple[int, int, int, int, int, int, bytes]:
@@ -164,6 +254,8 @@ _INDEX_HEAD: np.dtype[np.void] = np.dtype(
     }
 )
 """The fixed beginning of a ChunkIndex record."""
+_INDEXES_BYTES: np.dtype[np.void] = np.dtype([("size", "<i8")])
+"""Behind its map: how long the chunk's message indexes are."""
 _INDEX_TAIL: np.dtype[np.void] = np.dtype([("stored_size", "<i8"), ("size", "<i8")])
 """Its fixed end; the compression's name lies before."""
 _MAP_ENTRY: np.dtype[np.void] = np.dtype(
@@ -176,29 +268,21 @@ _CHUNK_HEAD_BYTES = mcap.FRAME.size + 40
 """Of a Chunk record, the compression's name left out."""
 
 
-def table_of_indexes(
-    path: Path, file: memoryview, start: int, end: int, *, data_start: int, data_end: int
-) -> ChunkTable:
-    """Return the chunks that the ChunkIndex records of a summary list.
+def rows_of_indexes(indexes: memoryview, *, data_start: int, data_end: int) -> NDArray[np.void]:
+    """Return the chunks that the ChunkIndex records of a summary list, as `ROW`.
 
     Args:
-        path: The file.
-        file: Its bytes.
-        start: Where the group of ChunkIndex records begins; their CRC was checked.
-        end: Where it ends.
+        indexes: These records; their CRC was checked.
         data_start: Chunks lie from here on …
         data_end: … to here.
 
     Raises:
-        CorruptLogError: They contradict themselves, or each other.
+        ChunkDamage: They contradict themselves, or each other.
     """
-    try:
-        offsets, lengths = _frames_of_indexes(file, start, end)
-        rows = _rows_of_indexes(file, offsets, lengths)
-        _check_rows(rows, data_start, data_end)
-    except ChunkDamage as damage:
-        raise CorruptLogError(path, start, f"its summary does not fit it: {damage}") from None
-    return ChunkTable(path, file, rows)
+    offsets, lengths = _frames_of_indexes(indexes, 0, len(indexes))
+    rows = _rows_of_indexes(indexes, offsets, lengths)
+    _check_rows(rows, data_start, data_end)
+    return rows
 
 
 def _frames_of_indexes(
@@ -264,7 +348,12 @@ def _rows_of_indexes(
             places = ends[mine] - _INDEX_TAIL.itemsize - size
             names = gather(file, places, np.dtype([("name", f"S{size}")]))
             rows["compression"][mine] = names["name"]
-    rows["kinds"] = _kinds_of_indexes(file, offsets, head["map_size"])
+    map_sizes = head["map_size"]
+    rows["kinds"] = _kinds_of_indexes(file, offsets, map_sizes)
+    sizes_at = offsets + _INDEX_HEAD.itemsize + map_sizes
+    rows["behind"] = (
+        rows["offset"] + rows["length"] + gather(file, sizes_at, _INDEXES_BYTES)["size"]
+    )
     fixed = rows["stored_size"] + _CHUNK_HEAD_BYTES + name_sizes
     if (fixed != rows["length"]).any():
         raise ChunkDamage("a ChunkIndex whose sizes contradict each other")
@@ -292,12 +381,16 @@ def _check_rows(rows: NDArray[np.void], data_start: int, data_end: int) -> None:
     plain = rows["compression"] == b""
     if (rows["stored_size"] < 0).any() or (length < 0).any():
         raise ChunkDamage("a chunk of negative size")
+    if (offset > data_end).any() or (length > data_end).any():
+        raise ChunkDamage("a chunk outside the data")
     if ((rows["size"] < 0) | (rows["size"] > MAX_CHUNK_BYTES)).any():
         raise ChunkDamage("a chunk larger than any is")
     if (rows["size"] != rows["stored_size"])[plain].any():
         raise ChunkDamage("an uncompressed chunk of two sizes")
-    ends = offset + length
-    if len(rows) and (offset[0] < data_start or ends[-1] > data_end):
+    behind = rows["behind"]
+    if len(rows) and (offset[0] < data_start or behind[-1] > data_end):
         raise ChunkDamage("a chunk outside the data")
-    if (ends[:-1] > offset[1:]).any():
+    if (offset + length > behind).any():
+        raise ChunkDamage("message indexes of negative size")
+    if (behind[:-1] > offset[1:]).any():
         raise ChunkDamage("chunks that overlap")

@@ -36,13 +36,14 @@ def rows_of(segment: Segment) -> NDArray[np.uint64]:
 
 
 def _stored_rows(summary: ClosedSummary) -> NDArray[np.uint64] | None:
-    start, end = summary.groups.get(Opcode.ATTACHMENT_INDEX, (0, 0))
-    for _, at, length in frames(summary.file, start, end):
+    _, indexes = summary.group(Opcode.ATTACHMENT_INDEX)
+    for _, at, length in frames(indexes, 0, len(indexes)):
         index = mcap.read_record(
-            AttachmentIndex, summary.file[at + mcap.FRAME.size : at + length]
+            AttachmentIndex, indexes[at + mcap.FRAME.size : at + length]
         )  # under the summary's CRC
-        if index.name == COMMAND_ATTACHMENT and index.offset + index.length <= summary.data_end:
-            return _rows_in(bytes(summary.file[index.offset : index.offset + index.length]))
+        end = index.offset + index.length
+        if index.name == COMMAND_ATTACHMENT and end <= summary.data_end:
+            return _rows_in(bytes(summary.read(index.offset, end)))
     return None
 
 

@@ -76,24 +76,29 @@ def index_of(summary: ClosedSummary) -> tuple[int, Metadata]:
     Raises:
         CorruptLogError: It is missing, or no Metadata.
     """
-    at = _index_offset(summary)
-    opcode, body = mcap.FRAME.unpack_from(summary.file, at)
-    start = at + mcap.FRAME.size
-    if opcode != Opcode.METADATA or start + body > summary.data_end:
+    at, end = _index_place(summary)
+    record = summary.read(at, end)
+    if _frame_of(record) != (Opcode.METADATA, len(record) - mcap.FRAME.size):
         raise CorruptLogError(summary.path, at, f"no {INDEX_METADATA} where its summary says")
     try:
-        return at, mcap.read_record(Metadata, summary.file[start : start + body])
+        return at, mcap.read_record(Metadata, record[mcap.FRAME.size :])
     except ValueError as error:
         raise CorruptLogError(summary.path, at, f"its {INDEX_METADATA}: {error}") from None
 
 
-def _index_offset(summary: ClosedSummary) -> int:
-    """Return where the Metadata `semmap_index` lies."""
-    start, end = summary.groups.get(Opcode.METADATA_INDEX, (0, 0))
-    for _, at, length in frames(summary.file, start, end):
+def _frame_of(record: memoryview) -> tuple[int, int] | None:
+    """Return opcode and length that a record says; None: it is too short for that."""
+    return mcap.FRAME.unpack_from(record) if len(record) >= mcap.FRAME.size else None
+
+
+def _index_place(summary: ClosedSummary) -> tuple[int, int]:
+    """Return where the Metadata `semmap_index` begins and ends in the file."""
+    start, indexes = summary.group(Opcode.METADATA_INDEX)
+    for _, at, length in frames(indexes, 0, len(indexes)):
         index = mcap.read_record(
-            MetadataIndex, summary.file[at + mcap.FRAME.size : at + length]
+            MetadataIndex, indexes[at + mcap.FRAME.size : at + length]
         )  # under the summary's CRC
-        if index.name == INDEX_METADATA and index.offset < summary.data_end:
-            return int(index.offset)
+        end = index.offset + index.length
+        if index.name == INDEX_METADATA and end <= summary.data_end:
+            return index.offset, end
     raise CorruptLogError(summary.path, start, f"its summary names no {INDEX_METADATA}")

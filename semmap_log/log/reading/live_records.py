@@ -24,7 +24,8 @@ from semmap_log.log.form import (
     floor_map_topic,
 )
 from semmap_log.log.pages import Page
-from semmap_log.log.walking import ChunkDamage, Walked, frames, heads_of, walk, walk_one
+from semmap_log.log.reading.byte_source import ByteSource
+from semmap_log.log.walking import ChunkDamage, Walked, heads_of, walk, walk_one
 
 SMALL_BYTES = 2**14
 """Smaller chunks are walked in Python; for larger ones numpy pays."""
@@ -55,16 +56,27 @@ class Part:
         return Page(records, first_event, path, place, Walked(np.concatenate(offsets)))
 
 
-def read_part(file: memoryview, at: int) -> Part:
-    """Read chunks from an offset on, until they are many, or nothing more is there."""
+def read_part(source: ByteSource, at: int) -> Part:
+    """Read chunks from an offset on, until they are many, or nothing more is there.
+
+    Raises:
+        UnreadableLogError: Some of them cannot be read.
+    """
     part, size = Part(), 0
+    window = _Window(source, at)
     while size < CHUNK_BYTES:
         try:
-            chunk = _chunk_at(file, _behind_channels(file, at))
+            start = _behind_channels(window, at)
+            chunk = _chunk_at(window, start)
             if chunk is None:
                 break
-            records = chunk.records(file)
-            offsets, channels = _messages(file, chunk, records)
+            records = chunk.records(window.data, window.start)
+            offsets, channels = _messages(window, chunk, records)
+        except _BehindWindow as behind:
+            if not part.chunks:
+                window = _Window(source, at, behind.end)
+                continue
+            break
         except ChunkDamage as damage:
             part.problem = str(damage)
             break
@@ -78,30 +90,68 @@ def read_part(file: memoryview, at: int) -> Part:
     return part
 
 
-def _chunk_at(file: memoryview, at: int) -> StoredChunk | None:
-    """Return the chunk at an offset; None at the end of the data.
+WINDOW_BYTES = 5 * CHUNK_BYTES // 4
+"""So much is read for a part: a MiB of records with their message indexes."""
+
+
+class _BehindWindow(Exception):  # noqa: N818  # a turn of events: the caller reads more
+    """A record reaches behind what was read."""
+
+    def __init__(self, end: int) -> None:
+        super().__init__(end)
+        self.end = end
+
+
+class _Window:
+    """Bytes of a file from an offset on, and where they lie."""
+
+    def __init__(self, source: ByteSource, start: int, end: int = 0) -> None:
+        """Read them, at least up to `end`."""
+        self.start = start
+        self.data = source.read(start, max(start + WINDOW_BYTES, end))
+        self.size = source.size
+        """Of the file."""
+
+    def get(self, start: int, end: int) -> memoryview:
+        """Return bytes, by their offsets in the file; fewer where it ends.
+
+        Raises:
+            _BehindWindow: They lie behind the window's end, and not behind the file's.
+        """
+        if min(end, self.size) > self.start + len(self.data):
+            raise _BehindWindow(end)
+        return self.data[start - self.start : end - self.start]
+
+
+def _chunk_at(window: _Window, at: int) -> StoredChunk | None:
+    """Return the chunk at an offset, all of it in the window; None at the end of the data.
 
     Raises:
         ChunkDamage: Something else is there, or a part of a chunk.
+        _BehindWindow: It is not all in the window.
     """
-    if at >= len(file) or _is_closing_section(file, at):
+    if at >= window.size or _is_closing_section(window, at):
         return None
-    if file[at] != Opcode.CHUNK:
+    frame = window.get(at, at + mcap.FRAME.size)
+    if frame[0] != Opcode.CHUNK:
         raise ChunkDamage("no chunk where one must be")
-    if at + mcap.FRAME.size > len(file):
+    if len(frame) < mcap.FRAME.size:
         raise ChunkDamage("a chunk that is cut")
-    length = mcap.FRAME.size + mcap.FRAME.unpack_from(file, at)[1]
-    if at + length > len(file):
+    length = mcap.FRAME.size + mcap.FRAME.unpack(frame)[1]
+    if at + length > window.size:
         raise ChunkDamage("a chunk that is cut, or has a wrong length")
-    return read_chunk_head(file, at, length)
+    window.get(at, at + length)
+    return read_chunk_head(window.data, at, length, window.start)
 
 
 def _messages(
-    file: memoryview, chunk: StoredChunk, records: bytes | memoryview
+    window: _Window, chunk: StoredChunk, records: bytes | memoryview
 ) -> tuple[NDArray[np.int64], int]:
     """Return where a chunk's messages begin, and on how many channels they are."""
     if chunk.size >= SMALL_BYTES:
-        offsets = walk_one(file, chunk.offset + chunk.length, records).offsets
+        behind = chunk.offset + chunk.length
+        window.get(behind, behind + _most_index_bytes(chunk.size))
+        offsets = walk_one(window.data, behind - window.start, records).offsets
         channels = len(np.unique(heads_of(records, offsets)["channel_id"]))
     else:
         offsets = walk(records)
@@ -115,18 +165,31 @@ def _messages(
 _CHANNEL_ID = struct.Struct("<9xH")
 
 
-def _behind_channels(file: memoryview, at: int) -> int:
+def _most_index_bytes(size: int) -> int:
+    """Return how long the message indexes of so many bytes of records can usually be."""
+    return size // mcap.MESSAGE.size * mcap.MESSAGE_INDEX_ENTRY_BYTES + _INDEX_HEADS_BYTES
+
+
+_INDEX_HEADS_BYTES = 2**10
+
+
+def _behind_channels(window: _Window, at: int) -> int:
     """Return where the Channel records end that stand before a chunk with new floor maps.
 
     Raises:
         ChunkDamage: One is cut, or not of a floor map.
+        _BehindWindow: One is not all in the window.
     """
-    while at < len(file) and file[at] == Opcode.CHANNEL:
-        found = next(frames(file, at, len(file)), None)
-        if found is None:
+    while at < window.size:
+        frame = window.get(at, at + mcap.FRAME.size)
+        if frame[0] != Opcode.CHANNEL:
+            break
+        end = window.size + 1
+        if len(frame) == mcap.FRAME.size:
+            end = at + mcap.FRAME.size + mcap.FRAME.unpack(frame)[1]
+        if end > window.size:
             raise ChunkDamage("a Channel that is cut, or has a wrong length")
-        end = at + found[2]
-        _check_channel(file[at + mcap.FRAME.size : end])
+        _check_channel(window.get(at + mcap.FRAME.size, end))
         at = end
     return at
 
@@ -143,13 +206,14 @@ def _check_channel(body: memoryview) -> None:
         raise ChunkDamage(f"a Channel {channel.id} that is not the floor map's")
 
 
-def _is_closing_section(file: memoryview, at: int) -> bool:
+def _is_closing_section(window: _Window, at: int) -> bool:
     """Tell whether what closes a segment begins at an offset, or as much of it as is there."""
-    if file[at] == Opcode.METADATA:
+    start = window.get(at, at + mcap.FRAME.size)
+    if start[0] == Opcode.METADATA:
         name_at = at + mcap.FRAME.size + 4
-        name = bytes(file[name_at : name_at + len(INDEX_METADATA)])
+        name = bytes(window.get(name_at, name_at + len(INDEX_METADATA)))
         return INDEX_METADATA.encode().startswith(name)
-    return _DATA_END.startswith(bytes(file[at : at + len(_DATA_END)]))
+    return _DATA_END.startswith(bytes(start))
 
 
 _DATA_END = mcap.FRAME.pack(Opcode.DATA_END, 4)

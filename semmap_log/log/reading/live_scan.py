@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.pages import Page
+from semmap_log.log.reading.byte_source import ByteSource
 from semmap_log.log.reading.chunk_table import ROW, ChunkTable
 from semmap_log.log.reading.grammar import Place, Reading
 from semmap_log.log.reading.happened_spans import SPAN, spans_of_chunks
@@ -57,38 +58,59 @@ class LiveScan:
         return self.table[: self.whole]
 
 
-def scan_live(path: Path, header: SegmentHeader, file: memoryview, start: int) -> LiveScan:
+def scan_live(path: Path, header: SegmentHeader, source: ByteSource, start: int) -> LiveScan:
     """Read all of a segment.
 
     Args:
         path: Its file, for messages.
         header: What its head says.
-        file: Its bytes.
+        source: Its bytes.
         start: Where the records behind the head's Metadata begin.
+
+    Raises:
+        UnreadableLogError: Some of it cannot be read.
     """
-    at = start
-    for opcode, offset, length in frames(file, start, len(file)):
-        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
-            break
-        at = offset + length
+    at = _behind_head(source, start)
     place = Place(header.first_event, header.first_event, header.hash_so_far)
-    nothing = ChunkTable(path, file, np.empty(0, ROW))
+    nothing = ChunkTable(path, source, np.empty(0, ROW))
     none = np.empty(0, SPAN)
-    return go_on(LiveScan(nothing, at, place, none, 0, at, place), header, file)
+    return go_on(LiveScan(nothing, at, place, none, 0, at, place), header, source)
 
 
-def go_on(earlier: LiveScan, header: SegmentHeader, file: memoryview) -> LiveScan:
+def go_on(earlier: LiveScan, header: SegmentHeader, source: ByteSource) -> LiveScan:
     """Read what was added to a segment since an earlier scan: what did fit, still fits.
 
     Args:
         earlier: The scan of the same file, then shorter.
         header: What its head says.
-        file: Its bytes now.
+        source: Its bytes now.
+
+    Raises:
+        UnreadableLogError: Some of what was added cannot be read.
     """
-    scan = replace(earlier, table=earlier.table.extended(file), problem="", is_damage=False)
-    while not scan.problem and (part := read_part(file, scan.at)):
+    scan = replace(earlier, table=earlier.table.extended(source), problem="", is_damage=False)
+    while not scan.problem and (part := read_part(source, scan.at)):
         scan = _with_part(scan, part, header)
-    return _judged(scan, file)
+    return _judged(scan, source)
+
+
+def _behind_head(source: ByteSource, start: int) -> int:
+    """Return where the Schemas and Channels end that begin there."""
+    at, room = start, _HEAD_BYTES
+    while True:
+        window = source.read(at, at + room)
+        begin = at
+        for opcode, offset, length in frames(window, 0, len(window)):
+            if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+                return at
+            at = begin + offset + length
+        if begin + len(window) == source.size:
+            return at
+        room = room if at > begin else 2 * room  # of a record that is longer than that
+
+
+_HEAD_BYTES = 2**16
+"""A head's Schemas and Channels lie within."""
 
 
 def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
@@ -97,8 +119,8 @@ def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
         return replace(scan, problem=part.problem)
     page = part.page(scan.table.path, header.first_event)
     ends = np.cumsum([len(offsets) for offsets in part.offsets])
-    file = scan.table.file
-    more = ChunkTable.of(scan.table.path, file, part.chunks, kinds_of_chunks(page, ends))
+    source, kinds = scan.table.source, kinds_of_chunks(page, ends)
+    more = ChunkTable.of(scan.table.path, source, part.chunks, kinds, part.ends)
     reading = Reading(page, ends, more.rows)
     fits, problem = reading.whole_chunks(scan.place)
     problem = problem or part.problem
@@ -107,7 +129,7 @@ def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
     places = reading.places_after(scan.place)
     scan_with = replace(
         scan,
-        table=scan.table.extended(file, more[:fits]),
+        table=scan.table.extended(source, more[:fits]),
         spans=np.concatenate((scan.spans, spans_of_chunks(page, ends)[:fits])),
         at=part.ends[fits - 1],
         place=places[fits - 1],
@@ -124,9 +146,9 @@ def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
     )
 
 
-def _judged(scan: LiveScan, file: memoryview) -> LiveScan:
+def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
     """Return the scan with what lies behind the chunks that fit: harmless, torn, or damage."""
-    behind = _Behind.of(file, scan.at, scan.place.committed)
+    behind = _Behind.of(source.read(scan.at, source.size), scan.place.committed)
     if not scan.problem and behind.chunks:
         scan = replace(scan, problem="a closing section with chunks behind it")
     if not scan.problem and not scan.place.is_whole:
@@ -156,10 +178,10 @@ class _Behind:
     """Events below this number were on the disk, say the commits behind it."""
 
     @classmethod
-    def of(cls, file: memoryview, start: int, expected: int) -> _Behind:
-        """Search behind an offset."""
+    def of(cls, data: memoryview, expected: int) -> _Behind:
+        """Search all that lies behind it."""
         chunks, first_event, durable_before = 0, None, 0
-        for _, records, offsets in whole_chunks(file, start, len(file)):
+        for _, records, offsets in whole_chunks(data, 0, len(data)):
             page = Page(records, expected, Path(), 0, Walked(offsets))
             later = [n for n in page.event_numbers()[:1].tolist() if n > expected]
             first_event = first_event or next(iter(later), None)

@@ -1,50 +1,140 @@
-"""A file's bytes, mapped: they stay readable when the file is replaced or removed."""
+"""A file's bytes, mapped: they can be read when the file is replaced or removed meanwhile."""
 
 from __future__ import annotations
 
-import ctypes
-import mmap
 import os
 import stat
-import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
 
-from semmap_log.errors import LogAccessError, NotALogError
+import numpy as np
+
+from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
+from semmap_log.log.file_calls import read_into, read_page_into
 from semmap_log.log.folder import LogFolder
-
-MOST_AT_ONCE = 2**19
-"""Bytes asked of the disk in one call; a longer request the kernel cuts short."""
+from semmap_log.log.reading.byte_source import Identity
+from semmap_log.log.reading.mapped_memory import MappedMemory
 
 
 @dataclass(frozen=True, slots=True)
 class MappedFile:
-    """A file as it was when it was mapped."""
+    """A file as it was when it was mapped: a `ByteSource`. No mapped byte is ever looked at.
 
-    data: memoryview
-    identity: tuple[int, int]
+    While the file has the name under which it was opened, it is opened by that again and read: the
+    system says then what it cannot give, and why. Once it was replaced, renamed or removed, its
+    bytes are copied from the mapping, which keeps them.
+    """
+
+    path: Path
+    """For messages."""
+    folder: LogFolder
+    """In which it was opened, under its name."""
+    size: int
+    identity: Identity
     """Device and inode: the same for the same file under any name, another for its successor."""
-    address: int = 0
-    """Where its bytes lie in memory; 0 for an empty file."""
+    memory: MappedMemory | None
+    """None for an empty file."""
+
+    @property
+    def is_guarded(self) -> bool:
+        """Whether it is still read by its name: in a mapping the last page ends in zeros."""
+        fd = self._reopened()
+        if fd is not None:
+            os.close(fd)
+        return fd is not None
+
+    def read(self, start: int, end: int) -> memoryview:
+        """Return a copy of a range; as `ByteSource.read`."""
+        return self._read_all(((start, max(0, min(end, self.size) - start)),))
+
+    def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
+        """Return copies of ranges, one behind the other; as `ByteSource.read_ranges`."""
+        return self._read_all([(a, max(0, min(b, self.size) - a)) for a, b in ranges])
+
+    def _read_all(self, wanted: Sequence[tuple[int, int]]) -> memoryview:
+        """Return copies of what begins at each offset and has that size."""
+        # Not a bytearray, which would be filled with zeros first.
+        copy = np.empty(sum([size for _, size in wanted]), np.uint8).data
+        if not copy:
+            return copy
+        fd, at = self._reopened(), 0
+        try:
+            for start, size in wanted:
+                part = copy[at : at + size]
+                if fd is None:
+                    self._copy(start, part)
+                else:
+                    self._read(fd, start, part)
+                at += size
+        finally:
+            if fd is not None:
+                os.close(fd)
+        return copy.toreadonly()
 
     def will_need(self, start: int, end: int) -> None:
         """Ask the disk for bytes that are read soon; nothing else is read ahead."""
-        first = start // mmap.PAGESIZE * mmap.PAGESIZE
-        for at in range(first, end, MOST_AT_ONCE) if self.address else ():
-            size = min(MOST_AT_ONCE, end - at)
-            _library().madvise(self.address + at, size, mmap.MADV_WILLNEED)
+        if self.memory is not None:
+            self.memory.will_need(start, end)
 
     def let_go(self, start: int, end: int) -> None:
-        """Give the memory back in which bytes that were read lie; they stay readable.
+        """Give the memory back in which bytes that were read lie; they can be read again.
 
-        The kernel keeps what was read of a mapped file on the process's account until then.
+        The kernel keeps what was copied from a mapping on the process's account until then.
         """
-        first = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE
-        size = end // mmap.PAGESIZE * mmap.PAGESIZE - first
-        if self.address and size > 0:
-            _library().madvise(self.address + first, size, mmap.MADV_DONTNEED)
+        if self.memory is not None:
+            self.memory.let_go(start, end)
+
+    def _reopened(self) -> int | None:
+        """Open the file by its name; None: another has it now, or none, or it may not be opened."""
+        try:
+            fd = self.folder.open_to_read(self.path.name)
+        except OSError:
+            return None
+        status = os.fstat(fd)
+        if (status.st_dev, status.st_ino) == self.identity:
+            return fd
+        os.close(fd)
+        return None
+
+    def _read(self, fd: int, start: int, target: memoryview) -> None:
+        """Read a range by its descriptor."""
+        done = 0
+        while done < len(target):
+            try:
+                got = _read_some(fd, target[done:], start + done)
+            except OSError as error:
+                raise self._unreadable(start + done, f"{error.strerror}; {_TO_DO}") from error
+            if not got:
+                now = os.fstat(fd).st_size
+                problem = f"the file had {self.size} bytes when it was opened; it was cut to {now}"
+                raise self._unreadable(start + done, problem)
+            done += got
+
+    def _copy(self, start: int, target: memoryview) -> None:
+        """Copy a range from the mapping."""
+        if self.memory is None or not target:
+            return
+        try:
+            copied = self.memory.copy(start, target)
+        except OSError as error:
+            raise self._unreadable(start, f"{error.strerror}") from error
+        if copied < len(target):
+            problem = "the disk refuses it, or the file was cut; another file has its name now"
+            raise self._unreadable(start + copied, problem)
+
+    def _unreadable(self, at: int, problem: str) -> UnreadableLogError:
+        return UnreadableLogError(self.path, at, problem)
+
+
+def _read_some(fd: int, target: memoryview, at: int) -> int:
+    try:
+        return read_into(fd, target, at)
+    except OSError:
+        return read_page_into(fd, target, at)
+
+
+_TO_DO = "semmap-log verify LOG names all such places, recover saves the rest"
 
 
 def map_file(path: Path, folder: LogFolder | None = None) -> MappedFile:
@@ -58,55 +148,18 @@ def map_file(path: Path, folder: LogFolder | None = None) -> MappedFile:
         NotALogError: It is no regular file.
         LogAccessError: It cannot be read; `FileNotFoundError` is its cause where it has gone.
     """
+    folder = folder or LogFolder(path.parent)
     try:
-        fd = (folder or LogFolder(path.parent)).open_to_read(path.name)
+        fd = folder.open_to_read(path.name)
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     try:
         status = os.fstat(fd)
         if not stat.S_ISREG(status.st_mode):
             raise NotALogError(f"{path}: not a regular file.")
-        identity = (status.st_dev, status.st_ino)
-        if not status.st_size:
-            return MappedFile(memoryview(b""), identity)
-        data, address = _map(fd, status.st_size)
-        return MappedFile(data, identity, address)
+        memory = MappedMemory(fd, status.st_size) if status.st_size else None
+        return MappedFile(path, folder, status.st_size, (status.st_dev, status.st_ino), memory)
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     finally:
         os.close(fd)
-
-
-def _map(fd: int, size: int) -> tuple[memoryview, int]:
-    """Map a file as the C library does; return its bytes, and where they lie in memory.
-
-    Python's own mmap keeps a descriptor for each mapping (before 3.13), and a process may have
-    1,024: a log of five years has more segments.
-    """
-    # A type for each power of two only, since Python never forgets one. What is mapped beyond the
-    # file's end is address space, never looked at.
-    room = 1 << (size - 1).bit_length()
-    address = _library().mmap(None, room, mmap.PROT_READ, mmap.MAP_SHARED, fd, 0)
-    if address == _FAILED:
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number))
-    _library().madvise(address, room, mmap.MADV_RANDOM)  # a moment reads a MiB of many
-    held = (ctypes.c_ubyte * room).from_address(address)
-    # Every view of the bytes holds `held`: they are unmapped when the last one has gone.
-    weakref.finalize(held, _library().munmap, address, room).atexit = False
-    return memoryview(held).cast("B").toreadonly()[:size], address
-
-
-_FAILED = ctypes.c_void_p(-1).value
-
-
-@cache
-def _library() -> Any:
-    library = ctypes.CDLL(None, use_errno=True)
-    library.mmap.restype = ctypes.c_void_p
-    library.mmap.argtypes = [
-        ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long,
-    ]  # fmt: skip
-    library.munmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
-    library.madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
-    return library

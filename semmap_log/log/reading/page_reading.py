@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -13,7 +14,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import crc_problem
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.chunk_table import ChunkTable
+from semmap_log.log.reading.chunk_table import ChunkTable, LoadedChunks
 from semmap_log.log.walking import (
     ChunkDamage,
     Walked,
@@ -42,27 +43,35 @@ _FEW_RECORDS_BYTES = 1500
 Records = bytes | memoryview
 
 
-def unpack(chunks: ChunkTable) -> Records | None:
-    """Return the records of compressed chunks, one behind the other, each CRC checked.
+class Unpacked(NamedTuple):
+    """Chunks whose bytes were read."""
 
-    None of several that are not compressed: their pages are made of the file's bytes.
+    loaded: LoadedChunks
+    records: Records | None
+    """Those of all, one behind the other, each CRC checked. None: there are several that are not
+    compressed, and they lie in what was loaded."""
+
+
+def unpack(chunks: ChunkTable) -> Unpacked:
+    """Read chunks, and decompress them.
 
     Raises:
         CorruptLogError: They are not what was written.
     """
+    loaded = chunks.loaded()
     if len(chunks) > 1 and chunks.are_plain[0]:
-        return None
-    parts = [_records_of(chunks, place) for place in range(len(chunks))]
-    return parts[0] if len(parts) == 1 else b"".join(parts)
+        return Unpacked(loaded, None)
+    parts = [_records_of(loaded, place) for place in range(len(chunks))]
+    return Unpacked(loaded, parts[0] if len(parts) == 1 else b"".join(parts))
 
 
-def _records_of(chunks: ChunkTable, place: int) -> Records:
+def _records_of(loaded: LoadedChunks, place: int) -> Records:
     try:
-        records = chunks[place].records(chunks.file)
+        records = loaded.records(place)
         _check_filled(records)
     except ChunkDamage as damage:
-        offset = int(chunks.rows["offset"][place])
-        raise CorruptLogError(chunks.path, offset, str(damage)) from None
+        offset = int(loaded.table.rows["offset"][place])
+        raise CorruptLogError(loaded.table.path, offset, str(damage)) from None
     return records
 
 
@@ -75,7 +84,7 @@ def read_page(
     chunks: ChunkTable,
     first_event: int,
     *,
-    records: Records | None = None,
+    unpacked: Unpacked | None = None,
     in_place: bool = False,
     is_sound: bool = False,
 ) -> Page:
@@ -84,21 +93,23 @@ def read_page(
     Args:
         chunks: At least one; where there are several, all of them compressed or none.
         first_event: Event number at which their segment begins.
-        records: What `unpack` said of them; None: not asked yet.
-        in_place: Whether several that are not compressed are read where they lie in the file.
+        unpacked: What `unpack` said of them; None: not asked yet.
+        in_place: Whether several that are not compressed stay between what else was read.
         is_sound: Whether their bytes were checked before: then they are, too.
 
     Raises:
         CorruptLogError: One is not what was written.
     """
+    loaded, records = unpack(chunks) if unpacked is None else unpacked
     if len(chunks) == 1:
-        return _read_one(chunks, first_event, records)
+        assert records is not None, "of one chunk there are"
+        return _page_of_one(loaded, first_event, records)
     rows = chunks.rows
-    whole, starts = _laid_out(chunks, records, in_place=in_place, is_sound=is_sound)
+    whole, starts = _laid_out(loaded, records, in_place=in_place, is_sound=is_sound)
     ends = starts + rows["size"]
     place = int(rows["offset"][0])
     try:
-        walked = _walk(chunks, whole, starts, ends)
+        walked = _walk(loaded, whole, starts, ends)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, place, str(damage)) from None
     page = Page(whole, first_event, chunks.path, place, walked)
@@ -109,37 +120,31 @@ def read_page(
 
 
 def _laid_out(
-    chunks: ChunkTable, known: Records | None, *, in_place: bool, is_sound: bool
+    loaded: LoadedChunks, unpacked: Records | None, *, in_place: bool, is_sound: bool
 ) -> tuple[Records, NDArray[np.int64]]:
     """Return what holds the records of several chunks, checked, and where those of each begin."""
-    sizes = chunks.rows["size"]
+    sizes = loaded.table.rows["size"]
     joined = np.cumsum(sizes) - sizes
-    if not chunks.are_plain[0]:
-        whole = unpack(chunks) if known is None else known
-        assert whole is not None, "of compressed chunks there are"
-        return whole, joined
-    crcs = _check_heads(chunks)
-    starts = chunks.rows["offset"] + _HEAD.itemsize
+    if unpacked is not None:
+        return unpacked, joined
+    crcs = _check_heads(loaded)
+    starts = loaded.starts + _HEAD.itemsize
     if is_sound:
-        return chunks.file, starts
+        return loaded.data, starts
     ends = starts + sizes
-    parts = [chunks.file[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
+    parts = [loaded.data[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
     if list(map(zlib.crc32, parts)) != crcs:
-        raise _first_misfit_of_crc(chunks, parts, crcs)
-    return (chunks.file, starts) if in_place else (b"".join(parts), joined)
+        raise _first_misfit_of_crc(loaded.table, parts, crcs)
+    return (loaded.data, starts) if in_place else (b"".join(parts), joined)
 
 
 def _walk(
-    chunks: ChunkTable,
-    records: bytes | memoryview,
-    starts: NDArray[np.int64],
-    ends: NDArray[np.int64],
+    loaded: LoadedChunks, records: Records, starts: NDArray[np.int64], ends: NDArray[np.int64]
 ) -> Walked:
     """Return where the messages of several chunks begin."""
-    rows = chunks.rows
-    if int(rows["size"].max()) <= _FEW_RECORDS_BYTES:
+    if int(loaded.table.rows["size"].max()) <= _FEW_RECORDS_BYTES:
         return Walked(walk_together(records, starts, ends))
-    return walk_by_index(chunks.file, rows["offset"] + rows["length"], records, starts, ends)
+    return walk_by_index(loaded.data, loaded.index_starts, records, starts, ends)
 
 
 def _first_misfit_of_crc(
@@ -194,12 +199,11 @@ def first_misfit(
     return places[0] if places else None
 
 
-def _read_one(chunks: ChunkTable, first_event: int, known: Records | None) -> Page:
-    records = unpack(chunks) if known is None else known
-    assert records is not None, "of one chunk there are"
-    offset, length = int(chunks.rows["offset"][0]), int(chunks.rows["length"][0])
+def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Page:
+    chunks = loaded.table
+    offset = int(chunks.rows["offset"][0])
     try:
-        walked = walk_one(chunks.file, offset + length, records)
+        walked = walk_one(loaded.data, int(loaded.index_starts[0]), records)
         page = Page(records, first_event, chunks.path, offset, walked)
         _check_rows(page, chunks)
     except ChunkDamage as damage:
@@ -213,10 +217,10 @@ def _check_rows(page: Page, chunks: ChunkTable) -> None:
         raise ChunkDamage(misfit[1])
 
 
-def _check_heads(chunks: ChunkTable) -> list[int]:
+def _check_heads(loaded: LoadedChunks) -> list[int]:
     """Check the heads of uncompressed chunks against the table, and return their CRCs."""
-    rows = chunks.rows
-    heads = gather(chunks.file, rows["offset"], _HEAD)
+    chunks, rows = loaded.table, loaded.table.rows
+    heads = gather(loaded.data, loaded.starts, _HEAD)
     wrong = (
         (heads["opcode"] != Opcode.CHUNK)
         | (heads["length"] != rows["length"] - mcap.FRAME.size)
@@ -228,7 +232,7 @@ def _check_heads(chunks: ChunkTable) -> list[int]:
         | (rows["size"] == 0)
     )
     for place in np.flatnonzero(wrong).tolist():
-        chunks[place]  # says what is wrong
+        chunks.chunk_in(loaded.data, int(loaded.bases[place]), place)  # says what is wrong
         raise CorruptLogError(chunks.path, int(rows["offset"][place]), "a chunk without messages")
     crcs: list[int] = heads["crc"].tolist()
     return crcs

@@ -21,23 +21,23 @@ class Passage:
         self._progress = progress
         self._done = 0
         """Bytes of the segments that were passed."""
-        self._todo = sum(len(segment.file) for segment in segments) if progress else 0
+        self._todo = sum(segment.size for segment in segments) if progress else 0
         self._kept_from = 0
         """In the segment that is read: what lies before was let go of."""
 
     def reached(self, segment: Segment, page: Page) -> None:
         """Take note of a page that was used, and all before it."""
         if page.offset - self._kept_from > MOST_MAPPED:
-            segment.mapped.let_go(self._kept_from, page.offset)
+            segment.source.let_go(self._kept_from, page.offset)
             self._kept_from = page.offset
         if self._progress:
             self._progress(self._done + page.offset, self._todo)
 
     def passed(self, segment: Segment, *, is_read: bool) -> None:
         """Take note of a segment's end."""
-        self._done += len(segment.file)
+        self._done += segment.size
         if is_read and self._done > MOST_MAPPED:
-            segment.mapped.let_go(self._kept_from, len(segment.file))
+            segment.source.let_go(self._kept_from, segment.size)
         self._kept_from = 0
         if self._progress:
             self._progress(self._done, self._todo)

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +20,18 @@ from semmap_log.log import records as mcap
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import LOG_METADATA, PROFILE
 from semmap_log.log.header import SegmentHeader
+from semmap_log.log.reading.byte_source import ByteSource
 from semmap_log.log.reading.chunk_table import ChunkTable
-from semmap_log.log.reading.closed_summary import FOOTER_BYTES, ClosedSummary, read_summary
+from semmap_log.log.reading.closed_summary import (
+    FOOTER_BYTES,
+    SMALL_BYTES,
+    ClosedSummary,
+    is_footer,
+    read_summary,
+)
 from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
 from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
-from semmap_log.log.reading.mapping import MappedFile, map_file
+from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.segment_head import last_commit_in, stored_head
 from semmap_log.log.walking import frames
 
@@ -38,17 +46,17 @@ class Segment:
 
     path: Path
     header: SegmentHeader
-    mapped: MappedFile
-    """The file as it was when it was opened; stays readable if it is replaced."""
+    source: ByteSource
+    """The file's bytes as it was when it was opened; to be had still if it is replaced."""
     head_end: int
     """Where the records behind the head's Metadata begin."""
     live: LiveScan | None
     """What a scan of a live segment found; None: it is closed."""
 
     @property
-    def file(self) -> memoryview:
-        """All bytes of the file."""
-        return self.mapped.data
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self.source.size
 
     @property
     def closed(self) -> bool:
@@ -62,7 +70,10 @@ class Segment:
         Raises:
             CorruptLogError: It does not fit its CRC, or itself.
         """
-        return read_summary(self.path, self.file)
+        found = read_summary(self.path, self.source)
+        if len(found.tail) > SMALL_BYTES:
+            _with_summary.add(self)
+        return found
 
     @cached_property
     def head(self) -> bytes:
@@ -91,7 +102,7 @@ class Segment:
         """
         if self.live is not None:
             return None
-        counts: Mapping[int, int] = self._statistics.channel_message_counts
+        counts: Mapping[int, int] = self.statistics.channel_message_counts
         return counts
 
     @property
@@ -102,12 +113,17 @@ class Segment:
             CorruptLogError: The summary is damaged.
         """
         if self.live is None:
-            return self._statistics.message_start_time, self._statistics.message_end_time
+            return self.statistics.message_start_time, self.statistics.message_end_time
         rows = self.chunks.rows
         return (int(rows["start_ns"][0]), int(rows["end_ns"].max())) if len(rows) else (0, 0)
 
     @cached_property
-    def _statistics(self) -> Statistics:
+    def statistics(self) -> Statistics:
+        """What a closed segment counts of itself.
+
+        Raises:
+            CorruptLogError: The summary is damaged.
+        """
         return self.summary.statistics()
 
     @property
@@ -121,7 +137,7 @@ class Segment:
 
     @cached_property
     def _table(self) -> ChunkTable:
-        _keep_tables_of(self)
+        _with_tables.add(self)
         return self.summary.chunks(self.head_end)
 
     @property
@@ -139,7 +155,7 @@ class Segment:
 
     @cached_property
     def _spans(self) -> NDArray[np.void]:
-        _keep_tables_of(self)
+        _with_tables.add(self)
         return spans_of_summary(self.summary)
 
     @cached_property
@@ -158,14 +174,14 @@ class Segment:
         """Whether all of its data are what was written, as one CRC tells, or a scan has found."""
         if self.live is not None:
             return True
-        self.mapped.will_need(0, len(self.file))
+        self.source.will_need(0, self.size)
         return self.summary.fits_data()
 
     @property
     def whole_end(self) -> int:
         """Where the last whole commit (or keyframe) ends."""
         if self.live is not None:
-            return min(self.live.whole_at, len(self.file))
+            return min(self.live.whole_at, self.size)
         return self.summary.data_end
 
     @property
@@ -176,21 +192,30 @@ class Segment:
     @property
     def torn_bytes(self) -> int:
         """How many bytes lie behind the last whole commit of a live segment, and do not count."""
-        return len(self.file) - self.whole_end if self.problem else 0
+        return self.size - self.whole_end if self.problem else 0
 
 
-_with_tables: deque[weakref.ref[Segment]] = deque()
-_MOST_TABLES = 64
+class _Keepers:
+    """Segments that keep what can be read again: only the last ones, since a long log has many."""
+
+    def __init__(self, most: int, *names: str) -> None:
+        self._most = most
+        self._names = names
+        """Under which attributes they keep it."""
+        self._segments: deque[weakref.ref[Segment]] = deque()
+
+    def add(self, segment: Segment) -> None:
+        """Take in one that begins to keep something; the one that has done so longest lets go."""
+        self._segments.append(weakref.ref(segment))
+        if len(self._segments) > self._most:
+            oldest = self._segments.popleft()()
+            if oldest is not None:
+                for name in self._names:
+                    vars(oldest).pop(name, None)
 
 
-def _keep_tables_of(segment: Segment) -> None:
-    """Let go of the tables of the segment that has had some longest: a long log has many."""
-    _with_tables.append(weakref.ref(segment))
-    if len(_with_tables) > _MOST_TABLES:
-        oldest = _with_tables.popleft()()
-        if oldest is not None:
-            vars(oldest).pop("_table", None)
-            vars(oldest).pop("_spans", None)
+_with_tables = _Keepers(64, "_table", "_spans")
+_with_summary = _Keepers(4, "summary")
 
 
 def open_segment(
@@ -208,44 +233,62 @@ def open_segment(
         CorruptLogError: It was, and is damaged: in its head; a live one, in what was on the disk.
         LogAccessError: It cannot be read.
     """
-    mapped = map_file(path, folder)
-    header, head_end = read_head(path, mapped.data)
-    if is_closed(mapped.data):
-        return Segment(path, header, mapped, head_end, live=None)
-    live = _known_scan(earlier, mapped, header)
-    mapped.will_need(0 if live is None else min(live.at, len(mapped.data)), len(mapped.data))
+    source = map_file(path, folder)
+    ends = source.read_ranges(
+        ((0, _USUAL_HEAD_BYTES), (max(0, source.size - FOOTER_BYTES), source.size))
+    )
+    header, head_end = read_head(path, source, ends[: min(_USUAL_HEAD_BYTES, source.size)])
+    if is_footer(ends[-FOOTER_BYTES:]):
+        return Segment(path, header, source, head_end, live=None)
+    live = _known_scan(earlier, source, header)
+    source.will_need(0 if live is None else min(live.at, source.size), source.size)
     if live is None:
-        live = scan_live(path, header, mapped.data, head_end)
+        live = scan_live(path, header, source, head_end)
     else:
-        live = go_on(live, header, mapped.data)
+        live = go_on(live, header, source)
     if live.is_damage:
-        raise CorruptLogError(path, min(live.at, len(mapped.data)), live.problem)
-    return Segment(path, header, mapped, head_end, live)
+        raise CorruptLogError(path, min(live.at, source.size), live.problem)
+    return Segment(path, header, source, head_end, live)
 
 
 def _known_scan(
-    earlier: Segment | None, mapped: MappedFile, header: SegmentHeader
+    earlier: Segment | None, source: ByteSource, header: SegmentHeader
 ) -> LiveScan | None:
     """Return the scan of the same file when it was shorter; None if it is another file."""
     if (
         earlier is None
-        or earlier.mapped.identity != mapped.identity
+        or earlier.source.identity != source.identity
         or earlier.header != header
-        or len(earlier.file) > len(mapped.data)
+        or earlier.size > source.size
     ):
         return None
     return earlier.live
 
 
-def read_head(path: Path, file: memoryview) -> tuple[SegmentHeader, int]:
+_USUAL_HEAD_BYTES, _MOST_HEAD_BYTES = 2**12, 2**16
+"""A segment's own header lies within the first, but for very long names; within the second, else
+it is none of ours."""
+
+
+def read_head(
+    path: Path, source: ByteSource, start: memoryview | None = None
+) -> tuple[SegmentHeader, int]:
     """Return a segment's own header and where the records behind it begin.
+
+    Args:
+        path: Its file.
+        source: The file's bytes.
+        start: The first of them; None: not read yet.
 
     Raises:
         NotALogError: Not an MCAP file, or one that somebody else wrote.
         CorruptLogError: The header is damaged.
     """
+    file = source.read(0, _USUAL_HEAD_BYTES) if start is None else start
     if file[: len(mcap.MAGIC)] != mcap.MAGIC:
         raise NotALogError(f"{path}: not an MCAP file.")
+    if len(list(islice(frames(file, len(mcap.MAGIC), len(file)), 2))) < 2:
+        file = source.read(0, _MOST_HEAD_BYTES)
     records = frames(file, len(mcap.MAGIC), len(file))
     first, second = next(records, None), next(records, None)
     if first is None or second is None or first[0] != Opcode.HEADER:
@@ -266,11 +309,3 @@ def read_head(path: Path, file: memoryview) -> tuple[SegmentHeader, int]:
         return SegmentHeader.from_metadata(metadata), second[1] + second[2]
     except ValueError as error:
         raise CorruptLogError(path, second[1], str(error)) from None
-
-
-def is_closed(file: memoryview) -> bool:
-    """Tell whether the file ends in a footer and the magic: no live segment does."""
-    if len(file) < FOOTER_BYTES or file[-len(mcap.MAGIC) :] != mcap.MAGIC:
-        return False
-    opcode, length = mcap.FRAME.unpack_from(file, len(file) - FOOTER_BYTES)
-    return bool(opcode == Opcode.FOOTER and length == 20)

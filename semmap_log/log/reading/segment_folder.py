@@ -153,7 +153,7 @@ class SegmentFolder:
 
     def _read_on(self, path: Path, known: Segment | None) -> Segment:
         try:
-            if known is not None and (known.closed or self._size(path) == len(known.file)):
+            if known is not None and (known.closed or self._size(path) == known.size):
                 return known
             return open_segment(path, earlier=known, folder=self.folder)
         except LogError as error:
@@ -200,6 +200,6 @@ def check_is_log(folder: LogFolder) -> None:
     *others, last = (folder / name for name, _ in list_segments(folder))
     for path in others:
         with suppress(LogError):
-            read_head(path, map_file(path, folder).data)
+            read_head(path, map_file(path, folder))
             return
-    read_head(last, map_file(last, folder).data)
+    read_head(last, map_file(last, folder))

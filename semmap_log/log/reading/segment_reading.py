@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
+from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.form import CHUNK_BYTES, count_events
 from semmap_log.log.kind_bits import COMMIT_BIT
@@ -19,7 +20,7 @@ from semmap_log.log.pages import Page
 from semmap_log.log.reading.ahead import ahead
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.note_sources import NoteSources
-from semmap_log.log.reading.page_reading import Records, read_page, unpack
+from semmap_log.log.reading.page_reading import Unpacked, read_page, unpack
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_head import last_commit_in
 from semmap_log.log.reading.window import numbers_of
@@ -42,7 +43,9 @@ def page_at(segment: Segment, chunk: int) -> Page:
     Raises:
         CorruptLogError: They are not what was written.
     """
-    return read_page(segment.chunks[chunk : chunk + 1], segment.header.first_event)
+    alone = segment.chunks[chunk : chunk + 1]
+    segment.source.will_need(*alone.span())
+    return read_page(alone, segment.header.first_event)
 
 
 def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
@@ -52,7 +55,8 @@ def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
         CorruptLogError: They are not what was written.
     """
     try:
-        return chunk.records(segment.file)
+        stored = segment.source.read(chunk.offset, chunk.offset + chunk.length)
+        return chunk.records(stored, chunk.offset)
     except ChunkDamage as damage:
         raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
 
@@ -71,13 +75,14 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     firsts, ends = numbers_of(segment)
     wanted = segment.chunks.chosen(chunks)
     is_most = 2 * len(chunks) > len(firsts)
-    is_sound = is_most and wanted.are_small and segment.is_sound  # to know it, all is read
+    may_trust = is_most and wanted.are_small and segment.source.is_guarded
+    is_sound = may_trust and segment.is_sound  # to know it, all is read
     at = 0
-    for group, records in _unpacked(segment, wanted):
+    for group, unpacked in _unpacked(segment, wanted):
         mine = chunks[at : at + len(group)]
         at += len(group)
         page = read_page(
-            group, segment.header.first_event, records=records, in_place=True, is_sound=is_sound
+            group, segment.header.first_event, unpacked=unpacked, in_place=True, is_sound=is_sound
         )
         batch = page.events(NoteSources(page, partial(commit_of, segment)))
         _check_numbers(page, batch, firsts[mine], ends[mine])
@@ -95,7 +100,7 @@ def _keep_freed_memory() -> None:
     np.empty(_KEPT_BYTES, np.uint8)  # never touched, so it takes no memory
 
 
-_KEPT_BYTES = 2**22
+_KEPT_BYTES = 2**23
 
 _PAGE_BYTES = 5 * CHUNK_BYTES // 2
 """So many are read together: each page costs some 0.2 ms beside its bytes. Behind a keyframe come a
@@ -105,7 +110,7 @@ FEW_CHUNKS = 3
 """So few are unpacked at once: to hand them to other threads would take longer."""
 
 
-def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Records | None]]:
+def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Unpacked | None]]:
     """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
     groups = _groups(segment, chunks)
     if len(chunks) <= FEW_CHUNKS or chunks.are_plain.all():
@@ -119,7 +124,7 @@ def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
     """Yield chunks in groups, each of them asked of the disk one group ahead."""
     before: ChunkTable | None = None
     for group in chunks.groups(_PAGE_BYTES):
-        segment.mapped.will_need(*group.span())
+        segment.source.will_need(*group.span())
         if before is not None:
             yield before
         before = group
@@ -141,6 +146,15 @@ def _check_numbers(
     if len(batch) != counts.sum() or (batch.number != expected).any():
         problem = f"expected {int(counts.sum())} events from {int(firsts[0])} on, got others"
         raise CorruptLogError(page.path, page.offset, problem)
+
+
+def statistics_of(segment: Segment) -> ClosedSegment:
+    """Return what metadata.yaml is to say of a closed segment: its own Statistics.
+
+    Raises:
+        CorruptLogError: Its summary is damaged.
+    """
+    return ClosedSegment.of(segment.path, segment.statistics)
 
 
 def last_commit(segment: Segment) -> Commit | None:

@@ -12,7 +12,7 @@ from semmap_log.log.header import LogInfo
 from semmap_log.log.records import MESSAGE
 from semmap_log.log.salvage.rewriting import Rewriter
 from semmap_log.log.verification import Progress, Severity, Verification, Verifier, WholeCommit
-from semmap_log.log.verification.files import Vanished
+from semmap_log.log.verification.file_bytes import Vanished
 from semmap_log.messages import OBJECT_KINDS, decode, fixed_layout
 
 

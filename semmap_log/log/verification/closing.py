@@ -35,6 +35,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.header import SegmentHeader, head_in_index, read_index
 from semmap_log.log.segment import attachment_index, channel_record, schema_records
+from semmap_log.log.verification.file_bytes import FileBytes
 from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, schemas_and_channels
@@ -112,7 +113,7 @@ class Contents:
         )
 
 
-def closing_flaws(file: memoryview, at: int, contents: Contents) -> list[Flaw]:
+def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:
     """Compare what lies behind the last chunk, from `at` on, with what must.
 
     Args:
@@ -136,21 +137,22 @@ def closing_flaws(file: memoryview, at: int, contents: Contents) -> list[Flaw]:
     return flaws
 
 
-def is_whole_closing(file: memoryview, at: int, contents: Contents) -> bool:
+def is_whole_closing(file: FileBytes, at: int, contents: Contents) -> bool:
     """Tell whether what lies from `at` on is as long as what must close the segment."""
     index, length, _ = _index(file, at, contents)
     behind = _records_behind(file, at, length, index, contents) if index else ()
     return at + length + sum(len(data) for _, data in behind) == len(file)
 
 
-def is_torn_closing(file: memoryview, at: int, contents: Contents) -> bool:
+def is_torn_closing(file: FileBytes, at: int, contents: Contents) -> bool:
     """Tell whether a crash while a segment was being closed can have left these bytes.
 
     They are a part of what closes it, whole sectors of zeros in place of some of it.
     """
     index, length, flaws = _index(file, at, contents)
     if index is None:
-        return file[at : at + 1] in (b"", bytes([Opcode.METADATA])) and len(file) < at + length
+        first = bytes(file[at : at + 1])
+        return first in (b"", bytes([Opcode.METADATA])) and len(file) < at + length
     if flaws:
         return False
     start = at + length
@@ -162,7 +164,7 @@ def is_torn_closing(file: memoryview, at: int, contents: Contents) -> bool:
     return start >= len(file)
 
 
-def summary_flaws(file: memoryview) -> list[Flaw]:
+def summary_flaws(file: FileBytes) -> list[Flaw]:
     """Check a summary by itself, where the chunks that it speaks of are not all there."""
     at = len(file) - FOOTER_BYTES + mcap.FRAME.size
     footer = mcap.read_record(Footer, file[at : at + 20])
@@ -184,16 +186,14 @@ def _differs_by_lost_sectors(start: int, got: bytes, expected: bytes) -> bool:
     return True
 
 
-def _index(
-    file: memoryview, at: int, contents: Contents
-) -> tuple[Metadata | None, int, list[Flaw]]:
+def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | None, int, list[Flaw]]:
     """Return the Metadata `semmap_index` at `at`, its length, and what is wrong with it.
 
     Its bytes depend on the zlib that packed them, so it is what it says that is compared.
     """
     if at + mcap.FRAME.size > len(file):
         return None, mcap.FRAME.size, [Flaw("closing", at, "the file ends before its index")]
-    opcode, body = mcap.FRAME.unpack_from(file, at)
+    opcode, body = mcap.FRAME.unpack(file[at : at + mcap.FRAME.size])
     length = mcap.FRAME.size + body
     if opcode != Opcode.METADATA:
         text = f"expected the Metadata {INDEX_METADATA}, got a record of opcode {opcode:#04x}"
@@ -223,11 +223,11 @@ def _index(
 
 
 def _records_behind(
-    file: memoryview, at: int, index_length: int, index: Metadata, contents: Contents
+    file: FileBytes, at: int, index_length: int, index: Metadata, contents: Contents
 ) -> Iterator[tuple[str, bytes]]:
     """Yield the name and the bytes of each record that must follow the index."""
     data_end = at + index_length
-    crc = zlib.crc32(file[:data_end])
+    crc = file.crc_to(data_end)
     # What names no head was closed before there was an index of commands.
     commands = None if head_in_index(index) is None else contents.command_attachment()
     attachments = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 import os
 import stat
 import struct
@@ -26,8 +25,8 @@ from semmap_log.log.form import (
     stem_of,
 )
 from semmap_log.log.header import SegmentHeader
+from semmap_log.log.verification.file_bytes import FileBytes, Vanished
 
-BLOCK = 2**20
 HEAD_BYTES = 2**16
 """The header lies well within; a longer one is none of ours."""
 FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
@@ -76,10 +75,6 @@ def name_of(file: SegmentFile, number: int) -> Path:
     return file.path.with_name(segment_name(stem_of(file.path.name), number))
 
 
-class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins anew
-    """A file was replaced or removed since it was listed: a compaction is at work."""
-
-
 def look_at(path: Path) -> SegmentFile | None:
     """Return what a file's head says; None if it is none of ours.
 
@@ -92,28 +87,24 @@ def look_at(path: Path) -> SegmentFile | None:
         status = os.fstat(fd)
         if not stat.S_ISREG(status.st_mode):
             return None
-        head = _pread(fd, HEAD_BYTES, 0)
-        foot = _pread(fd, FOOTER_BYTES, max(0, status.st_size - FOOTER_BYTES))
-    if not _is_ours(head):
-        return None
+        data = FileBytes(path, fd, status.st_size)
+        head = bytes(data[:HEAD_BYTES])
+        is_named_like_ours = bool(data.unreadable) and number_in(path.name) is not None
+        if not (_is_ours(head) or is_named_like_ours):
+            return None
+        foot = bytes(data[max(0, status.st_size - FOOTER_BYTES) :])
+        # An end that the disk does not give is taken for that of a closed segment: no torn tail.
+        is_closed = _ends_in_footer(foot) or status.st_size in [end for _, end in data.unreadable]
     header, end, problem = _header_of(path, head)
     identity = (status.st_dev, status.st_ino)
-    return SegmentFile(
-        path, status.st_size, identity, header, end, problem, is_closed=_ends_in_footer(foot)
-    )
+    return SegmentFile(path, status.st_size, identity, header, end, problem, is_closed)
 
 
 @contextmanager
-def mapped(
-    file: SegmentFile, *, is_new: bool = True
-) -> Iterator[tuple[memoryview, list[tuple[int, int]]]]:
-    """Hand out a file's bytes, and the (start, end) of what the disk would not give: zeros there.
+def bytes_of(file: SegmentFile) -> Iterator[FileBytes]:
+    """Hand out a file's bytes.
 
     A live segment may have grown since it was listed; that is seen, too.
-
-    Args:
-        file: What to read.
-        is_new: Whether it was not read before: then all of it is tried first.
 
     Raises:
         Vanished: The file is gone, or another has its name.
@@ -122,13 +113,7 @@ def mapped(
         status = os.fstat(fd)
         if (status.st_dev, status.st_ino) != file.identity or status.st_size < file.size:
             raise Vanished(file.path)
-        if is_new and _unreadable(fd, status.st_size):
-            data, bad = _what_can_be_read(fd, status.st_size)
-        elif status.st_size:
-            data, bad = memoryview(mmap.mmap(fd, status.st_size, prot=mmap.PROT_READ)), []
-        else:
-            data, bad = memoryview(b""), []
-    yield data, bad
+        yield FileBytes(file.path, fd, status.st_size)
 
 
 @cache
@@ -183,37 +168,3 @@ def _opened(path: Path) -> Iterator[int]:
         yield fd
     finally:
         os.close(fd)
-
-
-def _pread(fd: int, size: int, offset: int) -> bytes:
-    """Return bytes, zeros where the disk fails."""
-    try:
-        return os.pread(fd, size, offset)
-    except OSError:
-        return bytes(size)
-
-
-def _unreadable(fd: int, size: int) -> bool:
-    """Read all of a file, and tell whether the disk refuses any of it.
-
-    A mapping would end the process at such a place; what was read once stays in memory for it.
-    """
-    try:
-        for start in range(0, size, BLOCK):
-            os.pread(fd, BLOCK, start)
-    except OSError:
-        return True
-    return False
-
-
-def _what_can_be_read(fd: int, size: int) -> tuple[memoryview, list[tuple[int, int]]]:
-    """Return a file's bytes, zeros where the disk refuses them, and where that is."""
-    data, bad = bytearray(size), list[tuple[int, int]]()
-    for start in range(0, size, mmap.PAGESIZE):
-        end = min(start + mmap.PAGESIZE, size)
-        try:
-            data[start:end] = os.pread(fd, end - start, start).ljust(end - start, b"\0")
-        except OSError:
-            joined = bool(bad) and bad[-1][1] == start
-            bad[-1:] = [(bad[-1][0], end)] if joined else [*bad[-1:], (start, end)]
-    return memoryview(data).toreadonly(), bad

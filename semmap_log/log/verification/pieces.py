@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from mcap.opcode import Opcode
@@ -21,6 +22,7 @@ from semmap_log.log.form import (
     LAST_EVENT_CHANNEL,
     ZSTD_LEVEL,
 )
+from semmap_log.log.verification.file_bytes import WINDOW_BYTES, FileBytes
 from semmap_log.log.walking import ChunkDamage
 
 Message = tuple[int, int, int, int, int, int]
@@ -33,6 +35,8 @@ _CHUNK_HEAD = re.compile(
     rb".{4}\0{4}",  # a stored size below 2^32
     re.DOTALL,
 )
+_MOST_HEAD_BYTES = 64
+"""No such head is longer."""
 _TIMES_END = 2**63  # times are handled as int64
 
 
@@ -64,7 +68,7 @@ class Piece:
         """The levels whose floor map is in it, ascending."""
         return [c - FLOOR_MAP_CHANNEL for c in self.counts if c >= FLOOR_MAP_CHANNEL]
 
-    def is_compressed_as_usual(self, file: memoryview) -> bool:
+    def is_compressed_as_usual(self, file: FileBytes) -> bool:
         """Tell whether its stored bytes are those that this zstd makes of its records.
 
         Some bits of a zstd frame mean nothing; only a closed segment's data CRC covers them.
@@ -93,7 +97,7 @@ class Piece:
         )
 
 
-def examine(file: memoryview, offset: int, length: int) -> Piece:
+def examine(file: FileBytes, offset: int, length: int) -> Piece:
     """Return the chunk whose record lies at `offset`.
 
     Args:
@@ -107,10 +111,11 @@ def examine(file: memoryview, offset: int, length: int) -> Piece:
     if offset + length > len(file):
         raise ChunkDamage("a chunk that ends behind the file's end")
     try:
-        stored = read_chunk_head(file, offset, length)
+        data = file[offset : offset + length]
+        stored = read_chunk_head(data, offset, length, offset)
     except struct.error:
         raise ChunkDamage("a chunk whose head does not fit into it") from None
-    records = _records(file, stored)
+    records = _records(data, stored)
     if zlib.crc32(records) != stored.crc:
         raise ChunkDamage(f"its CRC says {stored.crc:08x}, its bytes {zlib.crc32(records):08x}")
     messages = _messages(records)
@@ -136,22 +141,32 @@ def examine(file: memoryview, offset: int, length: int) -> Piece:
     )
 
 
-def find_piece(file: memoryview, start: int, end: int) -> Piece | None:
+def find_piece(file: FileBytes, start: int, end: int) -> Piece | None:
     """Return the next whole chunk that begins in start..end, found by its bytes alone."""
-    while (found := _CHUNK_HEAD.search(file, start, end)) is not None:
-        start = found.start()
-        _, body = mcap.FRAME.unpack_from(file, start)
-        if start + mcap.FRAME.size + body <= end:
-            try:
-                return examine(file, start, mcap.FRAME.size + body)
-            except ChunkDamage:
-                pass
-        start += 1
+    while start < end:
+        window = file[start : min(start + WINDOW_BYTES, end)]
+        for at in _heads_in(window):
+            length = mcap.FRAME.size + mcap.FRAME.unpack_from(window, at)[1]
+            if start + at + length <= end:
+                try:
+                    return examine(file, start + at, length)
+                except ChunkDamage:
+                    pass
+        start += max(1, len(window) - _MOST_HEAD_BYTES)  # a head may lie across the window's end
     return None
 
 
-def _records(file: memoryview, stored: StoredChunk) -> bytes | memoryview:
-    data = file[stored.data_offset : stored.data_offset + stored.stored_size]
+def _heads_in(data: memoryview) -> Iterator[int]:
+    """Yield where what looks like a chunk's head begins, overlapping ones, too."""
+    found = _CHUNK_HEAD.search(data)
+    while found is not None:
+        yield found.start()
+        found = _CHUNK_HEAD.search(data, found.start() + 1)
+
+
+def _records(record: memoryview, stored: StoredChunk) -> bytes | memoryview:
+    start = stored.data_offset - stored.offset
+    data = record[start : start + stored.stored_size]
     if stored.compression == "":
         if stored.stored_size != stored.size:
             raise ChunkDamage(f"expected {stored.size} bytes of records, got {stored.stored_size}")

@@ -21,7 +21,8 @@ from semmap_log.log.verification.closing import (
     is_whole_closing,
     summary_flaws,
 )
-from semmap_log.log.verification.files import SegmentFile, Vanished, first_bytes, mapped, name_of
+from semmap_log.log.verification.file_bytes import Vanished
+from semmap_log.log.verification.files import SegmentFile, bytes_of, first_bytes, name_of
 from semmap_log.log.verification.findings import Finding, Severity, Verification
 from semmap_log.log.verification.folder import (
     Arrangement,
@@ -137,13 +138,14 @@ class Verifier:
         is_live = is_last and not file.is_closed
         contents = Contents(file.header_end, file.header, is_complete=file.header_end > 0)
         self._check_place(file, contents)
-        with mapped(file) as (data, unreadable):
+        with bytes_of(file) as data:
             self._bytes += len(data)
-            for start, end in unreadable:
-                self._damage("unreadable", start, f"the disk does not give bytes {start}..{end}")
+            data.try_all()
             walk = SegmentWalk(data, file.header_end)
             if self._chunks(i, walk, contents, is_live=is_live):
                 self._end_of_segment(file, walk, contents, is_live=is_live)
+            for start, end in data.unreadable:
+                self._damage("unreadable", start, f"the disk does not give bytes {start}..{end}")
         if self.chain.breaks != self._breaks:
             self._breaks = self.chain.breaks
             self._keyframes.forget()
@@ -268,7 +270,7 @@ class Verifier:
             chain = Chain(found.append)
             assert file.header is not None
             chain.start_at(file.header)
-            with mapped(file) as (data, _):
+            with bytes_of(file) as data:
                 self._bytes += len(data)
                 for item in SegmentWalk(data, file.header_end):
                     if isinstance(item, Piece):
@@ -347,7 +349,7 @@ class Verifier:
         """Yield the chunks from a place on, which were read before and were whole."""
         for i in range(place.file, len(self.arrangement.segments)):
             file = self.arrangement.segments[i]
-            with mapped(file, is_new=False) as (data, _):
+            with bytes_of(file) as data:
                 for item in SegmentWalk(data, file.header_end):
                     at_or_behind = i > place.file or (
                         isinstance(item, Piece) and item.stored.offset >= place.offset

@@ -16,9 +16,13 @@ from mcap.opcode import Opcode
 from semmap_log.log import records as mcap
 from semmap_log.log.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, floor_map_topic, topics
 from semmap_log.log.segment import channel_record, schema_records
+from semmap_log.log.verification.file_bytes import FileBytes
 from semmap_log.log.verification.pieces import Piece, examine, find_piece
 from semmap_log.log.walking import ChunkDamage
 from semmap_log.messages import layout
+
+_CHANNEL = struct.Struct("<BQH")
+"""Of a Channel record: opcode, length, channel id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +46,7 @@ class Gap:
 class SegmentWalk:
     """What lies in a segment behind its header; iterate once, then look at the rest."""
 
-    def __init__(self, file: memoryview, header_end: int) -> None:
+    def __init__(self, file: FileBytes, header_end: int) -> None:
         """Begin behind the header; 0: it cannot be read."""
         self.file = file
         self.levels: list[int] = []
@@ -96,9 +100,9 @@ class SegmentWalk:
     def _floor_map_channels(self, at: int) -> tuple[list[int], int]:
         """Return whose channels stand at `at`, byte for byte as we write them, and their end."""
         levels: list[int] = []
-        while at + mcap.FRAME.size + 2 <= len(self.file) and self.file[at] == Opcode.CHANNEL:
-            (channel,) = struct.unpack_from("<H", self.file, at + mcap.FRAME.size)
-            if channel <= FLOOR_MAP_CHANNEL:
+        while at + _CHANNEL.size <= len(self.file):
+            opcode, _, channel = _CHANNEL.unpack(self.file[at : at + _CHANNEL.size])
+            if opcode != Opcode.CHANNEL or channel <= FLOOR_MAP_CHANNEL:
                 break
             data = mcap.record(channel_record(floor_map_topic(channel - FLOOR_MAP_CHANNEL)))
             if self.file[at : at + len(data)] != data:
@@ -110,7 +114,7 @@ class SegmentWalk:
     def _piece(self, at: int) -> tuple[Piece | None, str]:
         if at + mcap.FRAME.size > len(self.file):
             return None, "a record that is cut"
-        opcode, length = mcap.FRAME.unpack_from(self.file, at)
+        opcode, length = mcap.FRAME.unpack(self.file[at : at + mcap.FRAME.size])
         if opcode != Opcode.CHUNK:
             return None, f"expected a chunk, got a record of opcode {opcode:#04x}"
         try:

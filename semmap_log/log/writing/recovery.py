@@ -34,7 +34,7 @@ def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
 
 def keep_torn_tail(folder: LogFolder, segment: Segment) -> None:
     """Put what lies behind the last whole commit beside the segment, named by where it lay."""
-    tail = bytes(segment.file[segment.whole_end :])
+    tail = bytes(segment.source.read(segment.whole_end, segment.size))
     name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
     kept, more = name, 1
     while folder.has(kept) and not _holds(folder, kept, tail):

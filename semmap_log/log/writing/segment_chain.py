@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.bag_metadata import ClosedSegment, statistics_of, write_bag_metadata
+from semmap_log.log.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.closed_mark import ClosedMark, read_mark, write_mark
 from semmap_log.log.compaction.background import BackgroundCompactor
@@ -29,6 +29,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_reading import statistics_of
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing.recovery import reopened
 
@@ -112,12 +113,12 @@ class SegmentChain:
         last, self._small = self._small, None
         if last is None:
             return  # a crash left a large one: it was made whole, and closed
-        if last.closed and len(last.file) >= CONTINUE_BELOW_BYTES:
+        if last.closed and last.size >= CONTINUE_BELOW_BYTES:
             self._older = (*self._older, last)
             return
         segment = reopened(self.folder, last)
         self._list()  # rosbag2's tools must not meet a live segment
-        segment.install(replacing=last.mapped.identity)
+        segment.install(replacing=last.source.identity)
         self.live = segment
         if segment.size >= CONTINUE_BELOW_BYTES:
             self.roll(end)
@@ -207,7 +208,7 @@ class SegmentChain:
             older, self._older = self._older, ()
             for segment in older:
                 with suppress(CorruptLogError):  # who reads it is told
-                    self._closed[segment.path.name] = statistics_of(segment.path, segment.file)
+                    self._closed[segment.path.name] = statistics_of(segment)
             for one in closed:
                 self._closed[one.name] = one
             write_bag_metadata(self.folder, self._closed.values())

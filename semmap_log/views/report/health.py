@@ -29,7 +29,7 @@ def health_of(summary: LogSummary, tz: str) -> dict[str, Any]:
         "bytes": summary.bytes,
         "segments": len(summary.segments),
         "files": [
-            [segment.path.name, len(segment.file), segment.closed, segment.header.first_event]
+            [segment.path.name, segment.size, segment.closed, segment.header.first_event]
             for segment in summary.segments[-MOST_FILES:]
         ],
         "suspects": len(summary.suspects),

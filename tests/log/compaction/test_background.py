@@ -16,12 +16,13 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import LogError
-from semmap_log.log.bag_metadata import ClosedSegment, statistics_of
+from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.compaction import background, compact_segment
 from semmap_log.log.compaction.background import BackgroundCompactor
 from semmap_log.log.compaction.rechunk import needs_compaction
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.segment_reading import statistics_of
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing import segment_chain
 from tests.log.logs import digest_of_records, segment_files, write_log
@@ -97,7 +98,7 @@ def test_segments_are_compacted_one_after_the_other(
     assert before == digest_of_records(log)
     assert all(path.stat().st_size < size for path, size in zip(files, sizes, strict=True))
     for path, (said, _) in zip(files, installed.calls, strict=True):
-        assert statistics_of(path, open_segment(path).file) == said
+        assert statistics_of(open_segment(path)) == said
 
 
 def test_no_thread_before_there_is_work(log: Path, compactor: BackgroundCompactor) -> None:

@@ -185,7 +185,7 @@ def rewritten(path: Path, change: Callable[[Records], Records]) -> None:
     for record in change(records):
         writer.add(build_chunk(record, np.zeros(1, np.int64)))
     writer.close()
-    writer.install(replacing=segment.mapped.identity)
+    writer.install(replacing=segment.source.identity)
 
 
 def channel_of(record: bytes) -> int:

@@ -121,7 +121,7 @@ def test_the_live_segment_is_not_touched(log: Path) -> None:
     """
     live = segment_files(log)[-1]
     data = open_segment(live)
-    live.write_bytes(bytes(data.file[: data.whole_end]))
+    live.write_bytes(bytes(data.source.read(0, data.whole_end)))
     before, live_bytes = answers(log), live.read_bytes()
 
     compact(log)

@@ -102,7 +102,7 @@ def test_a_live_segment_reads_whole(path: Path) -> None:
 
     assert 20_102 == _events(segment)
     assert ("", 0, False) == (segment.problem, segment.torn_bytes, segment.closed)
-    assert len(segment.file) == segment.whole_end
+    assert segment.size == segment.whole_end
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_a_bad_place_that_nobody_called_durable_is_a_torn_tail(path: Path) -> No
 
     assert 1 == _events(segment)
     assert chunk.offset == segment.whole_end
-    assert len(segment.file) - chunk.offset == segment.torn_bytes
+    assert segment.size - chunk.offset == segment.torn_bytes
     assert "its CRC says" in segment.problem
 
 
@@ -284,9 +284,9 @@ def test_reading_on_costs_what_was_added(path: Path, monkeypatch: pytest.MonkeyP
         file.write(data[cut:])
     looks: list[int] = []
 
-    def counted(file: memoryview, offset: int, length: int) -> object:
+    def counted(file: memoryview, offset: int, length: int, base: int) -> object:
         looks.append(offset)
-        return read_head(file, offset, length)
+        return read_head(file, offset, length, base)
 
     read_head = live_records.read_chunk_head
     monkeypatch.setattr(live_records, "read_chunk_head", counted)
@@ -369,7 +369,7 @@ def test_every_byte_of_the_summary_counts(path: Path) -> None:
         with pytest.raises(CorruptLogError, match="its summary does not fit its CRC"):
             _ = segment.chunks
 
-        walked = scan.scan_live(path, segment.header, segment.file, segment.head_end)
+        walked = scan.scan_live(path, segment.header, segment.source, segment.head_end)
         assert (4, "") == (len(walked.chunks), walked.problem)
         _changed(path, at, data[at : at + 1])
 

@@ -20,6 +20,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_reading import read_chunk
 from semmap_log.log.verification import Finding, Severity, Verification, verify
 from semmap_log.log.walking import frames
 from tests.log.eventful import contents, eventful_log, flip
@@ -406,7 +407,7 @@ def rewritten(file: Path, change: str) -> None:
     old = open_segment(file)
     writer = SegmentWriter(LogFolder(file.parent), file.name, old.header)
     for number, chunk in enumerate(old.chunks):
-        records = bytearray(chunk.records(old.file))
+        records = bytearray(read_chunk(old, chunk))
         page = Page(bytes(records), old.header.first_event, file)
         if change == "keyframe" and page.heads["channel_id"][0] == KEYFRAME_CHANNEL:
             records[-20] ^= 1
@@ -414,7 +415,7 @@ def rewritten(file: Path, change: str) -> None:
             records[mcap.MESSAGE.size + 12] ^= 1
         if change == "order" and number in (2, 3):
             other = old.chunks[5 - number]
-            records = bytearray(other.records(old.file))
+            records = bytearray(read_chunk(old, other))
         if change == "left out" and number == 2:
             continue
         page = Page(bytes(records), old.header.first_event, file)

@@ -1,0 +1,57 @@
+"""Where the bytes of a segment come from: a seam of ranges, behind which a file or a store lies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+Identity = tuple[int, int]
+"""Of a file: device and inode."""
+
+BLOCK_BYTES = 2**20
+"""So much is read at once where all of a file is."""
+
+
+class ByteSource(Protocol):
+    """A file's bytes as it was when it was opened, handed out as private copies of ranges.
+
+    Offsets are those of the file. What lies behind its end is left out, as by a slice.
+    """
+
+    @property
+    def size(self) -> int:
+        """Bytes in all."""
+
+    @property
+    def identity(self) -> Identity:
+        """The same for the same file under any name, another for its successor."""
+
+    @property
+    def is_guarded(self) -> bool:
+        """Whether what is cut off meanwhile shows as an error: else, in parts, as zeros."""
+
+    def read(self, start: int, end: int) -> memoryview:
+        """Return a range, read-only; nobody changes it any more.
+
+        Raises:
+            UnreadableLogError: The disk refuses some of it, or the file was shortened.
+        """
+
+    def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
+        """Return ranges one behind the other, as `read`."""
+
+    def will_need(self, start: int, end: int) -> None:
+        """Have a range fetched that is read soon; nothing else is fetched ahead."""
+
+    def let_go(self, start: int, end: int) -> None:
+        """Give up what a range that was read still takes of memory; it can be read again."""
+
+
+def blocks(source: ByteSource, start: int, end: int) -> Iterator[memoryview]:
+    """Yield a long range in parts.
+
+    Raises:
+        UnreadableLogError: As `ByteSource.read`.
+    """
+    for at in range(start, end, BLOCK_BYTES):
+        yield source.read(at, min(at + BLOCK_BYTES, end))
