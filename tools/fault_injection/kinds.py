@@ -16,6 +16,7 @@ from fault_injection.signals import signals
 from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
+from fault_injection.threads import threads
 
 KINDS: dict[str, Kind] = {
     "disk": simulated_disk,
@@ -32,5 +33,6 @@ KINDS: dict[str, Kind] = {
     "clocks": clocks,
     "interrupts": interrupts,
     "signals": signals,
+    "threads": threads,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

@@ -78,12 +78,12 @@ class Subject:
         try:
             judged()
         except WrongAnswerError as error:
-            kept = _keep(log or self.log, plan.keep, what)
+            kept = keep(log or self.log, plan.keep, what)
             return Outcome(what, checked, error.lost, error.invented, str(error), kept)
         return Outcome(what, checked)
 
 
-def _keep(log: Path, where: Path, fault: str) -> Path | None:
+def keep(log: Path, where: Path, fault: str) -> Path | None:
     """Copy a damaged log to a folder that tells the fault; None if many are kept already."""
     kept = where / re.sub(r"[^\w.]+", "-", fault)
     if where.is_dir() and len(list(where.iterdir())) >= MOST_KEPT:
