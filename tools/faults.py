@@ -51,7 +51,7 @@ def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally) -> None:
     """Count what a kind yields, until it ends, or its time or number is over."""
     start = time.monotonic()
     with tempfile.TemporaryDirectory(dir=args.dir, prefix="faults_") as folder:
-        plan = Plan(args.seed, Path(folder), faults=args.faults, keep=args.keep)
+        plan = Plan(args.seed, Path(folder), faults=args.faults, keep=args.keep, only=args.only)
         try:
             with closing(kind(plan)) as outcomes:
                 for outcome in outcomes:
@@ -77,6 +77,8 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--faults", type=_count, metavar="N",
                         help="a sample of so many of each kind; default: all of them")  # fmt: skip
+    parser.add_argument("--only", type=int, metavar="N",
+                        help="the fault of that number alone, as the table names it")  # fmt: skip
     parser.add_argument("--seconds", type=float, metavar="S",
                         help="end each kind after so long")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one document instead of the table")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fault_injection.clocks import clocks
+from fault_injection.closed import closed
 from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
@@ -34,5 +35,6 @@ KINDS: dict[str, Kind] = {
     "interrupts": interrupts,
     "signals": signals,
     "threads": threads,
+    "closed": closed,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

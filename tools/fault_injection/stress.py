@@ -39,11 +39,12 @@ LEVELS = ("none", "event", "batch", "flush")
 class Storm:
     """One run of many threads."""
 
+    turn: int
     level: str
     seed: int
 
     def __str__(self) -> str:
-        return f"{THREADS} threads at once, durability {self.level}, seed {self.seed}"
+        return f"{self.turn}: {THREADS} threads at once, durability {self.level}, seed {self.seed}"
 
 
 def try_storm(plan: Plan, storm: Storm, oracle: Oracle) -> Outcome:
@@ -64,7 +65,7 @@ def try_storm(plan: Plan, storm: Storm, oracle: Oracle) -> Outcome:
         if said.closed and poses != sorted(said.poses):
             problems.append(f"{len(said.poses)} poses were given, {len(poses)} are there")
         problems += what_verify_says(folder / "log", is_closed=said.closed)
-        what = f"threads: {storm}"
+        what = str(storm)
         kept = keep(folder, plan.keep, what) if problems or lost or invented else None
         return Outcome(what, len(said.accepted), lost, invented, "\n".join(problems), kept)
     finally:

@@ -12,7 +12,7 @@ from fault_injection.fault import Outcome, Plan
 from fault_injection.judging import Judge, Verdict, WrongAnswerError
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.scan import open_segment
 
 MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""
@@ -42,8 +42,8 @@ class Subject:
         """
         copy = folder / title / log.name
         shutil.copytree(log, copy, ignore=shutil.ignore_patterns(".lock"))
-        last = open_segment(max(copy.glob("*.mcap")))
-        return cls(copy, Judge(log, last_commits=last_commits), title, _commit_places(last))
+        places = commit_places(max(copy.glob("*.mcap")))
+        return cls(copy, Judge(log, last_commits=last_commits), title, places)
 
     @property
     def files(self) -> list[Path]:
@@ -92,8 +92,9 @@ def keep(log: Path, where: Path, fault: str) -> Path | None:
     return kept
 
 
-def _commit_places(segment: Segment) -> tuple[tuple[int, int], ...]:
-    """Return where each commit's chunks lie, from the first to the last of them."""
+def commit_places(path: Path) -> tuple[tuple[int, int], ...]:
+    """Return where each commit's chunks lie in a segment, from the first to the last of them."""
+    segment = open_segment(path)
     places, start = [], None
     for chunk in segment.chunks:
         heads = Page(chunk.records(segment.file), 0, segment.path).heads

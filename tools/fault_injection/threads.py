@@ -4,34 +4,33 @@ from __future__ import annotations
 
 import random
 from collections.abc import Generator, Iterator
-from itertools import islice
 
 from fault_injection.fault import Outcome, Plan
-from fault_injection.interleaving.schedules import schedules, try_schedule
+from fault_injection.interleaving.schedules import drawn_schedule, try_schedule
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
 from fault_injection.stress import LEVELS, Storm, try_storm
 
 USUAL = 400
-SCHEDULES_A_STORM = 10
+STORM_EVERY = 11
 """Most faults need a rare order: drawing it finds them sooner than luck."""
 
 
 def threads(plan: Plan) -> Generator[Outcome, None, None]:
-    """Try orders of threads without end, on all cores; now and then many threads at once."""
+    """Try drawn orders of threads, on all cores; now and then many threads at once."""
     yield from side_by_side(_share, plan)
 
 
 def _share(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
-    """Yield a share: the same ones for the same seed, whatever the others do."""
     with Oracle() as oracle:
-        yield from islice(_endless(plan, share, shares, oracle), -(-plan.most(USUAL) // shares))
+        for turn in plan.turns(USUAL, share, shares):
+            yield try_one(plan, turn, oracle)
 
 
-def _endless(plan: Plan, share: int, shares: int, oracle: Oracle) -> Iterator[Outcome]:
-    dice = random.Random(f"storms {plan.seed} {share}")
-    for turn, schedule in enumerate(islice(schedules(plan.seed), share, None, shares)):
-        if turn % SCHEDULES_A_STORM == 0:
-            level = LEVELS[turn // SCHEDULES_A_STORM % len(LEVELS)]
-            yield try_storm(plan, Storm(level, dice.randrange(10**9)), oracle)
-        yield try_schedule(plan, schedule, oracle)
+def try_one(plan: Plan, turn: int, oracle: Oracle) -> Outcome:
+    """Try what the seed and the turn alone decide."""
+    dice = random.Random(f"{plan.seed} {turn}")
+    if turn % STORM_EVERY == 0:
+        level = LEVELS[turn // STORM_EVERY % len(LEVELS)]
+        return try_storm(plan, Storm(turn, level, dice.randrange(10**9)), oracle)
+    return try_schedule(plan, drawn_schedule(turn, dice), oracle)

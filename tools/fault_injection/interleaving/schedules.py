@@ -8,7 +8,6 @@ import json
 import os
 import random
 import shutil
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,22 +43,22 @@ HELD_BACK = (2**16, 1000, 600)
 class Schedule:
     """One order of one program's threads."""
 
+    turn: int
     program: str
     level: str
     seed: int
 
     def __str__(self) -> str:
-        return f"{self.program!r}, durability {self.level}, schedule {self.seed}"
+        return f"{self.turn}: {self.program!r}, durability {self.level}, schedule {self.seed}"
 
 
-def schedules(seed: int) -> Iterator[Schedule]:
-    """Yield orders for ever, every program and level in turn."""
-    dice = random.Random(seed)
-    while True:
-        both = [(name, level) for name, p in PROGRAMS.items() for level in p.levels]
-        dice.shuffle(both)
-        for name, level in both:
-            yield Schedule(name, level, dice.randrange(10**9))
+_EACH = [(name, level) for name, program in PROGRAMS.items() for level in program.levels]
+
+
+def drawn_schedule(turn: int, dice: random.Random) -> Schedule:
+    """Return an order; each program and level has its turn."""
+    name, level = _EACH[turn % len(_EACH)]
+    return Schedule(turn, name, level, dice.randrange(10**9))
 
 
 def try_schedule(plan: Plan, schedule: Schedule, oracle: Oracle) -> Outcome:
@@ -95,7 +94,7 @@ def _outcome(
             lost, invented = max(lost, gone), max(invented, more)
     if not problems and not lost:
         problems += what_verify_says(log, is_closed=said.closed)
-    what = f"threads: {schedule}"
+    what = str(schedule)
     kept = keep(folder, plan.keep, what) if problems or lost or invented else None
     return Outcome(what, len(promised), lost, invented, "\n".join(problems), kept)
 
