@@ -7,6 +7,7 @@ from fault_injection.closed import closed
 from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
+from fault_injection.folders import folders
 from fault_injection.interrupts import interrupts
 from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
 from fault_injection.real_limits import real_limits
@@ -35,6 +36,7 @@ KINDS: dict[str, Kind] = {
     "interrupts": interrupts,
     "signals": signals,
     "threads": threads,
+    "folders": folders,
     "closed": closed,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

@@ -50,16 +50,18 @@ class Answer:
 Arguments = tuple[str, ...]
 
 
-def ask_verb(arguments: Arguments, log: Path, out: Path) -> Answer:
+def ask_verb(arguments: Arguments, log: Path, out: Path, *, fresh: bool = True) -> Answer:
     """Run a verb in this process.
 
     Args:
         arguments: Of the command line; `LOG` and `OUT` stand for the paths.
         log: The log.
-        out: A folder for what is written; emptied first.
+        out: A folder for what is written.
+        fresh: Whether that is emptied first.
     """
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
+    if fresh:
+        shutil.rmtree(out, ignore_errors=True)
+        out.mkdir(parents=True)
     real = [part.replace(LOG, str(log)).replace(OUT, str(out)) for part in arguments]
     stdout, stderr = _Captured(), _Captured()
     with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
