@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import semmap_log as sl
 from fault_injection.forking import forked
@@ -34,8 +34,20 @@ from semmap_log.errors import SemmapError
 ALWAYS = ("replay", "history", "tail -n 5", "info", "verify")
 SOME = 12
 """Of the other questions, so many at each damage, in turns."""
+WHO = ("held", "before", "anew")
+"""A reader from before the damage, as it is; one that refreshes; and one that is opened then."""
 WRITERS = ("observe", "compact", "record")
 Damage = Callable[[Path], object]
+
+
+class Place(Protocol):
+    """A place where logs are damaged that needs care before and after."""
+
+    def make_anew(self) -> None:
+        """Make it, empty."""
+
+    def settle(self, log: Path) -> None:
+        """See to it that a copy that was just made is as one that has lain there for long."""
 
 
 @dataclass
@@ -54,18 +66,21 @@ class Findings:
 class Examined:
     """A log that is not damaged, and what everybody says of it."""
 
-    def __init__(self, log: Path, folder: Path, oracle: Oracle) -> None:
+    def __init__(
+        self, log: Path, folder: Path, oracle: Oracle, *, damaged: Path | None = None
+    ) -> None:
         """Ask everything of it.
 
         Args:
             log: Not damaged; it is copied.
             folder: Where copies are made.
             oracle: Says what is in it.
+            damaged: Where the copy to damage is made; default: in that folder, too.
         """
         self._folder = folder
         self._oracle = oracle
         self.whole = folder / "whole" / log.name
-        self.copy = folder / "damaged" / log.name
+        self.copy = (damaged or folder / "damaged") / log.name
         shutil.copytree(log, self.whole, ignore=shutil.ignore_patterns(".lock"))
         self.found = oracle.ask(self.whole)
         assert not self.found["problems"], self.found["problems"]
@@ -81,18 +96,32 @@ class Examined:
         """How many it has."""
         return len(self.found["commits"])
 
-    def try_damage(self, damage: Damage, turn: int, *, may_lose: int = 0) -> Findings:
+    def try_damage(
+        self,
+        damage: Damage,
+        turn: int,
+        *,
+        may_lose: int = 0,
+        place: Place | None = None,
+        writer: str | None = None,
+    ) -> Findings:
         """Damage a copy, and ask it.
 
         Args:
             damage: Changes the files of a folder.
             turn: Chooses among the questions that are not asked each time.
             may_lose: How many commits at the end may be missing, as a crash leaves them.
+            place: Where the copy is made, if that needs care.
+            writer: What changes the log in the end; empty: nothing; default: one of several.
         """
+        if place is not None:
+            place.make_anew()
         self._fresh_copy()
-        writer = WRITERS[turn % len(WRITERS)]
+        if place is not None:
+            place.settle(self.copy)
+        writer = WRITERS[turn % len(WRITERS)] if writer is None else writer
         names = self._names(turn)
-        ended = forked(partial(self._ask_damaged, damage, names, writer))
+        ended = forked(partial(self._ask_damaged, damage, names, writer, reads=place is None))
         answers = heard_answers(ended)
         findings = Findings()
         if ended.status == 3 and not answers:
@@ -102,7 +131,7 @@ class Examined:
         return findings
 
     def _fresh_copy(self) -> None:
-        shutil.rmtree(self.copy.parent, ignore_errors=True)
+        shutil.rmtree(self.copy, ignore_errors=True)
         shutil.copytree(self.whole, self.copy)
 
     def _names(self, turn: int) -> list[str]:
@@ -141,26 +170,44 @@ class Examined:
         asked["follow"] = lambda log: [
             (f.commit.hash, [r.number for r in f]) for f in log.follow(half, stop=lambda: True)
         ]
-        return {f"{who}: {name}": ask for name, ask in asked.items() for who in ("before", "anew")}
+        return {f"{who}: {name}": ask for name, ask in asked.items() for who in WHO}
 
     def _ask_damaged(
-        self, damage: Damage, names: list[str], writer: str, tell: Callable[[str], object]
+        self,
+        damage: Damage,
+        names: list[str],
+        writer: str,
+        tell: Callable[[str], object],
+        *,
+        reads: bool = True,
     ) -> None:
-        """Open readers, do the damage, and ask; for a child process."""
-        before = sl.read(self.copy)
-        list(before.commits())
-        before.replay()
+        """Open readers, do the damage, and ask; for a child process.
+
+        Args:
+            damage: Changes the files of a folder.
+            names: Of the questions.
+            writer: What changes the log in the end; empty: nothing.
+            tell: Hears the answers.
+            reads: Whether the readers read anything before: then the kernel has it in memory.
+        """
+        held, before = sl.read(self.copy), sl.read(self.copy)
+        if reads:
+            list(before.commits())
+            before.replay()
         damage(self.copy)
-        refreshed = _Lazy(partial(_refreshed, before))
-        anew = _Lazy(partial(sl.read, self.copy))
+        readers = {
+            "held": _Lazy(lambda: held),
+            "before": _Lazy(partial(_refreshed, before)),
+            "anew": _Lazy(partial(sl.read, self.copy)),
+        }
         out = self._folder / "out"
         asked: dict[str, Callable[[], Answer]] = {}
         for name in names:
             if name in self.verbs:
                 asked[name] = partial(ask_verb, self.verbs[name], self.copy, out)
             else:
-                who = refreshed if name.startswith("before") else anew
-                asked[name] = partial(_ask_reader, who, self._asked[name])
+                reader = readers[name.partition(":")[0]]
+                asked[name] = partial(_ask_reader, reader, self._asked[name])
         tell_answers(asked, tell)
         if writer:
             asked = {writer: partial(_write, writer, self.copy, out)}
@@ -196,8 +243,8 @@ class Examined:
         done = answers.get(writer)
         if done is None:
             return
-        if done.code < 0:
-            findings.add(writer, done.error)
+        if done.code < 0 or writer == "recover":  # that makes another log
+            findings.add(writer, done.error if done.code < 0 else "")
             return
         found = self._oracle.ask(self.copy)
         there = [commit["hash"] for commit in found["commits"]]
@@ -266,6 +313,8 @@ def _write(writer: str, log: Path, out: Path) -> Answer:
     """Do what changes the log: by a verb, or as a program that appends some."""
     if writer == "observe":
         return ask_verb(("observe", LOG, "1", "open", "--json"), log, out)
+    if writer == "recover":
+        return ask_verb(("recover", LOG, "--out", f"{OUT}/saved", "--yes"), log, out)
     if writer == "compact":
         return ask_verb(("compact", LOG, "--json"), log, out)
     try:

@@ -19,6 +19,7 @@ from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
 from fault_injection.threads import threads
+from fault_injection.unreadable import shrinking_files, unreadable_sectors
 
 KINDS: dict[str, Kind] = {
     "disk": simulated_disk,
@@ -30,6 +31,8 @@ KINDS: dict[str, Kind] = {
     "cuts": cuts,
     "flips": flips,
     "sectors": sectors,
+    "sectors-unreadable": unreadable_sectors,
+    "sectors-shrinking": shrinking_files,
     "segments": segments,
     "rivals": rivals,
     "clocks": clocks,
