@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fault_injection.bombs import bombs
 from fault_injection.clocks import clocks
 from fault_injection.closed import closed
 from fault_injection.cuts import cuts
@@ -40,6 +41,7 @@ KINDS: dict[str, Kind] = {
     "signals": signals,
     "threads": threads,
     "folders": folders,
+    "bombs": bombs,
     "closed": closed,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""
