@@ -35,6 +35,7 @@ FOURTH: tuple[Callable[[sl.DoorLogWriter], object], ...] = (
     lambda log: log.update_door(1, prob_open=0.3),
 )
 
+
 @dataclass(frozen=True)
 class Chain:
     """A log at rest, and all that it once was or might have been."""

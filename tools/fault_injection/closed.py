@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import random
 import shutil
 from collections.abc import Callable, Generator, Iterator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 from fault_injection.chained import Chain, make_chains
@@ -33,23 +32,29 @@ def _share(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
     folder = plan.folder / f"closed-{share}"
     chains = make_chains(folder / "chains")
     with Oracle() as oracle:
-        examined = {c.title: Examined(c.log, folder / c.title, oracle) for c in chains}
+
+        @cache
+        def examined(chain: int) -> Examined:
+            return Examined(chains[chain].log, folder / chains[chain].title, oracle)
+
         for turn in plan.turns(USUAL, share, shares):
             yield try_one(plan, chains, examined, turn)
 
 
-def try_one(plan: Plan, chains: list[Chain], examined: dict[str, Examined], turn: int) -> Outcome:
+def try_one(
+    plan: Plan, chains: list[Chain], examined: Callable[[int], Examined], turn: int
+) -> Outcome:
     """Do one damage, which the seed and the turn alone decide.
 
     Args:
         plan: Has the seed.
         chains: The logs.
-        examined: Of each, by its title, what it says while it is whole.
+        examined: Gives of each, by its place, what it says while it is whole.
         turn: Which damage.
     """
     dice = random.Random(f"{plan.seed} {turn}")
-    chain = dice.choice(chains)
-    log = examined[chain.title]
+    place = dice.randrange(len(chains))
+    chain, log = chains[place], examined(place)
     what, damage, may_lose = _Files(chain, log.whole, dice).draw()
     findings = log.try_damage(damage, turn, may_lose=may_lose)
     said = f"{turn}: {chain.title} log, {what}"
@@ -182,9 +187,9 @@ def _remove(log: Path, *, name: str) -> None:
 
 
 def _swap(log: Path, *, one: str, other: str) -> None:
-    os.rename(log / one, log / "swapping")
-    os.rename(log / other, log / one)
-    os.rename(log / "swapping", log / other)
+    (log / one).rename(log / "swapping")
+    (log / other).rename(log / one)
+    (log / "swapping").rename(log / other)
 
 
 def _copy(log: Path, *, name: str, to: str) -> None:

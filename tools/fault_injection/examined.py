@@ -10,11 +10,13 @@ import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
 import semmap_log as sl
 from fault_injection.forking import forked
+from fault_injection.oracle_answers import disagreements
 from fault_injection.oracle_client import Oracle
 from fault_injection.questions import answer as answered
 from fault_injection.questions import questions
@@ -149,6 +151,8 @@ class Examined:
         bad = {name: one for name, one in answers.items() if one.code < 0}
         assert set(names) == set(answers), f"unanswered: {ended.error}"
         assert not bad, f"a whole log is not answered: {bad}"
+        wrong = disagreements(self._oracle, self.whole, self.verbs, answers)
+        assert not wrong, f"verbs and the oracle do not agree on a whole log: {wrong}"
         return answers
 
     def _without_last(self, commits: int) -> dict[str, Answer]:
@@ -347,7 +351,7 @@ def _verbs(found: dict[str, Any]) -> Iterator[tuple[str, Arguments]]:
     for moment in times:
         for option in ("--at", "--known-at"):
             yield f"replay {option} {moment}", ("replay", LOG, option, moment, "--json")
-    for one, other in zip(numbers, numbers[1:], strict=False):
+    for one, other in pairwise(numbers):
         yield f"diff {one} {other}", ("diff", LOG, f"event:{one}", f"event:{other}", "--json")
     first, last = numbers[0], numbers[-1]
     yield f"diff {first} {last}", ("diff", LOG, f"event:{first}", f"event:{last}", "--json")
@@ -374,5 +378,3 @@ def _verbs(found: dict[str, Any]) -> Iterator[tuple[str, Arguments]]:
     yield "export .csv --at", ("export", LOG, f"{OUT}/made.csv", "--at", times[1])
     yield "costmap", ("costmap", LOG, f"{OUT}/made.npy")
     yield "costmap --at", ("costmap", LOG, f"{OUT}/made.npy", "--event", str(numbers[-2]))
-
-

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import shutil
 from collections.abc import Callable, Generator, Iterator
@@ -32,45 +31,53 @@ def folders(plan: Plan) -> Generator[Outcome, None, None]:
 
 
 def _share(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
-    folder = plan.folder / f"folders-{share}"
-    folder.mkdir()
-    log = _log_for_traps(folder / "office")
-    names: dict[str, list[str]] = {}
     with Oracle() as oracle:
+        yard = _Yard(plan, plan.folder / f"folders-{share}", oracle)
         for turn in plan.turns(USUAL, share, shares):
-            yield _try_one(plan, turn, folder, log, names, oracle)
+            yield yard.try_one(turn)
 
 
-def _try_one(
-    plan: Plan, turn: int, folder: Path, log: Path, names: dict[str, list[str]], oracle: Oracle
-) -> Outcome:
-    """Do what the seed and the turn alone decide."""
-    dice = random.Random(f"{plan.seed} {turn}")
-    if turn % 2:
-        scenario = MOVES[turn // 2 % len(MOVES)]
-        title, play = scenario.__name__, scenario
-    else:
+class _Yard:
+    """Where one process plays."""
+
+    def __init__(self, plan: Plan, folder: Path, oracle: Oracle) -> None:
+        folder.mkdir()
+        self._plan = plan
+        self._folder = folder
+        self._oracle = oracle
+        self._log = _log_for_traps(folder / "office")
+        self._names: dict[str, list[str]] = {}
+        """Of each act: the names at which it can be trapped."""
+
+    def try_one(self, turn: int) -> Outcome:
+        """Do what the seed and the turn alone decide."""
+        dice = random.Random(f"{self._plan.seed} {turn}")
+        title, play = self._drawn(turn, dice)
+        room = self._folder / "room"
+        room.mkdir()
+        try:
+            ended = forked(partial(_play, play, room, dice))
+            story = Story.of(ended.lines)
+            lost, problems = judge(story, room, self._oracle)
+            if ended.status:
+                problems.append(f"it ended with {ended.status}: {ended.error}")
+            what = " ".join([f"{turn}: {title.replace('_', ' ')}", *story.steps])
+            checked = sum(len(kept.stored) for kept in story.keepers.values())
+            kept = keep(room, self._plan.keep, what[:80]) if problems else None
+            return Outcome(what, checked, lost, 0, "\n".join(problems), kept)
+        finally:
+            shutil.rmtree(room)
+
+    def _drawn(self, turn: int, dice: random.Random) -> tuple[str, Callable[[Box], None]]:
+        """Return a scenario, or a trap, and its name."""
+        if turn % 2:
+            scenario = MOVES[turn // 2 % len(MOVES)]
+            return scenario.__name__, scenario
         act = dice.choice(list(ACTS))
-        if act not in names:
-            names[act] = names_of(act, log, folder)
-        title, play = f"trap for {act}", partial(trap, act=act, log=log, names=names[act])
-    room = folder / "room"
-    room.mkdir()
-    here = Path.cwd()
-    try:
-        ended = forked(partial(_play, play, room, dice))
-        story = Story.of(ended.lines)
-        lost, problems = judge(story, room, oracle)
-        if ended.status:
-            problems.append(f"it ended with {ended.status}: {ended.error}")
-        steps = [line for line in ended.lines if line.startswith('["step"')]
-        what = f"{turn}: {title.replace('_', ' ')} {' '.join(steps)}".strip()
-        checked = sum(len(kept.stored) for kept in story.keepers.values())
-        kept = keep(room, plan.keep, what[:80]) if problems else None
-        return Outcome(what, checked, lost, 0, "\n".join(problems), kept)
-    finally:
-        os.chdir(here)
-        shutil.rmtree(room)
+        if act not in self._names:
+            self._names[act] = names_of(act, self._log, self._folder)
+        play = partial(trap, act=act, log=self._log, names=self._names[act])
+        return f"trap for {act}", play
 
 
 def _play(play: Callable[[Box], None], room: Path, dice: random.Random, tell: Tell) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from semmap_log.log.reading.scan import open_segment
 
 MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""
+MOST_KEPT_BYTES = 2**27
+"""A larger file is not kept."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +91,15 @@ def keep(log: Path, where: Path, fault: str) -> Path | None:
     kept = where / re.sub(r"[^\w.]+", "-", fault)
     if where.is_dir() and len(list(where.iterdir())) >= MOST_KEPT:
         return None
-    shutil.copytree(log, kept / log.name, dirs_exist_ok=True, symlinks=True)
+    with suppress(shutil.Error):  # a pipe, which is left out
+        shutil.copytree(log, kept / log.name, dirs_exist_ok=True, symlinks=True, ignore=_huge_files)
     return kept
+
+
+def _huge_files(folder: str, names: list[str]) -> list[str]:
+    """Return the files that are not kept: who repeats the fault has them again."""
+    paths = [Path(folder) / name for name in names]
+    return [p.name for p in paths if p.is_file() and p.lstat().st_size > MOST_KEPT_BYTES]
 
 
 def commit_places(path: Path) -> tuple[tuple[int, int], ...]:

@@ -116,9 +116,7 @@ def _share_of_disk(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
             name = dice.choice(_closed_segments(chain))
             block = dice.randrange(((log.whole / name).stat().st_size - 1) // BLOCK + 1)
             damage = partial(disk.fail_from, name=name, block=block)
-            findings = log.try_damage(
-                damage, turn, place=disk, writer=dice.choice(("recover", ""))
-            )
+            findings = log.try_damage(damage, turn, place=disk, writer=dice.choice(("recover", "")))
             what = f"{turn}: {chain.title} log, nothing readable from block {block} of {name} on"
             yield _outcome(plan, what, log, findings)
 
@@ -197,4 +195,3 @@ def _disk(folder: Path) -> Iterator[_Disk]:
 
 def _run(*command: str) -> None:
     subprocess.run(command, check=True, capture_output=True)
-

@@ -151,7 +151,9 @@ def heard_answers(ended: Ended) -> dict[str, Answer]:
     return answers
 
 
-_CLAIMS = re.compile(r"there is no event|no door |no such door|unknown door|no such level", re.I)
+_CLAIMS = re.compile(
+    r"there is no event|no door |no such door|unknown door|no such level", re.IGNORECASE
+)
 """An error that says this of a log that holds it is a wrong answer, not an error."""
 
 

@@ -27,7 +27,7 @@ HUGE = (2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**62, 2**63 - 1, 2**63, 2**64 - 1)
 
 def mcap_bomb(path: Path, dice: random.Random) -> str:
     """Write an MCAP file with one chunk of zeros; return what it is, in words."""
-    mib = dice.choice((64, 512, 2048))
+    mib = dice.choice((64, 512, 1024))
     compression = dice.choice(("zstd", "zstd", "lz4"))
     says_size = dice.random() < 0.5
     packed = zstd_zeros(mib, says_size=says_size) if compression == "zstd" else lz4_zeros(mib // 4)
@@ -56,7 +56,7 @@ def mcap_liar(path: Path, dice: random.Random) -> str:
 
 def bag_bomb(path: Path, dice: random.Random) -> str:
     """Write a bag of ROS 1 with one chunk of zeros."""
-    mib = dice.choice((64, 512, 2048))
+    mib = dice.choice((64, 512, 1024))
     compression = dice.choice((b"bz2", b"lz4"))
     packed = bz2_zeros(mib) if compression == b"bz2" else lz4_zeros(mib // 4)
     declared = dice.choice((mib * 2**20, 100, 2**32 - 1)) % 2**32

@@ -60,7 +60,7 @@ def _chunk_of_zeros(path: Path, dice: random.Random) -> str:
 
 def _index_of_zeros(path: Path, dice: random.Random) -> str:
     """A closed segment whose index of times unpacks to very many."""
-    mib = dice.choice((256, 2048))
+    mib = dice.choice((256, 1024))
     packed = base64.b64encode(zlib_zeros(mib)).decode()
     with _index_entries(packed, dice.choice((("events",), ("events", "greatest_happened_ns")))):
         _log(path)

@@ -67,5 +67,3 @@ def crc_of_zeros(mib: int) -> int:
     for _ in range(mib):
         crc = zlib.crc32(_BLOCK, crc)
     return crc
-
-

@@ -47,12 +47,11 @@ def gzip_bomb(path: Path, dice: random.Random) -> str:
     """Write packed lines: one without an end, or very many."""
     kind = "csv" if ".csv" in path.name else "jsonl"
     head = b"timestamp,door,state\n" if kind == "csv" else b""
-    mib = dice.choice((64, 1024))
-    what, block = dice.choice((
-        ("zeros", bytes(2**20)),
-        ("one line", b"x" * 2**20),
-        ("empty lines", b"\n" * 2**20),
-        ("commas", b"," * 2**20),
+    what, block, mib = dice.choice((
+        ("zeros", bytes(2**20), 512),
+        ("one line", b"x" * 2**20, 512),
+        ("empty lines", b"\n" * 2**20, 8),
+        ("commas", b"," * 2**20, 64),
     ))  # fmt: skip
     path.write_bytes(gzip_of(head, 1) + gzip_of(block, mib))
     return f"{mib} MiB of {what}, packed"
@@ -77,7 +76,9 @@ def picture_bomb(path: Path, dice: random.Random) -> str:
     """Write a map for `--map` whose picture says that it is huge."""
     width = dice.choice((2**15, 2**20, 2**31 - 1))
     picture = path.with_suffix(".pgm")
-    head = dice.choice((f"P5\n{width} {width}\n255\n", f"P5 {width} 1 255\n", f"P2\n{width} 9\n1\n"))
+    head = dice.choice(
+        (f"P5\n{width} {width}\n255\n", f"P5 {width} 1 255\n", f"P2\n{width} 9\n1\n")
+    )
     picture.write_bytes(head.encode() + bytes(1000))
     resolution = dice.choice(("0.05", "1e-300", "1e300", "0", "-1", ".nan"))
     path.write_text(
@@ -101,7 +102,9 @@ def _laughs(dice: random.Random) -> tuple[str, str]:
     levels = dice.choice((5, 9, 30))
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, levels)]
-    return f"YAML that expands tenfold {levels} times", "\n".join([*lines, f"doors: *a{levels - 1}"])
+    return f"YAML that expands tenfold {levels} times", "\n".join(
+        [*lines, f"doors: *a{levels - 1}"]
+    )
 
 
 def _long_number(dice: random.Random) -> tuple[str, str]:

@@ -51,6 +51,16 @@ class Lock:
             self._owner = None
         self._scheduler.switch("release")
 
+    def let_go(self) -> int:
+        """Let it go, however often it was taken; return how often."""
+        count, self._count, self._owner = self._count, 0, None
+        return count
+
+    def take_again(self, count: int) -> None:
+        """Take it so many times."""
+        self.acquire()
+        self._count = count
+
     def locked(self) -> bool:
         """Tell whether somebody has it."""
         return bool(self._count)
@@ -115,13 +125,12 @@ class Condition:
         """Let the lock go, wait to be told, and take it again."""
         told = [False]
         self._waiting.append(told)
-        count, self._lock._count, self._lock._owner = self._lock._count, 0, None
+        count = self._lock.let_go()
         timed = timeout is not None
         is_told = self._scheduler.wait(lambda: told[0], "condition", timed=timed)
         if told in self._waiting:
             self._waiting.remove(told)
-        self._lock.acquire()
-        self._lock._count = count
+        self._lock.take_again(count)
         return is_told
 
     def wait_for(self, predicate: Callable[[], bool], timeout: float | None = None) -> bool:

@@ -208,7 +208,7 @@ def play(program: Program, run: Run, thread: Callable[..., Any], trace: Any) -> 
     for one in threads:
         one.join()
     with suppress(_Noted):
-        _noted(run, lambda: run.log.close())
+        _noted(run, run.log.close)
         run.say("closed")
 
 

@@ -162,12 +162,18 @@ class Scheduler:
         return self._chooser.choose(able + late, now, now.point)
 
     def _told(self, what: str) -> str:
-        frames = sys._current_frames()
+        frames = sys._current_frames()  # noqa: SLF001 - there is no other way
         said = [what]
         for task in self._tasks:
             if task.is_over or task.thread is None:
                 continue
             frame = frames.get(task.thread.ident or 0)
-            stack = "".join(traceback.format_stack(frame)[-6:]) if frame else ""
+            theirs = [f for f in traceback.extract_stack(frame) if not _is_ours(f.filename)]
+            stack = "".join(traceback.format_list(theirs)[-6:])
             said.append(f"{task.name} at {task.point}:\n{stack}")
         return "\n".join(said)
+
+
+def _is_ours(file: str) -> bool:
+    """Tell whether a frame is of the scheduler, not of the program that it runs."""
+    return "interleaving/" in file or file.endswith("threading.py")

@@ -21,7 +21,7 @@ from fault_injection.forking import forked
 from fault_injection.interleaving import primitives
 from fault_injection.interleaving.choosers import LINE, Parking, Priorities, RandomWalk
 from fault_injection.interleaving.control import controlled
-from fault_injection.interleaving.programs import PROGRAMS, Program, Run, play
+from fault_injection.interleaving.programs import PROGRAMS, Run, play
 from fault_injection.interleaving.scheduler import Chooser, Scheduler, StuckError
 from fault_injection.oracle_client import Oracle
 from fault_injection.sample import constants, held_back_at_most
@@ -68,17 +68,15 @@ def try_schedule(plan: Plan, schedule: Schedule, oracle: Oracle) -> Outcome:
     try:
         ended = forked(lambda tell: _run(schedule, folder, tell))
         said = Said.of(ended.lines)
-        problems = list(said.problems)
         if ended.status:
-            problems.append(f"it ended with {ended.status}: {ended.error}")
-        return _outcome(plan, schedule, folder, said, problems, oracle)
+            said.problems.append(f"it ended with {ended.status}: {ended.error}")
+        return _outcome(plan, schedule, folder, said, oracle)
     finally:
         shutil.rmtree(folder)
 
 
-def _outcome(
-    plan: Plan, schedule: Schedule, folder: Path, said: Said, problems: list[str], oracle: Oracle
-) -> Outcome:
+def _outcome(plan: Plan, schedule: Schedule, folder: Path, said: Said, oracle: Oracle) -> Outcome:
+    problems = list(said.problems)
     log = folder / "log"
     promised = set(said.accepted) if said.closed else said.durable
     found = oracle.ask(log)
@@ -121,7 +119,7 @@ def _run(schedule: Schedule, folder: Path, tell: Tell) -> None:
     ):
 
         def main() -> None:
-            run = _begun(schedule, program, folder, dice, tell, synced)
+            run = _begun(schedule, folder, dice, tell, synced)
             thread = primitives.controlled_threading(scheduler, trace).Thread
             play(program, run, thread, trace)
 
@@ -132,12 +130,7 @@ def _run(schedule: Schedule, folder: Path, tell: Tell) -> None:
 
 
 def _begun(
-    schedule: Schedule,
-    program: Program,
-    folder: Path,
-    dice: random.Random,
-    tell: Tell,
-    synced: dict[int, int],
+    schedule: Schedule, folder: Path, dice: random.Random, tell: Tell, synced: dict[int, int]
 ) -> Run:
     path = folder / "log"
     log = sl.create(
@@ -146,7 +139,7 @@ def _begun(
         durability=schedule.level,
         batch_events=3,
         batch_s=0.01,
-        compact=program.compact,
+        compact=PROGRAMS[schedule.program].compact,
         clock=SteadyClock(),
         entropy=random.Random(schedule.seed).randbytes,
     )

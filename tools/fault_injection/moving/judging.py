@@ -31,6 +31,8 @@ class Story:
     keepers: dict[int, Kept] = field(default_factory=dict)
     bystanders: list[tuple[Path, dict[str, Any]]] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    steps: list[str] = field(default_factory=list)
+    """What was done, in words."""
 
     @classmethod
     def of(cls, lines: Iterable[str]) -> Story:
@@ -42,7 +44,9 @@ class Story:
                 story.problems.append(" ".join(map(str, values)))
             elif word == "bystander":
                 story.bystanders.append((Path(values[0]), values[1]))
-            elif word != "step":
+            elif word == "step":
+                story.steps.append(f"({' '.join(map(str, values))})")
+            else:
                 story._take(word, values)
         return story
 
@@ -66,12 +70,11 @@ def judge(story: Story, root: Path, oracle: Oracle) -> tuple[int, list[str]]:
     problems = list(story.problems)
     for path, before in story.bystanders:
         after = contents_of(path)
-        for name in sorted(before.keys() | after.keys()):
-            if before.get(name) != after.get(name):
-                problems.append(
-                    f"{name} was changed: {before.get(name, 'nothing')} is now "
-                    f"{after.get(name, 'nothing')}"
-                )
+        problems += [
+            f"{name} was changed: {before.get(name, 'nothing')} is now {after.get(name, 'nothing')}"
+            for name in sorted(before.keys() | after.keys())
+            if before.get(name) != after.get(name)
+        ]
         if path.suffix == ".mcap" and path.is_file():
             path.unlink()  # no part of the log beside it, and no fault of its writer
     logs = _logs_in(root, oracle)

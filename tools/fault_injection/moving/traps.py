@@ -223,5 +223,3 @@ def _plant(path: Path, way: str, victim: Path, outside: Path) -> None:
         path.symlink_to(outside)
     else:
         path.write_bytes(b"mine")
-
-

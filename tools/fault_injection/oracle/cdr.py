@@ -26,7 +26,7 @@ def _definitions(whole: str) -> dict[str, tuple[tuple[str, str | None, str], ...
         name = next((line[4:].strip() for line in lines if line.startswith("MSG:")), "")
         matches = [_FIELD.match(line) for line in lines if "=" not in line]
         fields = tuple((m["type"], m["count"], m["name"]) for m in matches if m)
-        found["" if i == 0 else name.split("/")[-1]] = fields
+        found["" if i == 0 else name.rpartition("/")[2]] = fields
     return found
 
 
@@ -59,7 +59,7 @@ class Cdr:
             length = self._number("I")
             self._at += length
             return self._body[self._at - length : self._at - 1].decode()
-        return self.message(schema, kind.split("/")[-1])
+        return self.message(schema, kind.rpartition("/")[2])
 
     def _number(self, code: str) -> Any:
         return self._block(code, 1)[0]

@@ -153,10 +153,16 @@ def whole_chunks(data: bytes, start: int) -> Iterator[list[Message]]:
     at = start
     while (at := data.find(bytes([CHUNK]), at)) >= 0:
         record = next(records(data, at, len(data)), None)
-        try:
-            if record is None:
-                raise BadBytesError("no record")
-            yield chunk_messages(record)
-            at = record.end
-        except BadBytesError:
+        messages = _messages_or_none(record)
+        if record is None or messages is None:
             at += 1
+            continue
+        yield messages
+        at = record.end
+
+
+def _messages_or_none(record: Record | None) -> list[Message] | None:
+    try:
+        return None if record is None else chunk_messages(record)
+    except BadBytesError:
+        return None

@@ -9,7 +9,7 @@ from typing import Any
 
 import framing
 from cdr import Cdr
-from framing import BadBytesError, Message
+from framing import BadBytesError, Message, Record
 
 FLOOR_MAPS, COMMIT, NOTE, KEYFRAME = 100, 90, 91, 92
 
@@ -95,19 +95,24 @@ def _read_head(found: SegmentFile, data: bytes) -> int:
     both = framing.records(data, len(framing.MAGIC), len(data))
     header, metadata = next(both, None), next(both, None)
     try:
-        if header is None or metadata is None or metadata.opcode != framing.METADATA:
-            raise BadBytesError("no head")
-        name, at = framing.text(metadata.body, 0)
-        entries = framing.texts_by_name(metadata.body, at)
-        if header.opcode != framing.HEADER or name != "semmap_log":
-            raise BadBytesError("a head of another program")
-        found.head = entries
-        _ = found.number, found.last_number, found.first_event, entries["hash_so_far"]
+        found.head = _entries(header, metadata)
+        _ = found.number, found.last_number, found.first_event, found.head["hash_so_far"]
     except (BadBytesError, ValueError, KeyError, IndexError) as error:
         found.head = {}
         found.problems.append(f"no head that can be read: {error}")
         return -1
+    assert metadata is not None
     return metadata.end
+
+
+def _entries(header: Record | None, metadata: Record | None) -> dict[str, str]:
+    """Return what the Metadata `semmap_log` says, which stands behind the Header."""
+    if header is None or metadata is None or metadata.opcode != framing.METADATA:
+        raise BadBytesError("no head")
+    name, at = framing.text(metadata.body, 0)
+    if header.opcode != framing.HEADER or name != "semmap_log":
+        raise BadBytesError("a head of another program")
+    return framing.texts_by_name(metadata.body, at)
 
 
 def _read_data(found: SegmentFile, data: bytes, start: int) -> None:
