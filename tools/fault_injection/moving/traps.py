@@ -24,7 +24,7 @@ from semmap_log.errors import SemmapError
 
 PID = "{pid}"
 """In a name: the number of the process."""
-LONGEST_S = 30
+LONGEST_S = 10
 ALWAYS = (
     ".lock", "metadata.yaml", f".metadata.yaml.{PID}.tmp", ".recovering", "damaged-1",
     "closed.json", f".closed.json.{PID}.tmp",
