@@ -31,7 +31,7 @@ KINDS: dict[str, Kind] = {
     "power-xfs": cuts_on_xfs,
     "cuts": cuts,
     "flips": flips,
-    "sectors": sectors,
+    "sectors-damaged": sectors,
     "sectors-unreadable": unreadable_sectors,
     "sectors-shrinking": shrinking_files,
     "segments": segments,
