@@ -70,12 +70,12 @@ def judge(story: Story, root: Path, oracle: Oracle) -> tuple[int, list[str]]:
     problems = list(story.problems)
     for path, before in story.bystanders:
         after = contents_of(path)
+        changed = [n for n in sorted(before.keys() | after.keys()) if before.get(n) != after.get(n)]
         problems += [
             f"{name} was changed: {before.get(name, 'nothing')} is now {after.get(name, 'nothing')}"
-            for name in sorted(before.keys() | after.keys())
-            if before.get(name) != after.get(name)
+            for name in changed
         ]
-        if path.suffix == ".mcap" and path.is_file():
+        if path.suffix == ".mcap" and path.is_file() and not changed:
             path.unlink()  # no part of the log beside it, and no fault of its writer
     logs = _logs_in(root, oracle)
     lost = 0
