@@ -71,7 +71,7 @@ def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally, budget: Budget
     with tempfile.TemporaryDirectory(
         dir=args.dir, prefix="faults_", ignore_cleanup_errors=True
     ) as folder:
-        plan = Plan(args.seed, Path(folder), faults=args.faults, keep=args.keep)
+        plan = Plan(args.seed, Path(folder), faults=args.faults, keep=args.keep, only=args.only)
         try:
             with closing(KindApart(kind, plan)) as at_work:
                 _count_outcomes(at_work, tally, share, line)
@@ -109,6 +109,8 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--faults", type=_count, metavar="N",
                         help="a sample of so many of each kind; default: all of them")  # fmt: skip
+    parser.add_argument("--only", type=int, metavar="N",
+                        help="the fault of that number alone, as the table names it")  # fmt: skip
     parser.add_argument("--seconds", type=float, metavar="S",
                         help="end after so long; each kind to come gets its share")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one document instead of the table")

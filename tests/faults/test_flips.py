@@ -27,7 +27,9 @@ def live(sample: Sample, tmp_path_factory: pytest.TempPathFactory) -> Subject:
     return Subject.of(sample.live, tmp_path_factory.mktemp("live"), "live")
 
 
-@pytest.mark.parametrize(("kind", "count"), [("flips", 1000), ("cuts", 400), ("sectors", 400)])
+@pytest.mark.parametrize(
+    ("kind", "count"), [("flips", 1000), ("cuts", 400), ("sectors-damaged", 400)]
+)
 def test_no_damage_gives_a_wrong_answer(kind: str, count: int, tmp_path: Path) -> None:
     """
     The right events, or those before a torn tail, or an error that names the file.

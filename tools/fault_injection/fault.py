@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,10 +19,25 @@ class Plan:
     """How many faults are wanted, spread over all that the kind has; None: all of them."""
     keep: Path = Path("faults_found")
     """Where a log on which something went wrong is kept."""
+    only: int | None = None
+    """Try the fault of that number alone, as its outcome names it; for kinds that number theirs."""
 
     def most(self, usual: int) -> int:
         """Return how many faults to try, for a kind that could go on for ever."""
         return usual if self.faults is None else self.faults
+
+    def turns(self, usual: int, share: int, shares: int) -> Iterator[int]:
+        """Yield the numbers of the faults that one of some processes tries.
+
+        Args:
+            usual: How many there are if nobody says.
+            share: Which of the processes.
+            shares: How many they are.
+        """
+        if self.only is None:
+            yield from range(share, self.most(usual), shares)
+        elif share == 0:
+            yield self.only
 
 
 @dataclass(frozen=True, slots=True)

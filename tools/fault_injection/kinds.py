@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from fault_injection.bombs import bombs
 from fault_injection.clocks import clocks
+from fault_injection.closed import closed
 from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
+from fault_injection.folders import folders
 from fault_injection.interrupts import interrupts
 from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
 from fault_injection.real_limits import real_limits
@@ -16,6 +19,8 @@ from fault_injection.signals import signals
 from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
+from fault_injection.threads import threads
+from fault_injection.unreadable import shrinking_files, unreadable_sectors
 
 KINDS: dict[str, Kind] = {
     "disk": simulated_disk,
@@ -26,11 +31,17 @@ KINDS: dict[str, Kind] = {
     "power-xfs": cuts_on_xfs,
     "cuts": cuts,
     "flips": flips,
-    "sectors": sectors,
+    "sectors-damaged": sectors,
+    "sectors-unreadable": unreadable_sectors,
+    "sectors-shrinking": shrinking_files,
     "segments": segments,
     "rivals": rivals,
     "clocks": clocks,
     "interrupts": interrupts,
     "signals": signals,
+    "threads": threads,
+    "folders": folders,
+    "bombs": bombs,
+    "closed": closed,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

@@ -104,6 +104,17 @@ def small_segments(commits: int = COMMITS_A_SEGMENT, chunk_bytes: int = 400) -> 
 
 
 @contextmanager
+def held_back_at_most(size: int) -> Iterator[None]:
+    """Let writers with durability `none` keep so many bytes in memory before they write them."""
+    import semmap_log.log.segment as where
+
+    usual = getattr(where, "MOST_HELD_BACK_BYTES", None)
+    assert usual is not None, "the constant has another name: say it here"
+    with constants(MOST_HELD_BACK_BYTES=size):
+        yield
+
+
+@contextmanager
 def constants(**values: int) -> Iterator[None]:
     """Give constants of the log's form other values, wherever they were imported to."""
     modules = [m for name, m in list(sys.modules.items()) if name.startswith("semmap_log.log.")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,11 +13,13 @@ from fault_injection.fault import Outcome, Plan
 from fault_injection.judging import Judge, Verdict, WrongAnswerError
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import read_chunk
 
 MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""
+MOST_KEPT_BYTES = 2**27
+"""A larger file is not kept."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,8 @@ class Subject:
         """
         copy = folder / title / log.name
         shutil.copytree(log, copy, ignore=shutil.ignore_patterns(".lock"))
-        last = open_segment(max(copy.glob("*.mcap")))
-        return cls(copy, Judge(log, last_commits=last_commits), title, _commit_places(last))
+        places = commit_places(max(copy.glob("*.mcap")))
+        return cls(copy, Judge(log, last_commits=last_commits), title, places)
 
     @property
     def files(self) -> list[Path]:
@@ -79,22 +82,30 @@ class Subject:
         try:
             judged()
         except WrongAnswerError as error:
-            kept = _keep(log or self.log, plan.keep, what)
+            kept = keep(log or self.log, plan.keep, what)
             return Outcome(what, checked, error.lost, error.invented, str(error), kept)
         return Outcome(what, checked)
 
 
-def _keep(log: Path, where: Path, fault: str) -> Path | None:
+def keep(log: Path, where: Path, fault: str) -> Path | None:
     """Copy a damaged log to a folder that tells the fault; None if many are kept already."""
     kept = where / re.sub(r"[^\w.]+", "-", fault)
     if where.is_dir() and len(list(where.iterdir())) >= MOST_KEPT:
         return None
-    shutil.copytree(log, kept / log.name, dirs_exist_ok=True, symlinks=True)
+    with suppress(shutil.Error):  # a pipe, which is left out
+        shutil.copytree(log, kept / log.name, dirs_exist_ok=True, symlinks=True, ignore=_huge_files)
     return kept
 
 
-def _commit_places(segment: Segment) -> tuple[tuple[int, int], ...]:
-    """Return where each commit's chunks lie, from the first to the last of them."""
+def _huge_files(folder: str, names: list[str]) -> list[str]:
+    """Return the files that are not kept: who repeats the fault has them again."""
+    paths = [Path(folder) / name for name in names]
+    return [p.name for p in paths if p.is_file() and p.lstat().st_size > MOST_KEPT_BYTES]
+
+
+def commit_places(path: Path) -> tuple[tuple[int, int], ...]:
+    """Return where each commit's chunks lie in a segment, from the first to the last of them."""
+    segment = open_segment(path)
     places, start = [], None
     for chunk in segment.chunks:
         heads = Page(read_chunk(segment, chunk), 0, segment.path).heads

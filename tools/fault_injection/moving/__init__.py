@@ -1,0 +1,1 @@
+"""Folders that are moved, exchanged, copied over and planted with traps while a log is written."""
