@@ -73,7 +73,9 @@ import os, sys, semmap_log as sl
 import semmap_log.log.writing.writer
 log, seen = sys.argv[1], []
 def hook(event, args):
-    if event == "open" and str(args[0]).startswith(log) and args[2] & (os.O_WRONLY | os.O_RDWR):
+    name = str(args[0])
+    ours = name.startswith(log) or not os.path.isabs(name) and "log" in name or name == ".lock"
+    if event == "open" and ours and args[2] & (os.O_WRONLY | os.O_RDWR):
         seen.append("lock file" if str(args[0]).endswith(".lock") else "write")
     elif event == "fcntl.flock":
         seen.append("flock")

@@ -15,6 +15,7 @@ from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import read_chunk
+from semmap_log.log.records import MAGIC
 
 MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""
@@ -58,11 +59,13 @@ class Subject:
         """Return how many commits at the end may be taken for torn if a segment has these bytes.
 
         Only commits of the last segment, and only if every commit from the first touched one on is
-        touched: a whole one behind it proves that what lies before it was on disk.
+        touched: a whole one behind it proves that what lies before it was on disk. None of a closed
+        segment, if closed.json tells where it ended.
         """
-        if name != self.files[-1].name:
-            return 0
         whole = (self.log / name).read_bytes()
+        is_known = (self.log / "closed.json").exists() and whole.endswith(MAGIC)
+        if name != self.files[-1].name or is_known:
+            return 0
         touched = [whole[a:b] != data[a:b] for a, b in self.places]
         return len(touched) - touched.index(True) if any(touched) and _is_tail(touched) else 0
 
