@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.records import ChunkIndex
 
 import semmap_log as sl
 from semmap_log.commits import Note
@@ -26,6 +27,7 @@ from semmap_log.log.compaction import compact
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
+from semmap_log.log.reading.chunk_table import rows_of_indexes
 from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import last_commit
 from semmap_log.log.reading.segment_set import check_follows
@@ -336,3 +338,39 @@ def test_no_sync_is_tried_again() -> None:
         syncs.make_durable(1, fails)
 
     assert ["once"] == tried
+
+
+@pytest.mark.parametrize(
+    ("offset", "index_bytes", "problem"),
+    [
+        (200, 0, ""),
+        (200, 31, ""),
+        (200, 32, "chunks that overlap"),
+        (200, -1, "message indexes of negative size"),
+        (2**62, 0, "a chunk outside the data"),
+    ],
+)
+def test_chunk_indexes_that_contradict_each_other(
+    offset: int, index_bytes: int, problem: str
+) -> None:
+    """
+    Message indexes lie between their chunk and the next one, and all within the data.
+    """
+    length = 9 + 40 + 20
+    indexes = b"".join(
+        mcap.record(
+            ChunkIndex(
+                chunk_length=length, chunk_start_offset=start, compression="",
+                compressed_size=20, message_end_time=1, message_index_length=size % 2**64,
+                message_index_offsets={}, message_start_time=1, uncompressed_size=20,
+            )
+        )
+        for start, size in ((100, index_bytes), (offset, 0))
+    )  # fmt: skip
+
+    if problem:
+        with pytest.raises(ChunkDamage, match=problem):
+            rows_of_indexes(memoryview(indexes), data_start=0, data_end=1000)
+    else:
+        rows = rows_of_indexes(memoryview(indexes), data_start=0, data_end=1000)
+        assert [169 + index_bytes, offset + length] == rows["behind"].tolist()

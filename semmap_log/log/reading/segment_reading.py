@@ -74,8 +74,8 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     _keep_freed_memory()
     firsts, ends = numbers_of(segment)
     wanted = segment.chunks.chosen(chunks)
-    is_most = 2 * len(chunks) > len(firsts)
-    may_trust = is_most and wanted.are_small and segment.source.is_guarded
+    is_worth_it = 2 * len(chunks) > len(firsts) and len(chunks) >= MANY_CHUNKS
+    may_trust = is_worth_it and wanted.are_small and segment.source.is_guarded
     is_sound = may_trust and segment.is_sound  # to know it, all is read
     at = 0
     for group, unpacked in _unpacked(segment, wanted):
@@ -105,6 +105,9 @@ _KEPT_BYTES = 2**23
 _PAGE_BYTES = 5 * CHUNK_BYTES // 2
 """So many are read together: each page costs some 0.2 ms beside its bytes. Behind a keyframe come a
 whole chunk and a fifth of one: twice that is a page."""
+
+MANY_CHUNKS = 32
+"""Fewer are checked one by one sooner than all the data of their segment are."""
 
 FEW_CHUNKS = 3
 """So few are unpacked at once: to hand them to other threads would take longer."""

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semmap_log.errors import NotALogError, UnreadableLogError
+import semmap_log as sl
+from semmap_log.errors import CorruptLogError, NotALogError, UnreadableLogError
 from semmap_log.log.reading import chunk_table, live_records, live_scan, mapping
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.mapping import MappedFile, map_file
@@ -18,6 +19,8 @@ from semmap_log.log.reading.scan import open_segment
 from tests.log.eventful import eventful_log
 from tests.log.logs import segment_files, write_log
 
+SEEN_BYTES = np.array([0.9], "<f8").tobytes()
+"""Of a sighting: its accuracy."""
 DATA = random.Random(4).randbytes(50_000)
 
 
@@ -138,6 +141,47 @@ def test_an_error_of_the_system_is_told_with_its_place(
     assert 8192 == e.value.offset
     assert DATA[100:8192] == opened.read(100, 8192)
     assert DATA[12_288:40_000] == opened.read(12_288, 40_000)
+
+
+@pytest.mark.parametrize("to", [0, 8192, 10_000])
+def test_a_copy_of_what_was_cut_is_an_error(to: int, file: Path) -> None:
+    """
+    Cut by another of its names, its own gone: named is the first page that is not there.
+    """
+    file.with_name("other").hardlink_to(file)
+    opened = _replaced(file)
+    os.truncate(file.with_name("other"), to)
+    end = -(-to // 4096) * 4096
+
+    with pytest.raises(UnreadableLogError, match=f"cannot be read at byte {end}: the disk ref"):
+        opened.read(0, 50_000)
+
+    assert DATA[:to] == opened.read(0, to)
+
+
+def test_what_has_lost_its_name_is_checked_again(tmp_path: Path) -> None:
+    """
+    That all data were sound once does not hold for a file that somebody else may change unseen.
+    """
+    log = write_log(tmp_path / "log", 50)
+    (file,) = segment_files(log)
+    opened = sl.read(log)
+    right = repr(opened.replay())
+    segment = opened.reader.segments[0]
+    assert segment.is_sound
+    file.with_name("other").hardlink_to(file)
+    data = file.read_bytes()
+    file.unlink()
+    file.write_bytes(data)
+    assert right == repr(opened.replay())
+    row = segment.chunks.rows[20]
+    at = data.index(SEEN_BYTES, int(row["offset"]))
+    with file.with_name("other").open("r+b") as other:
+        other.seek(at)
+        other.write(bytes(len(SEEN_BYTES)))
+
+    with pytest.raises(CorruptLogError, match=rf"byte {int(row['offset'])}: its CRC says"):
+        list(opened.batches())
 
 
 @pytest.mark.parametrize("window", [1, 50, 300, 5000])
