@@ -70,7 +70,7 @@ class DoorLog:
             CorruptLogError: It is damaged.
         """
         self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
-        self.path = self._reader.place.absolute
+        self.path = self._reader.log_folder.absolute
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
@@ -181,7 +181,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         return fold_live(
-            LogReader(self._reader.place),
+            LogReader(self._reader.log_folder),
             projection,
             checkpoint=None if checkpoint is None else Path(checkpoint),
             save_every_s=save_every_s,
@@ -275,7 +275,7 @@ class DoorLog:
         if after is None:
             last = self.reader.last_commit()
             after = -1 if last is None else last.last_event
-        return follow(LogReader(self._reader.place), after, poll_s=poll_s, stop=stop)
+        return follow(LogReader(self._reader.log_folder), after, poll_s=poll_s, stop=stop)
 
     def event(self, number: int) -> RecordedEvent:
         """Return the event of that number.

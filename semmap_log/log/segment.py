@@ -7,9 +7,8 @@ import os
 import threading
 import zlib
 from collections import Counter
-from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -130,10 +129,9 @@ class SegmentWriter:
         self.temporary: str | None
         self.temporary, self._fd = folder.new_file(name)
         try:
-            with self._whole_write():
-                self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
-                self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
-                self._write(_schema_and_channel_bytes())
+            self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
+            self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
+            self._write(_schema_and_channel_bytes())
         except BaseException:
             self.abandon()
             raise
@@ -165,11 +163,13 @@ class SegmentWriter:
             data = channels + data
             offset += len(channels)
             self.levels.update(new)
-        with self._whole_write():
+        with self._writing:
+            self._begin_write()
             if hold_back:
                 self._hold_back(data)
             else:
                 self._write(data)
+            self._is_broken = False
         facts = chunk.facts
         self._chunks.append((offset, facts))
         self.commits += facts.counts.get(COMMIT_CHANNEL, 0)
@@ -177,8 +177,10 @@ class SegmentWriter:
 
     def flush(self) -> None:
         """Hand to the kernel what is held back: it then survives the end of the process."""
-        with self._whole_write():
+        with self._writing:
+            self._begin_write()
             self._flush()
+            self._is_broken = False
 
     def sync(self) -> None:
         """Return once all that was added survives a power cut.
@@ -221,7 +223,8 @@ class SegmentWriter:
         Raises:
             OSError: As the kernel says; or another file has its name now, or none.
         """
-        with self._whole_write():
+        with self._writing:
+            self._begin_write()
             self._close()
         os.close(self._fd)
         self._fd = -1
@@ -271,21 +274,17 @@ class SegmentWriter:
         if self._held_back_size >= MOST_HELD_BACK_BYTES:
             self._flush()
 
+    def _begin_write(self) -> None:
+        """Refuse to write behind a gap; whoever ends well takes `_is_broken` back."""
+        if self._is_broken:
+            raise OSError(errno.EIO, "an earlier write failed, or was interrupted")
+        self._is_broken = True
+
     def _flush(self) -> None:
         if self._held_back:
             data = b"".join(self._held_back)
             self._held_back, self._held_back_size = [], 0
             write_all(self._fd, data)
-
-    @contextmanager
-    def _whole_write(self) -> Iterator[None]:
-        """Let one thread write, and nobody behind a write that was not finished."""
-        with self._writing:
-            if self._is_broken:
-                raise OSError(errno.EIO, "an earlier write failed, or was interrupted")
-            self._is_broken = True
-            yield
-            self._is_broken = False
 
     def _write(self, data: bytes) -> None:
         self._flush()

@@ -106,7 +106,7 @@ def remove_merged(reader: LogReader) -> None:
         OSError: As the file system says.
     """
     if reader.leftovers:
-        reader.place.sync()  # the merged file's name may not be on the disk yet; they are
+        reader.log_folder.sync()  # the merged file's name may not be on the disk yet; they are
         for path in reader.leftovers:
-            reader.place.remove(path.name)
-        reader.place.sync()
+            reader.log_folder.remove(path.name)
+        reader.log_folder.sync()

@@ -61,9 +61,9 @@ class LogReader:
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
-        self.place = LogFolder.of(folder)
+        self.log_folder = LogFolder.of(folder)
         self._only = only
-        self._files = SegmentFolder(self.place)
+        self._files = SegmentFolder(self.log_folder)
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
@@ -105,7 +105,7 @@ class LogReader:
     @property
     def folder(self) -> Path:
         """The log's folder, as it was given: for messages."""
-        return self.place.path
+        return self.log_folder.path
 
     @property
     def info(self) -> LogInfo:

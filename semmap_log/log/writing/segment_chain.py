@@ -46,6 +46,10 @@ class LogEnd:
     head: bytes
     """Hash of the last commit."""
 
+    def mark(self, last: SegmentHeader) -> ClosedMark:
+        """Return what is written down of a log that ends here, its last segment closed."""
+        return ClosedMark(last.info.log_id, last.last_number, self.next_event, self.head.hex())
+
 
 class SegmentChain:
     """Used by one thread at a time, but for what the background thread reports.
@@ -102,7 +106,9 @@ class SegmentChain:
         self._older, self._header, self._small = older, last.header, last
         if last.closed:
             self.folder.sync_file(last.path.name)  # who closed it may have been killed before that
-            self._mark(last.header, end)
+            mark = end.mark(last.header)
+            if read_mark(self.folder) != mark:
+                write_mark(self.folder, mark)
         else:
             self.continue_last(end)
         for segment in reversed(_left_to_compact(older)):
@@ -154,7 +160,7 @@ class SegmentChain:
                 raise
             self._tell_closed(segment)
             self._list(ClosedSegment.of(segment.path, segment.statistics()))
-            self._mark(segment.header, end)
+            write_mark(self.folder, end.mark(segment.header))
             self._check_written(segment.name)
 
     def abandon(self) -> None:
@@ -195,12 +201,6 @@ class SegmentChain:
                     problem = f"{name} was removed, exchanged or written over by somebody else"
                     raise FileNotFoundError(errno.ENOENT, problem)
             self._written[closed] = self.folder.version(closed)
-
-    def _mark(self, header: SegmentHeader, end: LogEnd) -> None:
-        """Write down how far the log reaches, now that all of its segments are closed."""
-        mark = ClosedMark(header.info.log_id, header.last_number, end.next_event, end.head.hex())
-        if read_mark(self.folder) != mark:
-            write_mark(self.folder, mark)
 
     def _list(self, *closed: ClosedSegment) -> None:
         """Write metadata.yaml anew, with what was closed."""
