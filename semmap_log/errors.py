@@ -130,11 +130,13 @@ class LogPoisonedError(LogError):
 class CorruptLogError(LogError):
     """The bytes of a segment are not what was written."""
 
-    def __init__(self, path: Path, offset: int, problem: str) -> None:
-        super().__init__(f"{path}: damaged at byte {offset}: {problem}")
+    def __init__(self, path: Path, offset: int | None, problem: str) -> None:
+        at = "" if offset is None else f" at byte {offset}"
+        super().__init__(f"{path}: damaged{at}: {problem}")
         self.problem = problem
         self.path = path
         self.offset = offset
+        """None: it is the whole file, or the folder, that is not what it was."""
 
 
 class UnreadableLogError(CorruptLogError):

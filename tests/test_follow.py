@@ -294,5 +294,5 @@ def test_waiting_costs_next_to_nothing(rolled: Path) -> None:
     calls = calls_of(lambda: list(log.follow(15, poll_s=0, stop=lambda: next(looks) == 199)))
 
     assert None is next(looks, None)
-    assert len(log.reader.segments) + 3 >= calls["open"]  # at the first look; and closed.json
+    assert 5 * len(log.reader.segments) >= calls["open"]  # at the first look, none later
     assert calls.total() < 200 * MOST_CALLS_A_LOOK

@@ -76,8 +76,8 @@ def read_mark(folder: LogFolder) -> ClosedMark | None:
 
 def _damaged(folder: LogFolder, problem: str) -> CorruptLogError:
     unknown = "whether the log is as long as it was cannot be told"
-    problem = f"{problem}: {unknown}; `semmap-log recover` takes it as it is"
-    return CorruptLogError(folder / CLOSED_MARK_NAME, 0, problem)
+    problem = f"{problem}: {unknown}. To take it as it is: semmap-log recover LOG"
+    return CorruptLogError(folder / CLOSED_MARK_NAME, None, problem)
 
 
 def _digest(entries: dict[str, object]) -> str:

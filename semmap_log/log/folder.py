@@ -36,6 +36,11 @@ Version = tuple[int, int, int, int]
 """Device, inode, size and time of the last change of a file."""
 
 
+def version_of(status: os.stat_result) -> Version:
+    """Return what changes when a file is exchanged, or written to."""
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+
+
 class LogFolder:
     """A folder in which a log lies, or will."""
 
@@ -135,8 +140,7 @@ class LogFolder:
         Raises:
             OSError: As the system says.
         """
-        status = self.status(name)
-        return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+        return version_of(self.status(name))
 
     def is_there(self, name: str, fd: int) -> bool:
         """Tell whether a name is that of the file which is open there."""

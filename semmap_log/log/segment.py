@@ -32,7 +32,7 @@ from semmap_log.log import records as mcap
 from semmap_log.log.chunks import BuiltChunk, ChunkFacts
 from semmap_log.log.command_index import WrittenCommits, attachment
 from semmap_log.log.disk import write_all
-from semmap_log.log.folder import LogFolder
+from semmap_log.log.folder import LogFolder, Version, version_of
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
     INDEX_METADATA,
@@ -126,6 +126,8 @@ class SegmentWriter:
         """Held while bytes go to the file or wait for it: in one order, whoever hands them on."""
         self._is_broken = False
         """A write failed or was interrupted: what follows it would lie behind a gap."""
+        self._version: Version
+        """The file as it was when it was closed, or is before it gets its name."""
         self.temporary: str | None
         self.temporary, self._fd = folder.new_file(name)
         try:
@@ -206,6 +208,9 @@ class SegmentWriter:
         assert self.temporary is not None
         if self._fd >= 0:
             os.fsync(self._fd)
+            self._version = version_of(os.fstat(self._fd))
+        if self.folder.version(self.temporary) != self._version or self._version[2] != self.size:
+            raise FileNotFoundError(errno.ENOENT, f"{self.temporary} was exchanged, or written to")
         if replacing is None:
             self.folder.put_new(self.temporary, self.name)
         elif self.folder.identity(self.name) == replacing:
@@ -226,6 +231,7 @@ class SegmentWriter:
         with self._writing:
             self._begin_write()
             self._close()
+        self._version = version_of(os.fstat(self._fd))
         os.close(self._fd)
         self._fd = -1
 

@@ -6,6 +6,7 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,7 +18,9 @@ from semmap_log.errors import (
     LogExistsError,
     LogPoisonedError,
 )
+from semmap_log.log.compaction import compact
 from semmap_log.log.folder import LogFolder
+from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain
 
@@ -167,6 +170,33 @@ def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_pa
 
     with pytest.raises(LogPoisonedError, match="removed or exchanged"):
         log.close()
+
+
+@pytest.mark.parametrize("in_place", [True, False])
+def test_a_compacted_copy_that_was_exchanged_takes_no_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_place: bool
+) -> None:
+    """
+    An older state of the temporary file is put over it, once it is compared: the segment stays.
+    """
+    path = made(tmp_path / "log", sightings=25)
+    before = contents(path)
+    install = SegmentWriter.install
+
+    def exchanged(copy: SegmentWriter, **how: Any) -> None:
+        assert copy.temporary is not None
+        older = (path / copy.temporary).read_bytes()[:-500]
+        if not in_place:
+            (path / copy.temporary).unlink()
+        (path / copy.temporary).write_bytes(older)
+        install(copy, **how)
+
+    monkeypatch.setattr(SegmentWriter, "install", exchanged)
+    with pytest.raises(LogAccessError, match="was exchanged, or written to"):
+        compact(path, merge=False)
+
+    assert before == contents(path)
+    assert 0 == verify(path).exit_code
 
 
 def overwritten(path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.closed_mark import ClosedMark
-from semmap_log.log.form import CLOSED_MARK_NAME, number_in
+from semmap_log.log.form import number_in
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import (
     commit_of,
@@ -119,18 +119,22 @@ def check_reaches(mark: ClosedMark, path: Path, segments: Sequence[Segment]) -> 
     """
     last = segments[-1]
     if mark.log_id != last.header.info.log_id:
-        problem = f"it tells of the log {mark.log_id}, not of {last.header.info.log_id}: no mark"
-    elif last.header.last_number < mark.segment:
-        problem = f"segment {mark.segment} is missing: it was the last one"
+        ours = last.header.info.log_id
+        raise CorruptLogError(path, None, f"it tells of the log {mark.log_id}, not of {ours}")
+    if last.header.last_number < mark.segment:
+        where, problem = path.parent, f"segment {mark.segment}, its last, is missing"
     elif (end := end_of(last)) < mark.next_event:
-        path, problem = last.path, f"it ends before event {end}: it was cut, or is an older state"
+        where, problem = last.path, f"it ends before event {end}: it was cut, or is an older state"
     elif head_before(segments, mark.next_event) != bytes.fromhex(mark.head):
-        path, problem = last.path, f"its commit before event {mark.next_event} is of another copy"
+        problem = f"its commit before event {mark.next_event} is of another copy of this log"
+        where = last.path
     else:
         return
-    known = f"the last segment that was closed ended before event {mark.next_event}"
-    advice = "`semmap-log recover` goes on with what is there"
-    raise CorruptLogError(path, 0, f"{problem} of this log; {known} ({CLOSED_MARK_NAME}); {advice}")
+    known = f"{path.name} tells that the closed segments ended before event {mark.next_event}"
+    raise CorruptLogError(where, None, f"{problem}; {known}. {_TO_GO_ON}")
+
+
+_TO_GO_ON = "To go on with what is there: semmap-log recover LOG"
 
 
 def check_listed(names: Sequence[str], path: Path, segments: Sequence[Segment]) -> None:
@@ -145,14 +149,13 @@ def check_listed(names: Sequence[str], path: Path, segments: Sequence[Segment]) 
         CorruptLogError: One was cut, or is missing.
     """
     last = segments[-1]
-    advice = "`semmap-log recover` goes on with what is there"
     if not last.closed and last.path.name in names:
-        problem = f"{path.name} lists it as closed, but no footer ends it: it was cut; {advice}"
+        problem = f"{path.name} lists it as closed, but no footer ends it: it was cut. {_TO_GO_ON}"
         raise CorruptLogError(last.path, last.whole_end, problem)
     numbers = [number for name in names if (number := number_in(name)) is not None]
     if numbers and max(numbers) > last.header.last_number:
-        problem = f"it lists segment {max(numbers)}, which is missing: the log's tail; {advice}"
-        raise CorruptLogError(path, 0, problem)
+        problem = f"segment {max(numbers)}, its last, is missing; {path.name} lists it. {_TO_GO_ON}"
+        raise CorruptLogError(path.parent, None, problem)
 
 
 def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> None:
@@ -171,7 +174,7 @@ def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> No
     if end and head_before(segments, end) != earlier[-1].head:
         problem = f"the commit before event {end}, which was there before, is not there"
         raise CorruptLogError(
-            segments[-1].path, 0, f"{problem}: the log was put back, or exchanged; open it anew"
+            segments[-1].path, None, f"{problem}: the log was put back, or exchanged; open it anew"
         )
 
 
