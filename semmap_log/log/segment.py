@@ -190,10 +190,17 @@ class SegmentWriter:
         Raises:
             OSError: As the kernel says; or the file was removed, and ends with this process.
         """
-        self.flush()  # and whoever is just writing what was held back is waited for
+        with self._writing:  # and whoever is just writing what was held back is waited for
+            self._begin_write()
+            self._flush()
+            written = self.size
+            self._is_broken = False
         os.fdatasync(self._fd)
-        if not os.fstat(self._fd).st_nlink:
+        status = os.fstat(self._fd)
+        if not status.st_nlink:
             raise FileNotFoundError(errno.ENOENT, "it was removed while it was written")
+        if status.st_size < written:
+            raise OSError(errno.EIO, "it was cut, or written over, while it was written")
 
     def install(self, *, replacing: tuple[int, int] | None = None) -> None:
         """Give the file its name; it survives a power cut.
@@ -254,6 +261,9 @@ class SegmentWriter:
             raise FileNotFoundError(
                 errno.ENOENT, f"{self.name} was removed or exchanged while it was written"
             )
+        if os.fstat(self._fd).st_size != self.size:
+            problem = f"{self.name} was cut, or written over, while it was written"
+            raise OSError(errno.EIO, problem)
 
     def abandon(self) -> None:
         """Let go of the file as it is; one that was never installed is removed."""

@@ -172,6 +172,28 @@ def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_pa
         log.close()
 
 
+@pytest.mark.parametrize("durability", ["event", "flush"])
+def test_a_live_segment_that_was_copied_over_is_told(tmp_path: Path, durability: str) -> None:
+    """
+    An older state of it, in place, as `cp` does: the same file, but not what was written.
+    """
+    path = made(tmp_path / "log")
+    log = sl.append(path, compact=False, durability=durability)
+    see(log, 2)
+    (live,) = path.glob("*.mcap")
+    older = live.read_bytes()
+    see(log, 1)
+    live.write_bytes(older[:-100])
+
+    def go_on() -> None:
+        see(log, 1)
+        log.close()
+
+    with pytest.raises(LogPoisonedError, match="cut, or written over"):
+        go_on()
+    log.close()
+
+
 @pytest.mark.parametrize("in_place", [True, False])
 def test_a_compacted_copy_that_was_exchanged_takes_no_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_place: bool
