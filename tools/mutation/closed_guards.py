@@ -7,6 +7,7 @@ from mutation.mutant import Mutant
 LOG = "semmap_log/log/"
 MARK = "tests/log/test_closed_mark.py"
 FOLDER = "tests/log/test_folder.py"
+GUARDED = "tests/log/test_guards.py"
 VERIFICATION = "tests/log/verification/test_verification.py"
 
 
@@ -64,14 +65,12 @@ ENDS = (
              "_check_begins(segment, end_of(before), before.head, before)", MARK,
              put="_check_begins(segment, end_of(before), segment.header.hash_so_far, before)"),
     _without("neighbours by their times", "reading/segment_set.py",
-             "if 0 < start_ns <= end_ns:", MARK, put="if False:"),
+             "if 0 < start_ns <= end_ns:", GUARDED, put="if False:"),
     _without("neighbours under all questions", "reading/reader.py",
              "                check_adjoins(segment, before)", MARK, put="                pass"),
     _without("neighbours under questions for events", "reading/reader.py",
-             "        self._check_order()\n        passage = Passage(self.segments[start.segment :], "
-             "progress)\n        last: Page | None = None\n        for place", MARK,
-             put="        passage = Passage(self.segments[start.segment :], "
-             "progress)\n        last: Page | None = None\n        for place"),
+             "        self._check_order()\n        passage = Passage(", MARK,
+             put="        passage = Passage("),
     _without("neighbours under questions for commits", "reading/reader.py",
              "        self._check_order()\n        place = self.segment_of(number)", MARK,
              put="        place = self.segment_of(number)"),
