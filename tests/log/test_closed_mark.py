@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading import segment_folder
 from semmap_log.log.salvage import recover
 from semmap_log.log.verification import verify
+from semmap_log.log.verification.findings import Severity
 from semmap_log.log.writing import segment_chain
 from tests.log.logs import segment_files
 
@@ -176,12 +177,38 @@ def test_a_writer_that_rolls_at_every_look_is_no_damage(
             see(writer, 20)
             return found
 
-        monkeypatch.setattr(segment_folder, "list_segments", then_rolled)
-        seen = events(log)
-        monkeypatch.undo()
+        with monkeypatch.context() as patch:
+            patch.setattr(segment_folder, "list_segments", then_rolled)
+            seen = events(log)
 
     assert [4] == looks
     assert 40 == seen
+
+
+def test_a_writer_that_rolls_while_it_is_verified_is_no_damage(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Here, too: what was closed since the files were listed is not missing.
+    """
+    iterdir = Path.iterdir
+    looks: list[Path] = []
+    with sl.append(log, compact=False, durability="flush") as writer:
+        see(writer, 10)
+
+        def then_rolled(path: Path) -> Iterator[Path]:
+            found = list(iterdir(path))
+            if path == log:
+                looks.append(path)
+                see(writer, 20)
+            return iter(found)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "iterdir", then_rolled)
+            found = verify(log)
+
+    assert [log] == looks
+    assert [] == [finding.text for finding in found.of(Severity.DAMAGE)]
 
 
 def test_an_older_state_of_a_segment_is_damage(log: Path, tmp_path: Path) -> None:

@@ -59,6 +59,9 @@ ENDS = (
              "if numbers and max(numbers) > last.header.last_number:", MARK, put="if False:"),
     _without("the commit that a reader has seen last", "reading/segment_set.py",
              "if end and head_before(segments, end) != earlier[-1].head:", FOLDER, put="if False:"),
+    _without("another log is told of as such", "reading/segment_set.py",
+             "    if segments[-1].header.info.log_id != earlier[-1].header.info.log_id:\n", FOLDER,
+             put="    if False:\n"),
     _without("neighbours by what their heads tell", "reading/segment_set.py",
              "_check_begins(segment, end_of(before), before.head, before)", MARK),
     _without("neighbours by the hash in their heads", "reading/segment_set.py",
@@ -97,6 +100,16 @@ VERIFIED = (
              put="if False:"),
     _without("the hash where closed.json ends, verified", "verification/run.py",
              "            self._marked = commit.hash\n", MARK, put="            pass\n"),
+    _without("closed.json is read before the files are listed, verified",
+             "verification/folder.py",
+             "    found.mark = _mark(found)\n    found.listed = frozenset(listed_names("
+             "_bag_metadata_of(path)))\n    try:\n        names = sorted(p for p in "
+             "path.iterdir())\n", MARK,
+             put="    try:\n        names = sorted(p for p in path.iterdir())\n"
+             "        found.mark = _mark(found)\n"
+             "        found.listed = frozenset(listed_names(_bag_metadata_of(path)))\n"),
+    _without("what metadata.yaml names only now, verified", "verification/folder.py",
+             "        if name not in found.listed:\n", MARK, put="        if False:\n"),
     _without("damage of closed.json itself, verified", "verification/folder.py",
              'found.findings.append(_damage("mark", error.path, error.problem))', MARK),
 )  # fmt: skip

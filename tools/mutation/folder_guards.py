@@ -107,6 +107,9 @@ WRITES = (
 SWAPS = (
     _without("only what was recovered is exchanged", "salvage/swap.py",
              "    if not old.is_at(log):", SALVAGE, put="    if False:"),
+    _without("a path leads to the folder that is held", "folder.py",
+             'return os.path.samestat(self.status("."), os.stat(path))', SALVAGE,
+             put="return path is not None"),
     _without("kept files that are a link", "salvage/swap.py",
              " and not path.is_symlink()", SALVAGE, put=""),
     _without("an unfinished recovery that is a link", "salvage/swap.py",
