@@ -5,16 +5,21 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError
+from semmap_log.log.closed_mark import MOST_BYTES, read_mark
 from semmap_log.log.compaction import compact
+from semmap_log.log.folder import LogFolder
+from semmap_log.log.reading import segment_folder
 from semmap_log.log.salvage import recover
 from semmap_log.log.verification import verify
+from semmap_log.log.verification.findings import Severity
 from semmap_log.log.writing import segment_chain
 from tests.log.logs import segment_files
 
@@ -140,6 +145,74 @@ def test_a_reader_that_was_open_is_told(log: Path) -> None:
         list(reader.follow(20, poll_s=0, stop=lambda: True))
 
 
+def test_a_reader_that_was_open_is_told_of_what_was_closed_since(log: Path) -> None:
+    """
+    It has not looked meanwhile: a log that is as it saw it is shorter than it was.
+    """
+    reader = sl.read(log)
+    before = {path: path.read_bytes() for path in segment_files(log)}
+    with sl.append(log, compact=False) as opened:
+        see(opened, 10)
+    for path in segment_files(log):
+        path.unlink()
+    for path, data in before.items():
+        path.write_bytes(data)
+
+    with pytest.raises(CorruptLogError, match=r"ended before event 36 \(closed\.json\)"):
+        reader.refresh()
+
+
+def test_a_writer_that_rolls_at_every_look_is_no_damage(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    What is closed after the files were listed is not among them, and nothing is missing.
+    """
+    list_segments = segment_folder.list_segments
+    looks: list[int] = []
+    with sl.append(log, compact=False, durability="flush") as writer:
+        see(writer, 10)
+
+        def then_rolled(folder: LogFolder) -> segment_folder.Listing:
+            found = list_segments(folder)
+            looks.append(len(found))
+            see(writer, 20)
+            return found
+
+        with monkeypatch.context() as patch:
+            patch.setattr(segment_folder, "list_segments", then_rolled)
+            seen = events(log)
+
+    assert [4] == looks
+    assert 40 == seen
+
+
+def test_a_writer_that_rolls_while_it_is_verified_is_no_damage(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Here, too: what was closed since the files were listed is not missing.
+    """
+    iterdir = Path.iterdir
+    looks: list[Path] = []
+    with sl.append(log, compact=False, durability="flush") as writer:
+        see(writer, 10)
+
+        def then_rolled(path: Path) -> Iterator[Path]:
+            found = list(iterdir(path))
+            if path == log:
+                looks.append(path)
+                see(writer, 20)
+            return iter(found)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "iterdir", then_rolled)
+            found = verify(log)
+
+    assert [log] == looks
+    assert [] == [finding.text for finding in found.of(Severity.DAMAGE)]
+
+
 def test_an_older_state_of_a_segment_is_damage(log: Path, tmp_path: Path) -> None:
     """
     A small closed segment is continued in a copy: the file as it was before is whole, and short.
@@ -256,6 +329,30 @@ def test_damage_of_the_file_itself_is_named(log: Path, text: str) -> None:
     assert (27, 0) == (events(log), verify(log).exit_code)
 
 
+@pytest.mark.parametrize("head", ["", "ab" * 31, "zz" * 32, 7])
+def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None:
+    """
+    However well its digest fits.
+    """
+    found = read_mark(LogFolder(log))
+    assert found is not None
+    (log / "closed.json").write_text(replace(found, head=head).text())
+
+    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged .* it is not what was"):
+        sl.read(log)
+
+
+def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
+    """
+    A stranger's may fill the memory; one that begins with so many blanks is not ours.
+    """
+    text = (log / "closed.json").read_text()
+    (log / "closed.json").write_text(" " * MOST_BYTES + text)
+
+    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged .* it is not what was"):
+        sl.read(log)
+
+
 def test_every_flipped_bit_of_it_is_seen(log: Path) -> None:
     """
     It has a digest of its own.
@@ -311,6 +408,9 @@ def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
         lambda: list(swapped.history(DOOR)),
         lambda: swapped.diff("event:12", "event:15"),
         lambda: list(swapped.follow(13, poll_s=0, stop=lambda: True)),
+        lambda: list(swapped.follow(22, poll_s=0, stop=lambda: True)),
+        lambda: swapped.reader.find_commit(25),
+        lambda: swapped.reader.event_known_at(2**62),
         lambda: sl.append(log),
     ]
     for ask in asks:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,9 @@ from semmap_log.errors import (
     LogPoisonedError,
 )
 from semmap_log.log.compaction import compact
+from semmap_log.log.compaction.run import compact_segment, install_over
 from semmap_log.log.folder import LogFolder
+from semmap_log.log.reading.scan import Segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain
@@ -221,6 +225,40 @@ def test_a_compacted_copy_that_was_exchanged_takes_no_place(
     assert 0 == verify(path).exit_code
 
 
+def test_a_segment_that_was_removed_under_the_writer_is_told_at_once(tmp_path: Path) -> None:
+    """
+    It ends with the process: an append that promises more does not return.
+    """
+    path = made(tmp_path / "log")
+    log = sl.append(path, compact=False)
+    see(log, 2)
+    (live,) = path.glob("*.mcap")
+    live.unlink()
+
+    with pytest.raises(LogPoisonedError, match="removed while it was written"):
+        see(log, 1)
+    log.close()
+
+
+def test_a_segment_that_was_exchanged_while_it_was_compacted_stays(tmp_path: Path) -> None:
+    """
+    The copy is of another file: it does not take the place of one that nobody has read.
+    """
+    path = made(tmp_path / "log", sightings=25)
+    first, other = path / "log_000000.mcap", tmp_path / "other.mcap"
+    before = contents(path)
+
+    def exchanged_before(copy: SegmentWriter, segment: Segment) -> None:
+        shutil.copy(first, other)
+        other.replace(first)
+        install_over(copy, segment)
+
+    with pytest.raises(FileExistsError, match="was exchanged for another file"):
+        compact_segment(LogFolder.held(path), first.name, install=exchanged_before)
+
+    assert before == contents(path)
+
+
 def overwritten(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-100])
 
@@ -306,6 +344,93 @@ def test_where_there_are_no_hard_links(tmp_path: Path, monkeypatch: pytest.Monke
 
     assert 0 == verify(path).exit_code
     assert 26 == sum(len(batch) for batch in sl.read(path).batches())
+
+
+def noted(monkeypatch: pytest.MonkeyPatch, *names: str) -> list[str]:
+    """Return a list that tells of the calls of these functions of `os`, as they come."""
+    calls: list[str] = []
+
+    def noting(name: str, function: Callable[..., object]) -> Callable[..., object]:
+        def call(*args: object, **more: object) -> object:
+            calls.append(name)
+            return function(*args, **more)
+
+        return call
+
+    for name in names:
+        monkeypatch.setattr(os, name, noting(name, getattr(os, name)))
+    return calls
+
+
+def test_a_power_cut_leaves_a_new_segment_one_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Its own is on the disk before the other one goes.
+    """
+    folder = LogFolder.held(tmp_path)
+    temporary, fd = folder.new_file("x.mcap")
+    os.close(fd)
+    calls = noted(monkeypatch, "link", "fsync", "unlink")
+
+    folder.put_new(temporary, "x.mcap")
+
+    assert ["link", "fsync", "unlink"] == calls
+    assert [tmp_path / "x.mcap"] == list(tmp_path.iterdir())
+
+
+def test_what_is_written_whole_is_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    And the name before the call returns: a power cut leaves the old one or the new one.
+    """
+    calls = noted(monkeypatch, "fsync", "replace")
+
+    LogFolder.held(tmp_path).write_whole("closed.json", b"new")
+
+    assert ["fsync", "replace", "fsync"] == calls
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
+    tmp_path: Path,
+    victim: Path,
+    link: Callable[[Path, Path], None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """
+    Nothing is made where something is.
+    """
+    path = made(tmp_path / "log")
+    monkeypatch.setattr(secrets, "token_hex", lambda _: "beef")
+    link(path / f".closed.json.{os.getpid()}-beef.tmp", victim)
+
+    with pytest.raises(FileExistsError):
+        LogFolder.held(path).write_whole("closed.json", b"{}")
+
+    assert VICTIM == victim.read_bytes()
+
+
+def test_a_pipe_in_a_logs_folder_is_not_waited_for(tmp_path: Path) -> None:
+    """
+    Opening one for reading ends when somebody writes, which may be never.
+    """
+    os.mkfifo(tmp_path / "closed.json")
+    told: list[str] = []
+
+    def read() -> None:
+        try:
+            told.append(repr(LogFolder(tmp_path).read_bytes("closed.json")))
+        except LogAccessError as error:
+            told.append(str(error))
+
+    reading = threading.Thread(target=read, daemon=True)
+    reading.start()
+    reading.join(20)
+
+    (said,) = told
+    assert "closed.json: expected a regular file; a log has no others" in said
 
 
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])

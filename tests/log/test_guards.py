@@ -28,6 +28,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.reading.chunk_table import rows_of_indexes
+from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import last_commit
 from semmap_log.log.reading.segment_set import check_follows
@@ -63,6 +64,42 @@ def _forged(folder: Path, forge: Forge, *, closed: bool) -> Path:
         writer.close()
     writer.abandon()
     return folder
+
+
+def _forged_second(folder: Path, recorded_ns: int) -> Path:
+    """Write a log of two segments of a commit, the second recorded then, all hashes right."""
+    folder.mkdir()
+    header, stamp = HEADER, STAMP
+    for number in range(2):
+        writer = SegmentWriter(LogFolder(folder), f"log_{number:06d}.mcap", header)
+        builder = CommitBuilder(stamp, Note(), random.Random(number).randbytes)
+        for chunk in builder.chunks([DoorAdded(door_id=DoorId(number + 1))]):
+            writer.add(chunk)
+        commit = builder.commit
+        writer.close()
+        writer.install()
+        header = header.next(1, commit.hash)
+        stamp = replace(STAMP, first_event=1, recorded_ns=recorded_ns, previous_hash=commit.hash)
+    return folder
+
+
+def test_a_segment_that_was_recorded_before_the_last_is_named(tmp_path: Path) -> None:
+    """
+    Questions look segments up by their times: all of them are refused, whatever they read.
+    """
+    right = _forged_second(tmp_path / "right", 2000)
+    wrong = _forged_second(tmp_path / "wrong", 1001)
+
+    assert 4 == _read_all(right)
+    asks: list[Callable[[LogReader], object]] = [
+        lambda log: log.find_commit(1),
+        lambda log: log.event(1),
+        lambda log: log.event_known_at(5000),
+        lambda log: list(log.pages()),
+    ]
+    for ask in asks:
+        with pytest.raises(CorruptLogError, match=r"1001 is not after the last of log_000000"):
+            ask(LogReader(wrong))
 
 
 FORGERIES: dict[str, Forge] = {

@@ -44,6 +44,6 @@ CHECKPOINTS = (
            "self.refresh()", "self._reader.refresh()", (FOLD,)),
     _without("a log put back under a live fold", "live.py",
              "if not running.position.is_in(reader):", LIVE, put="if False:"),
-    _without("another log under a live fold", "live.py",
-             "if reader.info.log_id != log_id:", LIVE, put="if False:"),
+    Mutant("another log under a live fold", "semmap_log/log/reading/reader.py",
+           "if self.segments and log_id != self.info.log_id:", "if False:", (LIVE,)),
 )  # fmt: skip

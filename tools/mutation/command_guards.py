@@ -44,7 +44,7 @@ COMMAND_INDEXES = (
            "new = offsets + first >= np.uint64(self._end)", "new = offsets >= np.uint64(0)",
            REMEMBERED),
     Mutant("commands of a segment that was closed since", MEMORY,
-           "            self._stored.add(segment.path, segment.header.first_event, "
+           "            self._stored.add(segment.name, segment.header.first_event, "
            "segment.command_rows)", "            pass", REMEMBERED),
     Mutant("commands of the live segment from before somebody asked", MEMORY,
            "                self._look_at(live)\n", "                pass\n", REMEMBERED),

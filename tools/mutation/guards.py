@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
+from mutation.closed_guards import CLOSED_PARTS
 from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
+from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
@@ -44,10 +46,13 @@ def _without(name: str, file: str, snippet: str, *tests: str, put: str = "pass")
 SYNCS = (
     _without("sync of a commit", "segment.py", "os.fdatasync(self._fd)", WRITER, DISK),
     _without("sync of a segment before it gets its name", "segment.py",
-             "            os.fsync(self._fd)\n        os.replace(self.temporary, self.path)",
-             DISK, put="            pass\n        os.replace(self.temporary, self.path)"),
-    _without("sync of the folder after a segment got its name", "segment.py",
-             "sync_folder(self.path.parent)", WRITER, DISK),
+             "            os.fsync(self._fd)\n        if replacing is None:",
+             DISK, put="            pass\n        if replacing is None:"),
+    _without("sync of the folder after a new segment got its name", "folder.py",
+             "        self.sync()  # before the other name goes: a power cut must leave one of the "
+             "two\n", WRITER, DISK, put=""),
+    _without("sync of the folder after a copy took a segment's place", "folder.py",
+             "dst_dir_fd=self._fd)\n        self.sync()", DISK, put="dst_dir_fd=self._fd)"),
     _without("sync of a file before it gets its name", "disk.py",
              "        sync_file(temporary)\n", DISK, put=""),
     _without("a temporary file of nobody else's", "disk.py",
@@ -69,7 +74,7 @@ SYNCS = (
              "os.O_RDONLY | os.O_CLOEXEC)\n    try:\n        os.fsync(fd)", DISK,
              put="os.O_RDONLY | os.O_CLOEXEC)\n    try:\n        pass"),
     _without("sync of the folder in which a log is made", "writing/opening.py",
-             "            sync_folder(folder.parent)\n            return writer", DISK,
+             "            sync_folder(path.parent)\n            return writer", DISK,
              put="            return writer"),
     _without("sync of the folder in which half a log was made", "writing/opening.py",
              "if _may_be_half_made(reader):", DISK, put="if False:"),
@@ -78,8 +83,8 @@ SYNCS = (
 LOCKS = (
     _without("lock of the folder", "lock.py", "self._lock_folder(folder)", RIVALS),
     _without("lock of the lock file", "lock.py",
-             "0o644))\n        fcntl.flock(self._fds[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)", RIVALS,
-             put="0o644))"),
+             "_no_lock_file(folder)\n        fcntl.flock(self._fds[-1], fcntl.LOCK_EX | "
+             "fcntl.LOCK_NB)", RIVALS, put="_no_lock_file(folder)"),
     _without("unlocking in the process that locked alone", "lock.py",
              "if os.getpid() == self._pid:", RIVALS, put="if True:"),
     _without("unlocking though a child has the file open", "lock.py",
@@ -89,11 +94,11 @@ LOCKS = (
     _without("leaving the segment to the parent when a child closes", "writing/writer.py",
              "if os.getpid() == self._pid:", RIVALS, put="if True:"),
     _without("lock before leftovers are removed", "writing/opening.py",
-             '    with _told_as_access_error(folder, "cannot be opened"), _locked(folder) as lock:'
-             "\n        remove_leftovers(folder)", RIVALS,
-             put="    remove_leftovers(folder)\n"
-             '    with _told_as_access_error(folder, "cannot be opened"), '
-             "_locked(folder) as lock:"),
+             '    with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, '
+             "lock):\n        folder.remove_leftovers()", RIVALS,
+             put="    LogFolder(path).remove_leftovers()\n"
+             '    with _told_as_access_error(path, "cannot be opened"), '
+             "_held(path) as (folder, lock):"),
     Mutant("one thread at a time", "semmap_log/appendable_log.py", "threading.RLock()",
            '__import__("contextlib").nullcontext()', (RIVALS, DURABILITY)),
 )  # fmt: skip
@@ -227,7 +232,7 @@ REFUSALS = (
              "    while view:\n        view = view[os.write(fd, view) :]", ERRORS, DURABILITY,
              put="    pass"),
     _without("a torn tail that is kept",
-             "writing/recovery.py", "        keep_torn_tail(segment)", RECOVERY,
+             "writing/recovery.py", "        keep_torn_tail(folder, segment)", RECOVERY,
              put="        pass"),
     _without("a compacted copy that is compared",
              "compaction/rechunk.py", "if whole.digest() != digest:",
@@ -251,7 +256,7 @@ COLUMNS = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
-    *COMMAND_INDEXES,
+    *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS,
 )  # fmt: skip

@@ -36,6 +36,8 @@ class Arrangement:
     findings: list[Finding] = field(default_factory=list)
     mark: ClosedMark | None = None
     """How far it reached, as was known before the files were listed."""
+    listed: frozenset[str] = frozenset()
+    """What metadata.yaml named as closed before the files were listed."""
 
     def has(self, number: int) -> bool:
         """Tell whether a segment stands for that number."""
@@ -65,6 +67,7 @@ def arrange(path: Path) -> Arrangement:
         found.findings.append(_alien(path, "no such log: expected a folder or one .mcap file"))
         return found
     found.mark = _mark(found)
+    found.listed = frozenset(listed_names(_bag_metadata_of(path)))
     try:
         names = sorted(p for p in path.iterdir())
     except OSError as error:
@@ -89,19 +92,17 @@ def arrange(path: Path) -> Arrangement:
 def bag_metadata_findings(found: Arrangement, closed: list[ClosedSegment] | None) -> list[Finding]:
     """Compare metadata.yaml with the closed segments; it is a cache, but it knows what there was.
 
+    What it names only now was closed while the files were read, and is no evidence against them.
+
     Args:
         found: The log's files.
         closed: What their own bytes say of the closed segments; None: not all can be read.
     """
-    path = found.folder / BAG_METADATA_NAME
-    try:
-        text = LogFolder(found.folder).read_bytes(BAG_METADATA_NAME).decode(errors="replace")
-    except (FileNotFoundError, LogAccessError):  # or it is no regular file
-        text = ""
-    except OSError as error:
-        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    path, text = found.folder / BAG_METADATA_NAME, _bag_metadata_of(found.folder)
     findings = []
     for name in listed_names(text):
+        if name not in found.listed:
+            continue
         number = number_in(name)
         present = next((s for s in found.segments if s.path.name == name), None)
         if present is not None and not present.is_closed:
@@ -152,6 +153,21 @@ def mark_findings(found: Arrangement, next_event: int, head: bytes | None) -> li
         )
         return [_damage("mark", last.path, text)]
     return []
+
+
+def _bag_metadata_of(folder: Path) -> str:
+    """Return the text of metadata.yaml; nothing where there is none.
+
+    Raises:
+        LogAccessError: It cannot be read.
+    """
+    try:
+        return LogFolder(folder).read_bytes(BAG_METADATA_NAME).decode(errors="replace")
+    except (FileNotFoundError, LogAccessError):  # or it is no regular file
+        return ""
+    except OSError as error:
+        path = folder / BAG_METADATA_NAME
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
 
 
 def _mark(found: Arrangement) -> ClosedMark | None:

@@ -455,6 +455,20 @@ def test_a_strangers_links_lead_nowhere(log: Path, tmp_path: Path) -> None:
     assert (theirs / "letter.txt").exists()
 
 
+def test_a_folder_of_somebody_else_in_the_way_stays(log: Path) -> None:
+    """
+    It has the name of an unfinished recovery's, but not its mark.
+    """
+    spoil(log, 0, 2)
+    swap.beside(log).mkdir()
+    (swap.beside(log) / "letter.txt").write_text("mine")
+
+    with pytest.raises(LogAccessError, match="expected nothing at this place"):
+        recover(log)
+
+    assert "mine" == (swap.beside(log) / "letter.txt").read_text()
+
+
 def test_a_log_that_was_moved_is_not_exchanged(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
