@@ -121,16 +121,20 @@ def index_metadata(
 
 
 def read_index(
-    metadata: Metadata,
+    metadata: Metadata, *, most: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return (events, least, greatest happened time) of each chunk from a `semmap_index` record.
 
+    Args:
+        metadata: The record.
+        most: So many chunks the segment can have; of a longer index no more is unpacked.
+
     Raises:
-        ValueError: It is damaged.
+        ValueError: It is damaged, or longer.
     """
     entries = _checked(metadata)
     names = ("events", "least_happened_ns", "greatest_happened_ns")
-    events, least, greatest = (_unpack(entries[name]) for name in names)
+    events, least, greatest = (_unpack(entries[name], most) for name in names)
     return events, least, greatest
 
 
@@ -148,9 +152,15 @@ def _pack(values: Sequence[int]) -> str:
     return base64.b64encode(zlib.compress(np.array(values, "<i8").tobytes())).decode()
 
 
-def _unpack(text: str) -> NDArray[np.int64]:
+def _unpack(text: str, most: int) -> NDArray[np.int64]:
+    unpacker, size = zlib.decompressobj(), 8 * most
     try:
-        return np.frombuffer(zlib.decompress(base64.b64decode(text, validate=True)), "<i8")
+        data = unpacker.decompress(base64.b64decode(text, validate=True), size + 1)
+        if len(data) > size:
+            raise ValueError(f"expected at most {most} chunks, got more")
+        if not unpacker.eof or unpacker.unused_data:
+            raise ValueError("it does not end where what is packed ends")
+        return np.frombuffer(data, "<i8")
     except (zlib.error, ValueError) as error:
         raise ValueError(f"its times cannot be read: {error}") from error
 

@@ -35,6 +35,7 @@ COMPACTION = "tests/log/compaction/test_compaction.py"
 MERGE = "tests/log/compaction/test_compaction_merge.py"
 WHOLE_FILES = "tests/log/test_whole_files.py"
 GUARDED = "tests/log/test_guards.py"
+INDEX = "tests/log/test_index.py"
 
 
 def _without(name: str, file: str, snippet: str, *tests: str, put: str = "pass") -> Mutant:
@@ -129,6 +130,11 @@ SIZES = (
              put="if False:"),
     _without("limit of a chunk's size", "chunks.py", "if size > MAX_CHUNK_BYTES:",
              GUARDED, put="if False:"),
+    _without("limit of a packed index", "header.py",
+             "decompress(base64.b64decode(text, validate=True), size + 1)",
+             INDEX, put="decompress(base64.b64decode(text, validate=True))"),
+    _without("columns of an index of one length", "reading/happened_spans.py",
+             "if len({len(column) for column in columns}) > 1:", INDEX, put="if False:"),
     _without("messages that tile a chunk", "walking.py",
              "if opcode != Opcode.MESSAGE or length < least:", GUARDED,
              put="if False:"),

@@ -264,6 +264,8 @@ _MAP_ENTRY: np.dtype[np.void] = np.dtype(
 """A channel, and where its MessageIndex lies; such entries follow the fixed beginning."""
 _INDEX_FIXED_BYTES = 64
 """Of a ChunkIndex's body: all but the map of message indexes and the compression's name."""
+LEAST_INDEX_BYTES = mcap.FRAME.size + _INDEX_FIXED_BYTES
+"""No ChunkIndex record is shorter."""
 _CHUNK_HEAD_BYTES = mcap.FRAME.size + 40
 """Of a Chunk record, the compression's name left out."""
 
