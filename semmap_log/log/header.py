@@ -153,16 +153,21 @@ def _pack(values: Sequence[int]) -> str:
 
 
 def _unpack(text: str, most: int) -> NDArray[np.int64]:
-    unpacker, size = zlib.decompressobj(), 8 * most
     try:
-        data = unpacker.decompress(base64.b64decode(text, validate=True), size + 1)
-        if len(data) > size:
-            raise ValueError(f"expected at most {most} chunks, got more")
-        if not unpacker.eof or unpacker.unused_data:
-            raise ValueError("it does not end where what is packed ends")
-        return np.frombuffer(data, "<i8")
+        return np.frombuffer(_unpacked(base64.b64decode(text, validate=True), 8 * most), "<i8")
     except (zlib.error, ValueError) as error:
         raise ValueError(f"its times cannot be read: {error}") from error
+
+
+def _unpacked(data: bytes, most: int) -> bytes:
+    """Return what is packed, or raise ValueError: no more is unpacked than may be there."""
+    unpacker = zlib.decompressobj()
+    unpacked = unpacker.decompress(data, most + 1)
+    if len(unpacked) > most:
+        raise ValueError(f"expected at most {most // 8} chunks, got more")
+    if not unpacker.eof or unpacker.unused_data:
+        raise ValueError("it does not end where what is packed ends")
+    return unpacked
 
 
 def _digest(entries: Mapping[str, str]) -> str:
