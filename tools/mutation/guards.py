@@ -122,6 +122,11 @@ CHECKSUMS = (
              put="        pass"),
 )  # fmt: skip
 
+COMPUTED_ONCE = (
+    Mutant("values that are computed without a lock", "semmap_log/computed_once.py",
+           "self.lock = nullcontext()", "pass", ("tests/test_computed_once.py",)),
+)  # fmt: skip
+
 SIZES = (
     _without("size of a chunk's records", "chunks.py", "if len(plain) != self.size:",
              GUARDED, FLIPS, put="if False:"),
@@ -264,7 +269,7 @@ COLUMNS = (
 )  # fmt: skip
 
 GUARDS: tuple[Mutant, ...] = (
-    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
+    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
     *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS,
