@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.computed_once import computed_once
 from semmap_log.costmap.door_layer import are_on_map
 from semmap_log.costmap.keepout import keepout_mask
 from semmap_log.costmaps import Costmap
@@ -83,7 +83,7 @@ class _Page:
     doors: list[Door]
     title: str
 
-    @cached_property
+    @computed_once
     def values(self) -> NDArray[Any]:
         """Costs, or the mask."""
         if self.part == "keepout":

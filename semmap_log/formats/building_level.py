@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
+from semmap_log.computed_once import computed_once
 from semmap_log.formats.door_table import TableDoor
 from semmap_log.formats.floor_plan import Outlines, Point
 from semmap_log.formats.problems import Problems, shown
@@ -101,7 +101,7 @@ class StoreyReader:
             annotations=annotations,
         )  # fmt: skip
 
-    @cached_property
+    @computed_once
     def _door_edges(self) -> list[_Edge]:
         return self._edges("doors")
 
@@ -116,7 +116,7 @@ class StoreyReader:
 
     # Metres
 
-    @cached_property
+    @computed_once
     def _vertices(self) -> list[Point | None]:
         """The level's vertices in metres, y up; None for one that was refused."""
         scale = self._metres_a_pixel if self.in_pixels else 1.0
@@ -138,7 +138,7 @@ class StoreyReader:
             placed.append(metres)
         return placed
 
-    @cached_property
+    @computed_once
     def _metres_a_pixel(self) -> float | None:
         """The mean over the level's measurements, as traffic_editor takes it."""
         scales = []
@@ -176,7 +176,7 @@ class StoreyReader:
 
     # As in the file
 
-    @cached_property
+    @computed_once
     def _raw_vertices(self) -> list[Point | None]:
         points: list[Point | None] = []
         for node in self._list("vertices"):

@@ -24,8 +24,14 @@ from semmap_log.log.walking import ChunkDamage, heads_of
 _BODY = struct.Struct("<QQQI")
 """Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
 
+FREE_CHUNK_BYTES = 128 * 2**20
+"""So much a chunk may hold however few bytes it is packed in: the longest event and note, behind
+which a chunk ends, and what stands before them (below 2 MiB)."""
+MOST_RATIO = 100
+"""Beyond, only so many times its packed bytes: keyframes of a million doors are, packed sixteenfold
+where these are all alike."""
 MAX_CHUNK_BYTES = 2**30
-"""No chunk of ours comes near; a larger size is damage, and must not become an allocation."""
+"""And never more. A larger size is damage, and must not become an allocation."""
 
 MOST_NS = 2**63 - 1
 """Times are below: the year 2262."""
@@ -186,7 +192,7 @@ class StoredChunk:
         elif self.compression == "zstd":
             plain = _decompress_zstd(stored, self.size)
         elif self.compression == "lz4":
-            plain = _decompress_lz4(stored)
+            plain = _decompress_lz4(stored, self.size)
         else:
             raise ChunkDamage(f"unknown compression {self.compression!r}")
         if len(plain) != self.size:
@@ -208,6 +214,11 @@ def check_crc(records: bytes | memoryview, crc: int) -> None:
 def crc_problem(records: bytes | memoryview, crc: int) -> str:
     """Say what is wrong with records that do not fit their CRC."""
     return f"its CRC says {crc:08x}, its bytes {zlib.crc32(records):08x}"
+
+
+def most_unpacked(stored_size: int) -> int:
+    """Return how many bytes of records a chunk of so many stored bytes may hold."""
+    return min(MAX_CHUNK_BYTES, max(FREE_CHUNK_BYTES, MOST_RATIO * stored_size))
 
 
 MOST_HEAD_BYTES = mcap.FRAME.size + _BODY.size + 4 + 16 + 8
@@ -243,8 +254,11 @@ def read_chunk_head(
     (stored_size,) = struct.unpack_from("<Q", file, at)
     if at + 8 + stored_size != offset - base + length:
         raise ChunkDamage(f"{stored_size} stored bytes do not fit a record of {length}")
-    if size > MAX_CHUNK_BYTES:
-        raise ChunkDamage(f"{size} bytes of records are more than any chunk has")
+    if size > most_unpacked(stored_size):
+        raise ChunkDamage(
+            f"{size} bytes of records in {stored_size} are more than any chunk has "
+            f"({FREE_CHUNK_BYTES}, or {MOST_RATIO} times as many, at most {MAX_CHUNK_BYTES})"
+        )
     data_offset = base + at + 8
     return StoredChunk(offset, length, start, end, size, crc, compression, data_offset, stored_size)
 
@@ -270,10 +284,12 @@ def _decompress_zstd(stored: memoryview, size: int) -> bytes:
         raise ChunkDamage(f"zstd: {error}") from error
 
 
-def _decompress_lz4(stored: memoryview) -> bytes:
+def _decompress_lz4(stored: memoryview, size: int) -> bytes:
+    """Return what it holds; if that is more than it should be, one byte more."""
     import lz4.frame
 
     try:
-        return bytes(lz4.frame.decompress(bytes(stored)))
+        unpacker = lz4.frame.LZ4FrameDecompressor()
+        return bytes(unpacker.decompress(bytes(stored), max_length=size + 1))
     except RuntimeError as error:
         raise ChunkDamage(f"lz4: {error}") from error

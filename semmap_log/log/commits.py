@@ -13,7 +13,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
-from semmap_log.errors import CommandError
+from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.log import records as mcap
@@ -39,6 +39,11 @@ from semmap_log.messages import (
 
 NO_HASH = bytes(32)
 """What the first commit of a log has as its predecessor's hash."""
+
+MOST_EVENT_BYTES = 100 * 2**20
+"""Of an event's record: a floor map of 100 million cells is shorter. Chunks have a bound, too."""
+MOST_NOTE_CHARACTERS = 4 * 2**20
+"""Of all of a note's texts together: at most 16 MiB."""
 
 HASH_BYTES = 32
 SALT_BYTES = 16
@@ -91,6 +96,17 @@ class CommitBuilder:
     """
 
     def __init__(self, stamp: Stamp, note: Note, entropy: Entropy) -> None:
+        """Prepare.
+
+        Args:
+            stamp: What the commit takes from outside.
+            note: What was said of it.
+            entropy: Gives salts.
+
+        Raises:
+            InvalidEventError: The note is too long.
+        """
+        _check_length(note)
         self._stamp = stamp
         self._note = note
         self._entropy = entropy
@@ -108,6 +124,9 @@ class CommitBuilder:
 
         Args:
             events: Events, and batches of them, whose numbers and recorded times do not count.
+
+        Raises:
+            InvalidEventError: One is too long.
         """
         filling = Filling(self._stamp.recorded_ns)
         for part in _parts(events):
@@ -180,7 +199,11 @@ class CommitBuilder:
         elif isinstance(event, FloorMap):
             channel = FLOOR_MAP_CHANNEL + event.level
             self.levels.add(event.level)
-        return channel, mcap.message(channel, number, time, happened, encode(event, happened))
+        record = mcap.message(channel, number, time, happened, encode(event, happened))
+        if len(record) > MOST_EVENT_BYTES:
+            expected = f"a record of at most {MOST_EVENT_BYTES} bytes"
+            raise InvalidEventError(type(event).__name__, expected, len(record))
+        return channel, record
 
     def _note_record(self, time: int) -> bytes:
         note = self._note
@@ -210,6 +233,13 @@ class CommitBuilder:
     def _full(self, filling: Filling) -> BuiltChunk:
         filling.hash_into(self._digests)
         return filling.chunk()
+
+
+def _check_length(note: Note) -> None:
+    said = len(note.actor) + len(note.source) + len(note.reason) + len(note.correlation)
+    if said > MOST_NOTE_CHARACTERS:
+        expected = f"at most {MOST_NOTE_CHARACTERS} characters in all of its texts"
+        raise InvalidEventError("Note", expected, said)
 
 
 def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:

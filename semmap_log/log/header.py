@@ -121,16 +121,20 @@ def index_metadata(
 
 
 def read_index(
-    metadata: Metadata,
+    metadata: Metadata, *, most: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return (events, least, greatest happened time) of each chunk from a `semmap_index` record.
 
+    Args:
+        metadata: The record.
+        most: So many chunks the segment can have; of a longer index no more is unpacked.
+
     Raises:
-        ValueError: It is damaged.
+        ValueError: It is damaged, or longer.
     """
     entries = _checked(metadata)
     names = ("events", "least_happened_ns", "greatest_happened_ns")
-    events, least, greatest = (_unpack(entries[name]) for name in names)
+    events, least, greatest = (_unpack(entries[name], most) for name in names)
     return events, least, greatest
 
 
@@ -148,11 +152,22 @@ def _pack(values: Sequence[int]) -> str:
     return base64.b64encode(zlib.compress(np.array(values, "<i8").tobytes())).decode()
 
 
-def _unpack(text: str) -> NDArray[np.int64]:
+def _unpack(text: str, most: int) -> NDArray[np.int64]:
     try:
-        return np.frombuffer(zlib.decompress(base64.b64decode(text, validate=True)), "<i8")
+        return np.frombuffer(_unpacked(base64.b64decode(text, validate=True), 8 * most), "<i8")
     except (zlib.error, ValueError) as error:
         raise ValueError(f"its times cannot be read: {error}") from error
+
+
+def _unpacked(data: bytes, most: int) -> bytes:
+    """Return what is packed, or raise ValueError: no more is unpacked than may be there."""
+    unpacker = zlib.decompressobj()
+    unpacked = unpacker.decompress(data, most + 1)
+    if len(unpacked) > most:
+        raise ValueError(f"expected at most {most // 8} chunks, got more")
+    if not unpacker.eof or unpacker.unused_data:
+        raise ValueError("it does not end where what is packed ends")
+    return unpacked
 
 
 def _digest(entries: Mapping[str, str]) -> str:

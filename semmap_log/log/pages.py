@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import starmap
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.commits import Commit, Durability, Note
+from semmap_log.computed_once import computed_once
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch, SourcesOf
 from semmap_log.event_columns import LazyColumns
@@ -92,7 +92,7 @@ class Page:
     walked: Walked | None = None
     """Where each record begins, where somebody has walked them already."""
 
-    @cached_property
+    @computed_once
     def offsets(self) -> NDArray[np.int64]:
         """Where each record begins.
 
@@ -104,13 +104,13 @@ class Page:
         except ChunkDamage as damage:
             raise CorruptLogError(self.path, self.offset, str(damage)) from None
 
-    @cached_property
+    @computed_once
     def heads(self) -> Heads:
         """The fixed fields of each record."""
         known = None if self.walked is None else self.walked.heads
         return Heads(heads_of(self.records, self.offsets) if known is None else known)
 
-    @cached_property
+    @computed_once
     def bits(self) -> NDArray[np.uint32]:
         """Which kind of record each is, as a bit: `kind_bits`."""
         return bits_of_channels(self.heads["channel_id"])
@@ -194,7 +194,7 @@ class Page:
         found = int(np.searchsorted(ends, event, "right"))
         return self._commit(int(places[found])) if found < len(places) else None
 
-    @cached_property
+    @computed_once
     def _commit_ends(self) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
         """Where its Commit messages are, and the number behind the last event of each."""
         places = self.commit_places()

@@ -11,11 +11,12 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from semmap_log.computed_once import computed_once
 from semmap_log.messages.layout import CDR_HEADER, CODES, message_text
 
 _FIELD = re.compile(r"^(?P<type>\w+)(?P<array>\[(?P<count>\d*)\])? (?P<name>\w+)\s*(#.*)?$")
@@ -87,7 +88,7 @@ class Texts(Sequence[str]):
         """Where the next field begins."""
         return self._walked[1]
 
-    @cached_property
+    @computed_once
     def _walked(self) -> tuple[list[str], int]:
         body, start = self._body, self._start
         texts = []

@@ -38,12 +38,13 @@ def test_a_whole_log_is_good(played: Played) -> None:
 
 def test_a_lost_commit_is_found(played: Played) -> None:
     """
-    The last segment is gone: as many commits are lost as it had.
+    The last segment is gone, and what tells of it: as many commits are lost as it had.
     """
     told, log, said = played
     last = max(log.glob("*.mcap"))
     before = len(list(sl.read(log).commits()))
-    last.unlink()
+    for gone in (last, log / "closed.json", log / "metadata.yaml"):  # they would tell of it
+        gone.unlink()
     left = len(list(sl.read(log).commits()))
 
     outcome = Examiner(told).examine("a segment", log, said, must=said.durable)

@@ -158,7 +158,7 @@ def test_a_reader_that_was_open_is_told_of_what_was_closed_since(log: Path) -> N
     for path, data in before.items():
         path.write_bytes(data)
 
-    with pytest.raises(CorruptLogError, match=r"ended before event 36 \(closed\.json\)"):
+    with pytest.raises(CorruptLogError, match=r"ended before event 36"):
         reader.refresh()
 
 
@@ -338,7 +338,7 @@ def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None
     assert found is not None
     (log / "closed.json").write_text(replace(found, head=head).text())
 
-    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged .* it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
         sl.read(log)
 
 
@@ -349,7 +349,7 @@ def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
     text = (log / "closed.json").read_text()
     (log / "closed.json").write_text(" " * MOST_BYTES + text)
 
-    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged .* it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
         sl.read(log)
 
 

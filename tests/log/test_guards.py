@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import random
 import struct
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -19,13 +20,28 @@ from semmap_log.commits import Note
 from semmap_log.doors import DoorId
 from semmap_log.errors import CorruptLogError, LogPoisonedError
 from semmap_log.events import DoorAdded, DoorObserved
+from semmap_log.formats.floor_plan import MOST_CELLS
 from semmap_log.log import keyframes
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import MAX_CHUNK_BYTES, build_chunk, read_chunk_head
-from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.chunks import (
+    FREE_CHUNK_BYTES,
+    MAX_CHUNK_BYTES,
+    MOST_RATIO,
+    StoredChunk,
+    build_chunk,
+    most_unpacked,
+    read_chunk_head,
+)
+from semmap_log.log.commits import (
+    MOST_EVENT_BYTES,
+    MOST_NOTE_CHARACTERS,
+    NO_HASH,
+    CommitBuilder,
+    Stamp,
+)
 from semmap_log.log.compaction import compact
 from semmap_log.log.folder import LogFolder
-from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
+from semmap_log.log.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.reading.chunk_table import rows_of_indexes
 from semmap_log.log.reading.reader import LogReader
@@ -177,7 +193,7 @@ def test_a_chunk_says_its_own_sizes() -> None:
     """
     for field, value, problem in (
         (SIZE_AT, 3, "expected 3 bytes of records"),
-        (SIZE_AT, MAX_CHUNK_BYTES + 1, "more than any chunk has"),
+        (SIZE_AT, FREE_CHUNK_BYTES + 1, "more than any chunk has"),
         (STORED_SIZE_AT, 3, "3 stored bytes do not fit"),
     ):
         data = _chunk()
@@ -185,6 +201,59 @@ def test_a_chunk_says_its_own_sizes() -> None:
 
         with pytest.raises(ChunkDamage, match=problem):
             read_chunk_head(bytes(data), 0, len(data)).records(bytes(data))
+
+
+def test_a_chunk_holds_so_many_times_its_packed_bytes_beyond_what_is_free() -> None:
+    """
+    Any up to 128 MiB, more only where it is packed in enough bytes, and never above 1 GiB.
+    """
+    assert most_unpacked(0) == most_unpacked(FREE_CHUNK_BYTES // MOST_RATIO) == FREE_CHUNK_BYTES
+    assert 2_000_000 * MOST_RATIO == most_unpacked(2_000_000)
+    assert MAX_CHUNK_BYTES == most_unpacked(2**40)
+
+
+def test_the_longest_that_writers_make_is_no_damage() -> None:
+    """
+    A floor map of as many cells as any importer takes, with the longest note; compaction puts
+    up to a MiB of shorter chunks before it.
+    """
+    before = 2 * CHUNK_BYTES
+    closing = 4096
+
+    assert MOST_CELLS + 4096 <= MOST_EVENT_BYTES
+    assert before + MOST_EVENT_BYTES + 4 * MOST_NOTE_CHARACTERS + closing <= FREE_CHUNK_BYTES
+
+
+def test_a_summary_tells_of_no_chunk_that_is_larger() -> None:
+    """
+    What is refused where the chunk lies is refused where it is listed.
+    """
+    built = build_chunk(mcap.message(4, 0, 1000, 1000, bytes(2**17)), np.zeros(1, np.int64))
+    fits, too_large = (
+        memoryview(mcap.record(replace(built.facts, size=FREE_CHUNK_BYTES + more).index_at(0)))
+        for more in (0, 1)
+    )
+
+    assert 1 == len(rows_of_indexes(fits, data_start=0, data_end=len(built.data)))
+    with pytest.raises(ChunkDamage, match="larger than any is"):
+        rows_of_indexes(too_large, data_start=0, data_end=len(built.data))
+
+
+def test_an_lz4_chunk_is_unpacked_no_further_than_it_says() -> None:
+    """
+    64 MiB of zeros in a chunk that says one MiB: one byte more is seen, and it is damage.
+    """
+    lz4 = pytest.importorskip("lz4.frame")
+    packed = lz4.compress(bytes(2**26))
+    chunk = StoredChunk(0, len(packed), 1, 1, 2**20, 0, "lz4", 0, len(packed))
+    tracemalloc.start()
+
+    with pytest.raises(ChunkDamage, match=f"expected {2**20} bytes of records, got {2**20 + 1}"):
+        chunk.records(packed)
+
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2**24
 
 
 def test_records_must_be_messages_that_tile_their_chunk() -> None:

@@ -22,8 +22,9 @@ from fault_injection.sample import (
     make_sample,
     small_segments,
 )
-from fault_injection.subject import Subject
+from fault_injection.subject import TELL_THE_END, Subject
 from semmap_log.log import records as mcap
+from semmap_log.log.form import CLOSED_MARK_NAME
 from semmap_log.log.walking import frames
 
 Damage = tuple[str, Callable[[Path], object], str, int, Verdict | None]
@@ -37,13 +38,20 @@ TORN_BY_CUT = 2
 
 
 def segments(plan: Plan) -> Generator[Outcome, None, None]:
-    """Do to the files of a live and of a closed log what people, copies and disks do to them."""
+    """Do to the files of logs what people, copies and disks do to them.
+
+    Of a live one, a closed one, and a closed one without what tells where it ended.
+    """
     sample = make_sample(plan.folder / "sample")
     other = another_log(plan.folder / "other")
     early = closed_early(sample, plan.folder / "early")
     dice = random.Random(plan.seed)
-    for title, path in (("live", sample.live), ("closed", sample.closed)):
-        log = Subject.of(path, plan.folder, title, last_commits=COMMITS_A_SEGMENT)
+    for title, path, told in (
+        ("live", sample.live, True),
+        ("closed", sample.closed, True),
+        ("untold", sample.closed, False),
+    ):
+        log = Subject.of(path, plan.folder, title, last_commits=COMMITS_A_SEGMENT, told=told)
         damages = list(damages_of(log, sample, other, early))
         dice.shuffle(damages)
         for what, do, named, may_lose, expected in damages:
@@ -80,6 +88,7 @@ def closed_early(sample: Sample, folder: Path) -> Path:
 def damages_of(log: Subject, sample: Sample, other: Path, early: Path) -> Iterator[Damage]:
     """Yield everything that is done to whole files of a log."""
     yield from _missing_and_moved()
+    yield from _ended_early(sample, is_known=log.is_end_known)
     yield from _from_elsewhere(sample, other, early)
     yield from _shortened(log)
     yield from _beside_the_segments()
@@ -89,8 +98,6 @@ def _missing_and_moved() -> Iterator[Damage]:
     """Yield what a careless hand does."""
     yield "first segment missing", lambda p: (p / FIRST).unlink(), "log", 0, REFUSED
     yield "middle segment missing", lambda p: (p / MIDDLE).unlink(), "log", 0, REFUSED
-    # That a log ends earlier than it did, no log can know by itself: `verify --head` is for that.
-    yield "last segment missing", lambda p: (p / LAST).unlink(), "", COMMITS_A_SEGMENT, TORN
     for one, other in ((FIRST, MIDDLE), (MIDDLE, LAST), (FIRST, LAST)):
         yield f"{one} and {other} swapped", partial(_swap, one=one, other=other), "log_", 0, None
     for name in (FIRST, MIDDLE, LAST):
@@ -101,6 +108,26 @@ def _missing_and_moved() -> Iterator[Damage]:
         linked = partial(_link, name=name)
         yield f"{name} a symbolic link to where it was put", linked, "log", 0, HARMLESS
     yield "named in reverse order", _reverse, "log", 0, HARMLESS
+
+
+def _ended_early(sample: Sample, *, is_known: bool) -> Iterator[Damage]:
+    """Yield logs that end earlier than they did.
+
+    Where closed.json does not tell how far it reached, no log can know that by itself: `verify
+    --head` is for that. Without closed.json, metadata.yaml tells that a closed segment is missing.
+    """
+    older = partial(_replace, name=LAST, source=sample.older / LAST)
+    for what, do, named, lost in (
+        ("last segment missing", partial(_remove, names=(LAST,)), CLOSED_MARK_NAME,
+         COMMITS_A_SEGMENT),
+        (f"an older version of {LAST}", older, LAST, TORN_BY_CUT),
+    ):  # fmt: skip
+        yield (what, do, named, 0, REFUSED) if is_known else (what, do, "", lost, TORN)
+        untold = partial(_then_remove, do=do, names=(CLOSED_MARK_NAME,))
+        without = f"{what}, {CLOSED_MARK_NAME} missing"
+        yield (without, untold, "", 0, REFUSED) if is_known else (without, untold, "", lost, TORN)
+        untold = partial(_then_remove, do=do, names=TELL_THE_END)
+        yield f"{what}, and all that tells of it", untold, "", lost, TORN
 
 
 def _from_elsewhere(sample: Sample, other: Path, early: Path) -> Iterator[Damage]:
@@ -116,8 +143,6 @@ def _from_elsewhere(sample: Sample, other: Path, early: Path) -> Iterator[Damage
         yield f"an older version of {name}", older, "log_", 0, expected
     shorter = partial(_replace, name=MIDDLE, source=early / MIDDLE)
     yield f"{MIDDLE} as it was when it was closed too early", shorter, "log_", 0, REFUSED
-    older = partial(_replace, name=LAST, source=sample.older / LAST)
-    yield f"an older version of {LAST}", older, "", TORN_BY_CUT, TORN
 
 
 def _shortened(log: Subject) -> Iterator[Damage]:
@@ -131,13 +156,17 @@ def _shortened(log: Subject) -> Iterator[Damage]:
         may_lose = log.may_lose(LAST, whole[:border])
         cut = partial(_cut, name=LAST, size=border)
         expected = TORN if may_lose else None
+        if log.is_end_known and any(end > border for _, end in log.places):
+            expected = REFUSED
         yield f"{LAST} ends with the record at byte {border}", cut, LAST, may_lose, expected
 
 
 def _beside_the_segments() -> Iterator[Damage]:
     """Yield what else may lie in the folder: metadata.yaml is a cache, the rest is not ours."""
     bag = "metadata.yaml"
-    yield f"{bag} missing", lambda p: (p / bag).unlink(), "", 0, HARMLESS
+    yield f"{bag} missing", partial(_remove, names=(bag,)), "", 0, HARMLESS
+    mark = CLOSED_MARK_NAME
+    yield f"{mark} missing", partial(_remove, names=(mark,)), "", 0, HARMLESS
     for title, text in (
         ("garbage", b"\xff\xfe: [\0"),
         ("empty", b""),
@@ -172,6 +201,16 @@ def _borders(data: bytes) -> list[int]:
     found = frames(data, len(mcap.MAGIC), len(data))
     borders = [at + length for opcode, at, length in found if opcode not in skipped]
     return [border for border in borders if border < len(data)]
+
+
+def _remove(log: Path, *, names: tuple[str, ...]) -> None:
+    for name in names:
+        (log / name).unlink(missing_ok=True)
+
+
+def _then_remove(log: Path, *, do: Callable[[Path], object], names: tuple[str, ...]) -> None:
+    do(log)
+    _remove(log, names=names)
 
 
 def _swap(log: Path, *, one: str, other: str) -> None:

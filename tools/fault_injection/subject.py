@@ -21,6 +21,8 @@ MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""
 MOST_KEPT_BYTES = 2**27
 """A larger file is not kept."""
+TELL_THE_END = ("closed.json", "metadata.yaml")
+"""What tells, beside the segments, where a closed log ended."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,9 @@ class Subject:
     """Where each commit of the last segment lies: first byte, and first byte behind it."""
 
     @classmethod
-    def of(cls, log: Path, folder: Path, title: str, *, last_commits: int = 1) -> Subject:
+    def of(
+        cls, log: Path, folder: Path, title: str, *, last_commits: int = 1, told: bool = True
+    ) -> Subject:
         """Copy a log into a folder.
 
         Args:
@@ -44,9 +48,13 @@ class Subject:
             folder: Where the copy is made.
             title: What it is.
             last_commits: How many commits at its end may be taken for a torn tail.
+            told: Whether the copy keeps what tells where a closed log ended.
         """
         copy = folder / title / log.name
         shutil.copytree(log, copy, ignore=shutil.ignore_patterns(".lock"))
+        if not told:
+            for name in TELL_THE_END:
+                (copy / name).unlink(missing_ok=True)
         places = commit_places(max(copy.glob("*.mcap")))
         return cls(copy, Judge(log, last_commits=last_commits), title, places)
 
@@ -55,6 +63,15 @@ class Subject:
         """Its segments, in order."""
         return sorted(self.log.glob("*.mcap"))
 
+    @property
+    def is_end_known(self) -> bool:
+        """Whether its last segment is closed, and closed.json tells so: it can lose nothing unseen.
+
+        To be asked while nothing is damaged.
+        """
+        is_closed = self.files[-1].read_bytes().endswith(MAGIC)
+        return is_closed and (self.log / "closed.json").exists()
+
     def may_lose(self, name: str, data: bytes) -> int:
         """Return how many commits at the end may be taken for torn if a segment has these bytes.
 
@@ -62,10 +79,9 @@ class Subject:
         touched: a whole one behind it proves that what lies before it was on disk. None of a closed
         segment, if closed.json tells where it ended.
         """
-        whole = (self.log / name).read_bytes()
-        is_known = (self.log / "closed.json").exists() and whole.endswith(MAGIC)
-        if name != self.files[-1].name or is_known:
+        if name != self.files[-1].name or self.is_end_known:
             return 0
+        whole = (self.log / name).read_bytes()
         touched = [whole[a:b] != data[a:b] for a, b in self.places]
         return len(touched) - touched.index(True) if any(touched) and _is_tail(touched) else 0
 

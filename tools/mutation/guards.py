@@ -37,6 +37,7 @@ COMPACTION = "tests/log/compaction/test_compaction.py"
 MERGE = "tests/log/compaction/test_compaction_merge.py"
 WHOLE_FILES = "tests/log/test_whole_files.py"
 GUARDED = "tests/log/test_guards.py"
+INDEX = "tests/log/test_index.py"
 
 
 def _without(name: str, file: str, snippet: str, *tests: str, put: str = "pass") -> Mutant:
@@ -126,14 +127,32 @@ CHECKSUMS = (
              put="        pass"),
 )  # fmt: skip
 
+COMPUTED_ONCE = (
+    Mutant("values that are computed without a lock", "semmap_log/computed_once.py",
+           "self.lock = nullcontext()", "pass", ("tests/test_computed_once.py",)),
+)  # fmt: skip
+
 SIZES = (
     _without("size of a chunk's records", "chunks.py", "if len(plain) != self.size:",
              GUARDED, FLIPS, put="if False:"),
     _without("stored size of a chunk in its record", "chunks.py",
              "if at + 8 + stored_size != offset - base + length:", GUARDED, FLIPS,
              put="if False:"),
-    _without("limit of a chunk's size", "chunks.py", "if size > MAX_CHUNK_BYTES:",
+    _without("limit of a chunk's size", "chunks.py", "if size > most_unpacked(stored_size):",
              GUARDED, put="if False:"),
+    _without("limit of a chunk's size in a summary", "reading/chunk_table.py",
+             'if ((rows["size"] < 0) | (rows["size"] > most)).any():', GUARDED, put="if False:"),
+    _without("limit of an lz4 chunk", "chunks.py", "bytes(stored), max_length=size + 1)", GUARDED,
+             put="bytes(stored))"),
+    _without("limit of an event's record", "commits.py", "if len(record) > MOST_EVENT_BYTES:",
+             WRITER, put="if False:"),
+    _without("limit of a note's texts", "commits.py", "if said > MOST_NOTE_CHARACTERS:",
+             WRITER, put="if False:"),
+    _without("limit of a packed index", "header.py",
+             "unpacker.decompress(data, most + 1)", INDEX,
+             put="unpacker.decompress(data)"),
+    _without("columns of an index of one length", "reading/happened_spans.py",
+             "if len({len(column) for column in columns}) > 1:", INDEX, put="if False:"),
     _without("messages that tile a chunk", "walking.py",
              "if opcode != Opcode.MESSAGE or length < least:", GUARDED,
              put="if False:"),
@@ -255,8 +274,8 @@ COLUMNS = (
 )  # fmt: skip
 
 GUARDS: tuple[Mutant, ...] = (
-    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS, *COLUMNS,
-    *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
+    *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
+    *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS,
 )  # fmt: skip

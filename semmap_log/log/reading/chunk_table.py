@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.chunks import (
+    FREE_CHUNK_BYTES,
     MAX_CHUNK_BYTES,
     MOST_HEAD_BYTES,
+    MOST_RATIO,
     StoredChunk,
     read_chunk_head,
 )
@@ -264,6 +266,8 @@ _MAP_ENTRY: np.dtype[np.void] = np.dtype(
 """A channel, and where its MessageIndex lies; such entries follow the fixed beginning."""
 _INDEX_FIXED_BYTES = 64
 """Of a ChunkIndex's body: all but the map of message indexes and the compression's name."""
+LEAST_INDEX_BYTES = mcap.FRAME.size + _INDEX_FIXED_BYTES
+"""No ChunkIndex record is shorter."""
 _CHUNK_HEAD_BYTES = mcap.FRAME.size + 40
 """Of a Chunk record, the compression's name left out."""
 
@@ -383,7 +387,9 @@ def _check_rows(rows: NDArray[np.void], data_start: int, data_end: int) -> None:
         raise ChunkDamage("a chunk of negative size")
     if (offset > data_end).any() or (length > data_end).any():
         raise ChunkDamage("a chunk outside the data")
-    if ((rows["size"] < 0) | (rows["size"] > MAX_CHUNK_BYTES)).any():
+    by_ratio = MOST_RATIO * np.minimum(rows["stored_size"], MAX_CHUNK_BYTES)
+    most = np.minimum(np.maximum(by_ratio, FREE_CHUNK_BYTES), MAX_CHUNK_BYTES)
+    if ((rows["size"] < 0) | (rows["size"] > most)).any():
         raise ChunkDamage("a chunk larger than any is")
     if (rows["size"] != rows["stored_size"])[plain].any():
         raise ChunkDamage("an uncompressed chunk of two sizes")

@@ -14,7 +14,7 @@ from mcap.records import Statistics
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.reading.byte_source import ByteSource, blocks
-from semmap_log.log.reading.chunk_table import ChunkTable, rows_of_indexes
+from semmap_log.log.reading.chunk_table import LEAST_INDEX_BYTES, ChunkTable, rows_of_indexes
 from semmap_log.log.walking import ChunkDamage
 
 _FOOTER = struct.Struct("<QQI")
@@ -40,6 +40,12 @@ class ClosedSummary:
     """What that says of all bytes before it."""
     groups: Mapping[int, tuple[int, int]]
     """Opcode -> where the records of that kind begin and end in the file."""
+
+    @property
+    def most_chunks(self) -> int:
+        """How many chunks the summary has room to tell of."""
+        start, end = self.groups.get(Opcode.CHUNK_INDEX, (0, 0))
+        return (end - start) // LEAST_INDEX_BYTES
 
     def group(self, opcode: int) -> tuple[int, memoryview]:
         """Return where the records of a kind begin in the file, and their bytes; often none."""

@@ -54,7 +54,9 @@ def spans_of_summary(summary: ClosedSummary) -> NDArray[np.void]:
     """
     at, index = index_of(summary)
     try:
-        columns = read_index(index)
+        columns = read_index(index, most=summary.most_chunks)
+        if len({len(column) for column in columns}) > 1:  # one of one value would fit any other
+            raise ValueError("its columns are not of one length")  # noqa: TRY301
         spans = np.empty(len(columns[0]), SPAN)
         spans["events"], spans["least"], spans["greatest"] = columns
     except (ValueError, KeyError) as error:

@@ -6,12 +6,12 @@ Nothing is looked up before somebody asks: most folds never do.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.commits import Commit
+from semmap_log.computed_once import computed_once
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.form import NOTE_CHANNEL
@@ -57,7 +57,7 @@ class NoteSources:
             names.append(commit.note.source)
         return codes, names
 
-    @cached_property
+    @computed_once
     def _of_commits(
         self,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.intp], Sequence[str]]:

@@ -6,7 +6,6 @@ import weakref
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Metadata, Statistics
 from numpy.typing import NDArray
 
+from semmap_log.computed_once import computed_once
 from semmap_log.errors import CorruptLogError, NotALogError
 from semmap_log.log import records as mcap
 from semmap_log.log.folder import LogFolder
@@ -63,7 +63,7 @@ class Segment:
         """With index and footer: complete, never modified again."""
         return self.live is None
 
-    @cached_property
+    @computed_once
     def summary(self) -> ClosedSummary:
         """What closing a segment wrote behind its data.
 
@@ -75,7 +75,7 @@ class Segment:
             _with_summary.add(self)
         return found
 
-    @cached_property
+    @computed_once
     def head(self) -> bytes:
         """Hash of its last commit; of the commit before the segment, if it has none.
 
@@ -93,7 +93,7 @@ class Segment:
         last = last_commit_in(self.chunks, self.header)
         return self.header.hash_so_far if last is None else last.hash
 
-    @cached_property
+    @computed_once
     def counts(self) -> Mapping[int, int] | None:
         """Messages on each channel, as a closed segment counts them; None for a live one.
 
@@ -117,7 +117,7 @@ class Segment:
         rows = self.chunks.rows
         return (int(rows["start_ns"][0]), int(rows["end_ns"].max())) if len(rows) else (0, 0)
 
-    @cached_property
+    @computed_once
     def statistics(self) -> Statistics:
         """What a closed segment counts of itself.
 
@@ -135,7 +135,7 @@ class Segment:
         """
         return self._table if self.live is None else self.live.chunks
 
-    @cached_property
+    @computed_once
     def _table(self) -> ChunkTable:
         _with_tables.add(self)
         return self.summary.chunks(self.head_end)
@@ -153,12 +153,12 @@ class Segment:
             raise CorruptLogError(self.path, self.whole_end, problem)
         return spans
 
-    @cached_property
+    @computed_once
     def _spans(self) -> NDArray[np.void]:
         _with_tables.add(self)
         return spans_of_summary(self.summary)
 
-    @cached_property
+    @computed_once
     def span(self) -> tuple[int, int]:
         """When its events happened, at the earliest and at the latest; (-1, -1) without any.
 
@@ -169,7 +169,7 @@ class Segment:
             return total_span(spans_of_summary(self.summary))  # of a long log's every segment
         return total_span(self.spans)
 
-    @cached_property
+    @computed_once
     def is_sound(self) -> bool:
         """Whether all of its data are what was written, as one CRC tells, or a scan has found."""
         if self.live is not None:

@@ -42,6 +42,8 @@ from semmap_log.log.verification.walk import Flaw, schemas_and_channels
 from semmap_log.messages import layout
 
 SECTOR = 512
+MOST_UNKNOWN_CHUNKS = 2**16
+"""Where not all chunks can be read, an index may tell of so many: our segments roll far sooner."""
 DATA_CRC = "the data's CRC"
 
 
@@ -200,9 +202,10 @@ def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | Non
         return None, 0, [Flaw("closing", at, text)]
     if at + length > len(file):
         return None, length, [Flaw("closing", at, "its index ends behind the file's end")]
+    most = max(len(contents.chunks), MOST_UNKNOWN_CHUNKS)
     try:
         record = mcap.read_record(Metadata, file[at + mcap.FRAME.size : at + length])
-        index = [column.tolist() for column in read_index(record)]
+        index = [column.tolist() for column in read_index(record, most=most)]
         head = head_in_index(record)
         expected = mcap.record(record)  # the length in the frame is believed no more
     except (ValueError, KeyError) as error:

@@ -10,12 +10,12 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.computed_once import computed_once
 from semmap_log.doors import DoorId
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of
@@ -65,12 +65,12 @@ class DoorFilter:
         self._first_day = int(self._days(np.array([evidence.first_ns]))[0])
         self._epochs: dict[int, Epoch] = {}
 
-    @cached_property
+    @computed_once
     def schedule(self) -> DoorSchedule:
         """What the door tends to."""
         return DoorSchedule(self._evidence, self._clock)
 
-    @cached_property
+    @computed_once
     def _memory(self) -> Memory:
         return Memory(self._evidence, self.schedule, self._clock)
 

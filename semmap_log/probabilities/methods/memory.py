@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.computed_once import computed_once
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting
 from semmap_log.probabilities.chain.nodes import held_at
@@ -66,7 +66,7 @@ class Memory:
         found: Reals = np.einsum("ns,ns->n", weights, remembered)
         return found
 
-    @cached_property
+    @computed_once
     def _past(self) -> _Past:
         """Return all deviations, and the sums that tell what they were worth."""
         first_ns = int(self._evidence.start_ns[0]) // STEP_NS * STEP_NS

@@ -12,18 +12,21 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import semmap_log as sl
 from semmap_log.doors import DoorId
 from semmap_log.errors import (
+    InvalidEventError,
     LogError,
     LogExistsError,
     LogLockedError,
     LogPoisonedError,
     NotALogError,
 )
-from semmap_log.events import DoorAdded, DoorObserved, RobotPose
+from semmap_log.events import DoorAdded, DoorObserved, FloorMap, RobotPose
+from semmap_log.log import commits
 from semmap_log.log.commits import commit_hash
 from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.writing import segment_chain
@@ -48,6 +51,32 @@ def test_numbers_have_no_gaps_and_times_only_grow(tmp_path: Path, clock: SteadyC
     ]
     assert list(range(6)) == numbers
     assert all(before < after for before, after in pairwise(recorded))
+
+
+def test_what_no_chunk_can_hold_is_refused_before_it_is_written(
+    tmp_path: Path, clock: SteadyClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    A floor map, an annotation, a note: an error, nothing in the log, and the writer goes on.
+    """
+    monkeypatch.setattr(commits, "MOST_EVENT_BYTES", 2**16)
+    monkeypatch.setattr(commits, "MOST_NOTE_CHARACTERS", 2**15)
+    path = tmp_path / "log"
+    with sl.create(path, tz="UTC", clock=clock) as log:
+        door = log.add_door()
+        cells = np.zeros((256, 256), np.int8)
+        plan = FloorMap(resolution=0.05, origin_x=0.0, origin_y=0.0, cells=cells)
+
+        with pytest.raises(InvalidEventError, match="FloorMap: expected a record of at most 65536"):
+            log.append([plan])
+        with pytest.raises(InvalidEventError, match="DoorAnnotated: expected a record of at most"):
+            log.annotate(door, "name", "x" * 2**16)
+        with pytest.raises(InvalidEventError, match="Note: expected at most 32768 characters"):
+            log.observe(door, "open", reason="x" * 2**14, source="y" * 2**14 + "z")
+
+        log.annotate(door, "name", "x" * 2**15, reason="x" * 2**15)
+
+    assert 2 == len(list(sl.read(path).commits()))
 
 
 def test_a_happened_time_is_kept_as_given(tmp_path: Path, clock: SteadyClock) -> None:
