@@ -17,9 +17,9 @@ def _without(name: str, file: str, snippet: str, *tests: str, put: str = "pass")
 
 MARKS = (
     _without("closed.json is written at close", "writing/segment_chain.py",
-             "            self._mark(segment.header, end)\n", MARK, put=""),
+             "            write_mark(self.folder, end.mark(segment.header))\n", MARK, put=""),
     _without("a log without closed.json gets it", "writing/segment_chain.py",
-             "            self._mark(last.header, end)\n", MARK, put=""),
+             "            if read_mark(self.folder) != mark:\n", MARK, put="            if False:\n"),
     _without("digest of closed.json", "closed_mark.py",
              "digest == _digest(entries) and ", MARK, put=""),
     _without("the hash in closed.json is one", "closed_mark.py",
@@ -46,7 +46,7 @@ ENDS = (
     _without("closed.json of another log", "reading/segment_set.py",
              "if mark.log_id != last.header.info.log_id:", MARK, put="if False:"),
     _without("the last closed segment is there", "reading/segment_set.py",
-             "elif last.header.last_number < mark.segment:", MARK, put="elif False:"),
+             "    if last.header.last_number < mark.segment:", MARK, put="    if False:"),
     _without("the last closed segment ends where it did", "reading/segment_set.py",
              "elif (end := end_of(last)) < mark.next_event:", MARK,
              put="elif (end := end_of(last)) < 0:"),
