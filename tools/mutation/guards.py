@@ -47,8 +47,8 @@ def _without(name: str, file: str, snippet: str, *tests: str, put: str = "pass")
 SYNCS = (
     _without("sync of a commit", "segment.py", "os.fdatasync(self._fd)", WRITER, DISK),
     _without("sync of a segment before it gets its name", "segment.py",
-             "            os.fsync(self._fd)\n        if replacing is None:",
-             DISK, put="            pass\n        if replacing is None:"),
+             "            os.fsync(self._fd)\n            self._version = version_of",
+             DISK, put="            self._version = version_of"),
     _without("sync of the folder after a new segment got its name", "folder.py",
              "        self.sync()  # before the other name goes: a power cut must leave one of the "
              "two\n", WRITER, DISK, put=""),
