@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-import secrets
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -108,7 +108,9 @@ def test_a_link_in_place_of_the_temporary_file_is_not_followed(
     """
     Were its name foreseen by somebody who may write into the root, another would be drawn.
     """
-    monkeypatch.setattr(secrets, "token_hex", lambda _, some=iter(["beef", "cafe"]): next(some))
+    tokens = iter(["beef", "cafe"])
+    foreseen = SimpleNamespace(token_hex=lambda _: next(tokens))
+    monkeypatch.setattr("semmap_log.log.disk.secrets", foreseen)
     planted = root / f".doors.yaml.{os.getpid()}.beef{TEMPORARY_SUFFIX}"
     planted.symlink_to(trap / "precious.yaml")
 
