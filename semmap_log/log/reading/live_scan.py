@@ -148,7 +148,7 @@ def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
 
 def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
     """Return the scan with what lies behind the chunks that fit: harmless, torn, or damage."""
-    behind = _Behind.of(source.read(scan.at, source.size), scan.place.committed)
+    behind = _Behind.of(source, scan.at, scan.place.committed)
     if not scan.problem and behind.chunks:
         scan = replace(scan, problem="a closing section with chunks behind it")
     if not scan.problem and not scan.place.is_whole:
@@ -178,10 +178,10 @@ class _Behind:
     """Events below this number were on the disk, say the commits behind it."""
 
     @classmethod
-    def of(cls, data: memoryview, expected: int) -> _Behind:
-        """Search all that lies behind it."""
+    def of(cls, source: ByteSource, start: int, expected: int) -> _Behind:
+        """Search all that lies behind an offset."""
         chunks, first_event, durable_before = 0, None, 0
-        for _, records, offsets in whole_chunks(data, 0, len(data)):
+        for _, records, offsets in whole_chunks(source.read, start, source.size):
             page = Page(records, expected, Path(), 0, Walked(offsets))
             later = [n for n in page.event_numbers()[:1].tolist() if n > expected]
             first_event = first_event or next(iter(later), None)

@@ -5,14 +5,19 @@ A record's length cannot be trusted there, so every byte is a place where a chun
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.log import records as mcap
-from semmap_log.log.chunks import MAX_CHUNK_BYTES, StoredChunk, read_chunk_head
+from semmap_log.log.chunks import (
+    MAX_CHUNK_BYTES,
+    MOST_HEAD_BYTES,
+    StoredChunk,
+    read_chunk_head,
+)
 from semmap_log.log.walking import ChunkDamage, gather, walk
 
 _WINDOW_BYTES = 2**22
@@ -30,21 +35,26 @@ _LONGEST_NAME = 4
 _CHUNK = int(Opcode.CHUNK)
 
 
+Read = Callable[[int, int], memoryview]
+"""Returns the bytes between two offsets of a file."""
+
+
 def whole_chunks(
-    file: memoryview, start: int, end: int
+    read: Read, start: int, end: int
 ) -> Iterator[tuple[StoredChunk, bytes | memoryview, NDArray[np.int64]]]:
     """Yield the whole chunks between two offsets, wherever they begin, in file order.
 
-    With each come its records, CRC checked, and where its messages begin.
+    With each come its records, CRC checked, and where its messages begin. Of the file a few MiB
+    are in memory at a time, or one chunk.
     """
     behind = start
-    for offset in _candidates(file, start, end):
+    for offset, length in _candidates(read, start, end):
         if offset < behind:
             continue  # what looks like a chunk inside one that is whole
-        (length,) = mcap.FRAME.unpack_from(file, offset)[1:]
         try:
-            chunk = read_chunk_head(file, offset, mcap.FRAME.size + length)
-            records = chunk.records(file)
+            head = read(offset, min(offset + MOST_HEAD_BYTES, end))
+            chunk = read_chunk_head(head, offset, length, offset)
+            records = chunk.records(read(offset, offset + length), offset)
             offsets = walk(records)
         except ChunkDamage:
             continue
@@ -53,20 +63,19 @@ def whole_chunks(
             behind = offset + chunk.length
 
 
-def _candidates(file: memoryview, start: int, end: int) -> Iterator[int]:
-    """Yield the offsets of what may be the head of a chunk that ends by `end`."""
-    for window in range(start, end, _WINDOW_BYTES):
-        stop = min(window + _WINDOW_BYTES, end - _LOOKS.itemsize + 1)
-        if stop <= window:
-            return
-        places = (
-            np.flatnonzero(np.frombuffer(file, np.uint8, stop - window, window) == _CHUNK) + window
-        )
-        head = gather(file, places, _LOOKS)
+def _candidates(read: Read, start: int, end: int) -> Iterator[tuple[int, int]]:
+    """Yield offset and length of what may be a Chunk record that ends by `end`."""
+    last = end - _LOOKS.itemsize
+    for window in range(start, last + 1, _WINDOW_BYTES):
+        starts = min(_WINDOW_BYTES, last + 1 - window)
+        data = read(window, window + starts + _LOOKS.itemsize - 1)
+        places = np.flatnonzero(np.frombuffer(data, np.uint8, starts) == _CHUNK)
+        head = gather(data, places, _LOOKS)
+        offsets, lengths = places + window, head["length"] + np.uint64(mcap.FRAME.size)
         fits = (
             (head["length"] >= _HEAD_BYTES)
-            & (head["length"] <= end - places - mcap.FRAME.size)
+            & (head["length"] <= (end - offsets - mcap.FRAME.size).astype(np.uint64))
             & (head["size"] <= MAX_CHUNK_BYTES)
             & (head["name_length"] <= _LONGEST_NAME)
         )
-        yield from places[fits].tolist()
+        yield from zip(offsets[fits].tolist(), lengths[fits].tolist(), strict=True)

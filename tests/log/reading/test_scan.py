@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import random
 import struct
+import tracemalloc
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -392,6 +394,10 @@ def test_a_closed_chunk_must_be_what_the_summary_says(field: int, path: Path) ->
         list(pages_of(replace(segment), first_chunk=2))
 
 
+def reading(data: bytes) -> Callable[[int, int], memoryview]:
+    return lambda start, end: memoryview(data)[start:end]
+
+
 def test_whole_chunks_are_found_in_garbage(path: Path) -> None:
     """
     At any offset, between random bytes and behind lengths that lie: the whole ones, no others.
@@ -410,7 +416,7 @@ def test_whole_chunks_are_found_in_garbage(path: Path) -> None:
         pieces += [data[chunk.offset :][: chunk.length - 1], rng.randbytes(77)]
     garbage = b"".join(pieces)
 
-    found = [c.offset for c, _, _ in whole_chunks(memoryview(garbage), 0, len(garbage))]
+    found = [c.offset for c, _, _ in whole_chunks(reading(garbage), 0, len(garbage))]
 
     assert places == found
 
@@ -420,7 +426,25 @@ def test_a_search_ends_soon_in_zeros_and_in_chunk_opcodes() -> None:
     Tails as disks leave them, 8 MiB each: nothing is found, and nothing takes long.
     """
     for tail in (bytes(2**23), b"\x06" * 2**23, b"\x06\0\0\0" * 2**21):
-        assert [] == list(whole_chunks(memoryview(tail), 0, len(tail)))
+        assert [] == list(whole_chunks(reading(tail), 0, len(tail)))
+
+
+def test_behind_a_bad_place_only_some_is_in_memory(path: Path) -> None:
+    """
+    A file with a hole, longer than the machine has memory: the whole commits are there.
+    """
+    _live(path, [[SEEN], [SEEN]])
+    os.truncate(path, path.stat().st_size + 2**28)
+
+    tracemalloc.start()
+    try:
+        segment = open_segment(path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+    assert 2 == _events(segment)
+    assert peak < 2**26
 
 
 def test_a_chunk_of_a_huge_size_is_no_allocation(path: Path) -> None:
