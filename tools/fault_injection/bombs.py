@@ -153,6 +153,7 @@ def _problem(answer: Answer | None, file: str, ask: Ask) -> str:
         if word in answer.error:
             return f"exit {answer.code}, and a message with {word}: {answer.error.strip()[-400:]}"
     names = ("line ",) if ask[0] == "record" else (file, Path(file).name)
-    if answer.code and not any(name in answer.error for name in names) and "verify" not in ask:
+    tells = {"verify", "recover"} & set(ask)  # which name files on stdout
+    if answer.code and not any(name in answer.error for name in names) and not tells:
         return f"exit {answer.code}, and no file is named: {answer.error.strip()[-400:]!r}"
     return ""

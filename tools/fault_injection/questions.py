@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import semmap_log as sl
-from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import FloorMap
 
@@ -38,7 +38,7 @@ def answer(ask: Question, log: sl.DoorLog) -> Any:
     """Return what a log answers; that there is no such event is an answer, too."""
     try:
         return ask(log)
-    except CorruptLogError:
+    except (CorruptLogError, NotALogError, LogAccessError):
         raise
     except LogError as error:  # such as: there is no event 12
         return f"{type(error).__name__}: {str(error).removeprefix(str(log.path))}"
