@@ -225,7 +225,7 @@ class Examined:
         truths = [self.truth]
         if may_lose:
             truths += [self._without_last(may_lose)]
-        agree = list(truths)
+        lengths: dict[str, list[dict[str, Answer]]] = {}
         for name, answer in answers.items():
             if name not in self.truth or name == "verify":
                 continue
@@ -233,10 +233,12 @@ class Examined:
             findings.add(name, problem)
             if problem or not answer.is_good:
                 continue
-            agree = [truth for truth in agree if (truth[name].said) == answer.said]
+            who = name.partition(":")[0] if name in self._asked else "verbs"
+            agree = lengths.get(who, truths)
+            agree = [truth for truth in agree if truth[name].said == answer.said]
             if not agree:
                 findings.add(name, "an answer of another length of the log than the one before")
-                agree = list(truths)
+            lengths[who] = agree or truths
         if answers.get("verify", Answer(1, "")).code < 0:
             findings.add("verify", answers["verify"].error)
 
