@@ -57,7 +57,7 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
     if listed:
         text = bag_metadata_text(listed).encode()
         if not _says(folder, text):
-            folder.write_whole(BAG_METADATA_NAME, text)
+            folder.write_whole(BAG_METADATA_NAME, [text])
     elif folder.has(BAG_METADATA_NAME):
         folder.remove(BAG_METADATA_NAME)
         folder.sync()

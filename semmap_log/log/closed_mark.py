@@ -47,7 +47,7 @@ def write_mark(folder: LogFolder, mark: ClosedMark) -> None:
     Raises:
         OSError: As the system says.
     """
-    folder.write_whole(CLOSED_MARK_NAME, mark.text().encode())
+    folder.write_whole(CLOSED_MARK_NAME, [mark.text().encode()])
 
 
 def read_mark(folder: LogFolder) -> ClosedMark | None:

@@ -17,11 +17,16 @@ import os
 import secrets
 import stat
 import weakref
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
 
 from semmap_log.errors import LogAccessError
 from semmap_log.log.form import LOCK_NAME, TEMPORARY_SUFFIX, is_temporary
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
@@ -165,16 +170,28 @@ class LogFolder:
             LogAccessError: It is no regular file.
             OSError: As the system says.
         """
+        with self.regular_file(name) as file:
+            return file.read(most)
+
+    def regular_file(self, name: str) -> BinaryIO:
+        """Return a regular file, open to be read.
+
+        Raises:
+            FileNotFoundError: There is nothing of that name.
+            LogAccessError: It is no regular file.
+            OSError: As the system says.
+        """
         try:
             fd = self.open(name, os.O_RDONLY)
         except OSError as error:
             if error.errno == errno.ELOOP:
                 raise self._no_file(name) from None
             raise
-        with os.fdopen(fd, "rb") as file:
-            if not stat.S_ISREG(os.fstat(fd).st_mode):
-                raise self._no_file(name)
-            return file.read(most)
+        file = os.fdopen(fd, "rb")
+        if not stat.S_ISREG(os.fstat(fd).st_mode):
+            file.close()
+            raise self._no_file(name)
+        return file
 
     def new_file(self, name: str) -> tuple[str, int]:
         """Make a file that nobody knows, to be given that name later; return its own, and it.
@@ -217,8 +234,8 @@ class LogFolder:
         os.replace(self._at(temporary), self._at(name), src_dir_fd=self._fd, dst_dir_fd=self._fd)
         self.sync()
 
-    def write_whole(self, name: str, data: bytes) -> None:
-        """Put a file of these bytes in place of what has the name, whole or not at all, synced.
+    def write_whole(self, name: str, data: Iterable[Buffer]) -> None:
+        """Put a file of these blocks in place of what has the name, whole or not at all, synced.
 
         Raises:
             OSError: As the system says.
@@ -226,7 +243,7 @@ class LogFolder:
         temporary, fd = self.new_file(name)
         try:
             with os.fdopen(fd, "wb") as file:
-                file.write(data)
+                file.writelines(data)
                 file.flush()
                 os.fsync(fd)
             self.put(temporary, name)

@@ -387,7 +387,7 @@ def test_what_is_written_whole_is_on_the_disk_before_it_has_its_name(
     """
     calls = noted(monkeypatch, "fsync", "replace")
 
-    LogFolder.held(tmp_path).write_whole("closed.json", b"new")
+    LogFolder.held(tmp_path).write_whole("closed.json", [b"new"])
 
     assert ["fsync", "replace", "fsync"] == calls
 
@@ -407,7 +407,7 @@ def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
     link(path / f".closed.json.{os.getpid()}-beef.tmp", victim)
 
     with pytest.raises(FileExistsError):
-        LogFolder.held(path).write_whole("closed.json", b"{}")
+        LogFolder.held(path).write_whole("closed.json", [b"{}"])
 
     assert VICTIM == victim.read_bytes()
 

@@ -6,10 +6,13 @@ any moment. Chunk times and message indexes are made anew from the messages, nev
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from semmap_log.log.chunks import build_chunk
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import TORN_SUFFIX
 from semmap_log.log.pages import Page
+from semmap_log.log.reading.byte_source import blocks
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import read_chunk
 from semmap_log.log.segment import SegmentWriter
@@ -34,17 +37,22 @@ def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
 
 def keep_torn_tail(folder: LogFolder, segment: Segment) -> None:
     """Put what lies behind the last whole commit beside the segment, named by where it lay."""
-    tail = bytes(segment.source.read(segment.whole_end, segment.size))
     name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
     kept, more = name, 1
-    while folder.has(kept) and not _holds(folder, kept, tail):
+    while folder.has(kept) and not _holds(folder, kept, segment):
         more += 1
         kept = f"{name}-{more}"
-    folder.write_whole(kept, tail)
+    folder.write_whole(kept, _torn_tail(segment))
 
 
-def _holds(folder: LogFolder, name: str, data: bytes) -> bool:
+def _torn_tail(segment: Segment) -> Iterator[memoryview]:
+    return blocks(segment.source, segment.whole_end, segment.size)
+
+
+def _holds(folder: LogFolder, name: str, segment: Segment) -> bool:
     try:
-        return folder.read_bytes(name) == data
+        with folder.regular_file(name) as file:
+            same = all(file.read(len(block)) == block for block in _torn_tail(segment))
+            return same and not file.read(1)
     except OSError:  # a stranger's link, or something else that is no file
         return False

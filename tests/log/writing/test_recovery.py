@@ -5,8 +5,10 @@ The short form of the sweeps: every byte of the last commits of one small log.
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -88,6 +90,31 @@ def test_the_torn_tail_is_kept_beside_it(crashed: tuple[Path, list[int]], tmp_pa
     kept = {name: data for name, data in first.items() if ".torn" in name}
     assert {f"log_000000.mcap.torn-{ends[1]}": torn} == kept
     assert first == {p.name: p.read_bytes() for p in path.iterdir()}
+
+
+def test_a_long_torn_tail_is_kept_in_little_memory(
+    crashed: tuple[Path, list[int]], tmp_path: Path
+) -> None:
+    """
+    A power cut may leave a hole of any length; kept once more, the copy that is there is enough.
+    """
+    source, ends = crashed
+    path = _cut(source, tmp_path / "log", ends[1])
+    os.truncate(path / "log_000000.mcap", ends[1] + 48 * 2**20)
+    again = shutil.copytree(path, tmp_path / "again")
+
+    tracemalloc.start()
+    try:
+        sl.append(path).close()
+        kept = shutil.copy(next(path.glob("*.torn-*")), again)
+        sl.append(again).close()
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+    assert Path(kept).stat().st_size == 48 * 2**20
+    assert [Path(kept).name] == [p.name for p in again.glob("*.torn-*")]
+    assert peak < 16 * 2**20
 
 
 def test_damage_before_whole_commits_is_an_error(
