@@ -82,6 +82,21 @@ def test_it_sees_every_flipped_byte_of_a_commit(
             assert found["problems"] or is_torn
 
 
+def test_it_survives_any_head(sample: Sample, tmp_path: Path, oracle: Oracle) -> None:
+    """
+    A run of zeros anywhere before the first commit is told; the oracle goes on.
+    """
+    log = tmp_path / "log"
+    shutil.copytree(sample.closed, log)
+    whole = (log / "log_000000.mcap").read_bytes()
+    for at in range(0, 600, 3):
+        data = bytearray(whole)
+        data[at : at + 16] = bytes(16)
+        (log / "log_000000.mcap").write_bytes(data)
+
+        assert oracle.ask(log)["problems"], at
+
+
 def test_it_sees_a_missing_segment(sample: Sample, tmp_path: Path, oracle: Oracle) -> None:
     """
     By the numbers of the segments.

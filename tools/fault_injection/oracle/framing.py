@@ -22,6 +22,10 @@ class BadBytesError(Exception):
     """The bytes are not what stands here in a log."""
 
 
+BAD_BYTES = (BadBytesError, ValueError, KeyError, IndexError, struct.error)
+"""What is raised where bytes are taken apart that are not what stands here in a log."""
+
+
 @dataclass(frozen=True)
 class Record:
     """A record: where it lies in its file (or chunk), and what is in it."""

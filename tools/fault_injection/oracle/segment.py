@@ -97,7 +97,7 @@ def _read_head(found: SegmentFile, data: bytes) -> int:
     try:
         found.head = _entries(header, metadata)
         _ = found.number, found.last_number, found.first_event, found.head["hash_so_far"]
-    except (BadBytesError, ValueError, KeyError, IndexError) as error:
+    except framing.BAD_BYTES as error:
         found.head = {}
         found.problems.append(f"no head that can be read: {error}")
         return -1
@@ -121,22 +121,30 @@ def _read_data(found: SegmentFile, data: bytes, start: int) -> None:
     at, why = start, ""
     for record in framing.records(data, start, len(data)):
         at = record.at
-        if record.opcode == framing.SCHEMA:
-            number, name, text = framing.schema(record.body)
-            found.schemas[number] = (name, text)
-        elif record.opcode == framing.CHANNEL:
-            number, schema, topic = framing.channel(record.body)
-            found.channels[number] = (schema, topic)
-        elif record.opcode == framing.CHUNK:
-            try:
-                reading.take(framing.chunk_messages(record))
-            except (BadBytesError, ValueError, KeyError, IndexError) as error:
-                why = str(error)
-                break
-        elif record.opcode not in (framing.MESSAGE_INDEX, framing.METADATA):
+        try:
+            is_known = _read_record(found, reading, record)
+        except framing.BAD_BYTES as error:
+            why = str(error)
+            break
+        if not is_known:
             break
         at = record.end
     _judge_end(found, reading, data, at, why)
+
+
+def _read_record(found: SegmentFile, reading: _Reading, record: Record) -> bool:
+    """Take in a record; tell whether it is one that stands among the data."""
+    if record.opcode == framing.SCHEMA:
+        number, name, text = framing.schema(record.body)
+        found.schemas[number] = (name, text)
+    elif record.opcode == framing.CHANNEL:
+        number, schema, topic = framing.channel(record.body)
+        found.channels[number] = (schema, topic)
+    elif record.opcode == framing.CHUNK:
+        reading.take(framing.chunk_messages(record))
+    else:
+        return record.opcode in (framing.MESSAGE_INDEX, framing.METADATA)
+    return True
 
 
 def _judge_end(found: SegmentFile, reading: _Reading, data: bytes, at: int, why: str) -> None:
@@ -181,7 +189,7 @@ class _Reading:
         try:
             for message in messages:
                 self._take(message)
-        except (BadBytesError, ValueError, KeyError, IndexError):
+        except framing.BAD_BYTES:
             self._time, self._messages, self._found.commits = time, kept, commits
             raise
 
