@@ -6,23 +6,41 @@ import multiprocessing
 import os
 import queue
 import traceback
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from multiprocessing.queues import Queue
+from pathlib import Path
 from typing import Any
 
+from fault_injection import shim
 from fault_injection.fault import CannotTryError, Outcome, Plan
-from fault_injection.workers import Work
+
+Work = Callable[[Plan, int, int], Iterator[Outcome]]
+"""Given the plan, its own number, and how many share the work; a function of a module."""
 
 _DONE, _FAILED, _CANNOT = "done", "failed", "cannot"
 
 
-def side_by_side(work: Work, plan: Plan, *, shares: int = 0) -> Generator[Outcome, None, None]:
+def under_shim(work: Work, plan: Plan) -> Generator[Outcome, None, None]:
+    """Yield what `side_by_side` does; the processes' system calls pass through the shim.
+
+    Raises:
+        CannotTryError: There is no C compiler.
+        RuntimeError: The trying itself failed; says how.
+    """
+    yield from side_by_side(work, plan, preload=shim.built(plan.folder))
+
+
+def side_by_side(
+    work: Work, plan: Plan, *, shares: int = 0, preload: Path | None = None
+) -> Generator[Outcome, None, None]:
     """Yield what so many processes as there are cores yield.
 
     Args:
         work: Given the plan, its own number, and how many share the work.
         plan: Says what is asked.
         shares: How many processes; 0: as many as there are cores.
+        preload: A library that the processes load before all others.
 
     Raises:
         CannotTryError: As the work says.
@@ -36,8 +54,9 @@ def side_by_side(work: Work, plan: Plan, *, shares: int = 0) -> Generator[Outcom
         for share in range(shares)
     ]
     try:
-        for worker in workers:
-            worker.start()
+        with _preloaded(preload):
+            for worker in workers:
+                worker.start()
         working = shares
         while working:
             try:
@@ -71,3 +90,16 @@ def _work(work: Work, plan: Plan, share: int, shares: int, outcomes: Queue[Any])
         outcomes.put((_CANNOT, str(error)))
     except Exception:  # noqa: BLE001 - told to who waits for it
         outcomes.put((_FAILED, traceback.format_exc()))
+
+
+@contextmanager
+def _preloaded(library: Path | None) -> Iterator[None]:
+    """Programs that are started within load that library first."""
+    if library is None:
+        yield
+        return
+    os.environ["LD_PRELOAD"] = str(library)
+    try:
+        yield
+    finally:
+        del os.environ["LD_PRELOAD"]

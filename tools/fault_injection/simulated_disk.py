@@ -19,10 +19,10 @@ from fault_injection.disk_model import Disk
 from fault_injection.examiner import Examiner
 from fault_injection.fault import Outcome, Plan
 from fault_injection.player import LEVELS, Player, Told
+from fault_injection.pool import under_shim
 from fault_injection.shim import Call, Entry
 from fault_injection.story import small_limits, story
 from fault_injection.trees import Tree, keep, read_tree, write_tree
-from fault_injection.workers import shared
 
 USUAL_STATES = 10_400
 STATES_PER_STORY = 1_300
@@ -40,7 +40,7 @@ _WITHOUT_EFFECT = Call.NOTE | Call.LOOK | Call.CLOSE
 
 def simulated_disk(plan: Plan) -> Generator[Outcome, None, None]:
     """Yield what became of each distinct crash state."""
-    yield from shared(_states, plan)
+    yield from under_shim(_states, plan)
 
 
 def _states(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:

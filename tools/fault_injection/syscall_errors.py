@@ -17,11 +17,11 @@ from fault_injection.examiner import Examiner
 from fault_injection.fault import Outcome, Plan
 from fault_injection.forking import Ended, forked
 from fault_injection.player import LEVELS, Tell
+from fault_injection.pool import under_shim
 from fault_injection.shim import FOR_EVER, Action, Call
 from fault_injection.story import small_limits, story
 from fault_injection.stubborn import StubbornPlayer
 from fault_injection.trees import Tree, keep, read_tree, write_tree
-from fault_injection.workers import shared
 
 EMPTY: Tree = {"out": {}}
 SYNCS = Call.FSYNC | Call.FDATASYNC
@@ -68,7 +68,7 @@ WAYS = (
 
 def syscall_errors(plan: Plan) -> Generator[Outcome, None, None]:
     """Yield what became of the log for each call that failed."""
-    yield from shared(_errors, plan)
+    yield from under_shim(_errors, plan)
 
 
 @dataclass(frozen=True, slots=True)

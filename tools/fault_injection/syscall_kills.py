@@ -16,10 +16,10 @@ from fault_injection.examiner import Examiner
 from fault_injection.fault import Outcome, Plan
 from fault_injection.forking import Ended, forked
 from fault_injection.player import LEVELS, Player, Tell, Told
+from fault_injection.pool import under_shim
 from fault_injection.shim import CHANGES, FOR_EVER, Action, Call
 from fault_injection.story import small_limits, story
 from fault_injection.trees import Tree, keep, read_tree, write_tree
-from fault_injection.workers import shared
 
 EMPTY: Tree = {"out": {}}
 SHARE_OF_OTHER_LEVELS = 0.1
@@ -32,7 +32,7 @@ WHOLE_RECOVERY_EVERY = 150
 
 def syscall_kills(plan: Plan) -> Generator[Outcome, None, None]:
     """Yield what became of the log for each call at which the writer was killed."""
-    yield from shared(_kills, plan)
+    yield from under_shim(_kills, plan)
 
 
 @dataclass(frozen=True, slots=True)
