@@ -108,7 +108,7 @@ WRITES = (
     _without("sync of a segment that somebody else closed", "writing/segment_chain.py",
              "            self.folder.sync_file(last.path.name)", DISK, put="            pass"),
     _without("a link in place of a kept tail", "writing/recovery.py",
-             "while folder.has(kept) and not _holds(folder, kept, tail):", FOLDER,
+             "while folder.has(kept) and not _holds(folder, kept, segment):", FOLDER,
              put="while False:"),
 )  # fmt: skip
 
