@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.events import DoorAnnotated, DoorObserved
 from semmap_log.log.compaction import compact
 from semmap_log.log.reading.following import FollowedCommit
+from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.writing import segment_chain
 from tests.calls import MOST_CALLS_A_LOOK, calls_of
 
@@ -191,6 +193,17 @@ def test_a_log_that_was_put_back_is_noticed_before_it_grows(
         CorruptLogError, match=r"the commit before event 17, which was there before"
     ):
         next(following)
+
+
+def test_a_segment_that_lost_its_commits_is_noticed(rolled: Path) -> None:
+    """
+    Whoever waits for what comes behind the segment before it is not told that nothing does.
+    """
+    middle = open_segment(rolled / "log_000001.mcap")
+    os.truncate(middle.path, middle.chunks[0].offset)
+
+    with pytest.raises(CorruptLogError, match=r"log_000002\.mcap.*one of the two is not what"):
+        _all_there(sl.read(rolled), after=middle.header.first_event - 1)
 
 
 def test_another_log_in_its_place_is_noticed(rolled: Path) -> None:

@@ -73,12 +73,14 @@ def commits_after(reader: LogReader, event: int) -> Iterator[FollowedCommit]:
         CorruptLogError: A chunk is not what was written.
     """
     first = max(event + 1, 0)
-    segment = reader.segment_of(first)
-    chunk = None if segment is None else chunk_of(reader.segments[segment], first)
-    if segment is None or chunk is None:
+    place = reader.segment_of(first)
+    if place is None:
         return
+    segment = reader.segments[place]
+    chunk = chunk_of(segment, first)
+    start = ChunkPlace(place, len(segment.chunks) if chunk is None else chunk)
     parts: list[EventBatch] = []
-    for _, page in reader.pages(ChunkPlace(segment, chunk)):
+    for _, page in reader.pages(start):
         cutter = _Cutter(page, first)
         for commit in page.commits():
             parts.append(cutter.up_to(commit.last_event))
