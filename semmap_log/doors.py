@@ -14,7 +14,10 @@ from types import MappingProxyType
 from typing import NewType
 
 DoorId = NewType("DoorId", int)
-"""Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`."""
+"""Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`.
+
+0 is given to nobody, but kept where a thesis's file or server counts from there.
+"""
 
 MAX_DOOR_ID = 2**32 - 1
 MAX_LEVEL = 65_000

@@ -96,7 +96,7 @@ def dump_thesis_yaml(
     return text or "{}\n", left_out
 
 
-_ID = re.compile(r"[1-9][0-9]{0,9}")
+_ID = re.compile(r"0|[1-9][0-9]{0,9}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class _Reader:
                 assert table is not None
                 self.problems.add(
                     table.key_lines[key],
-                    f"expected a door's id, a whole number from 1 to {MAX_DOOR_ID}, "
+                    f"expected a door's id, a whole number from 0 to {MAX_DOOR_ID}, "
                     f"got {shown(key)}",
                 )
                 continue

@@ -103,7 +103,7 @@ def test_a_status_it_does_not_know_is_unknown_with_a_warning(text):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("3:\n", "0:\n", "doors.yaml:1: expected a door's id, .* got '0'"),
+        ("3:\n", "00:\n", "doors.yaml:1: expected a door's id, .* from 0 to .* got '00'"),
         ("3:\n", "-1:\n", "expected a door's id, .* got '-1'"),
         ("3:\n", "007:\n", "expected a door's id, .* got '007'"),
         ("3:\n", "front:\n", "expected a door's id, .* got 'front'"),

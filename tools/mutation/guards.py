@@ -273,9 +273,33 @@ COLUMNS = (
            ("tests/formats/test_csv_columns.py",)),
 )  # fmt: skip
 
+ZERO = "tests/test_door_zero.py"
+REPLAYED = "tests/test_replay.py"
+BATCH = "semmap_log/event_batch.py"
+DOOR_MAP = "semmap_log/projections/door_map.py"
+
+DOOR_0 = (
+    Mutant("door 0: its events in the map", DOOR_MAP, "            rows[about_0] = self._row(0)\n",
+           "            pass\n", (ZERO, REPLAYED)),
+    Mutant("door 0: no row of what is about none", DOOR_MAP,
+           "            state._row_by_id[0] = NOBODY\n", "", (ZERO, REPLAYED)),
+    Mutant("door 0: found among what is about none", BATCH,
+           "if len(ids) - np.count_nonzero(ids) == about_none:", "if True:", (ZERO, REPLAYED)),
+    Mutant("door 0: its events alone", BATCH, "found & self.about_doors() if 0 in doors else found",
+           "found", (ZERO,)),
+    Mutant("door 0: what is about none in an excerpt", "semmap_log/views/excerpt/excerpt.py",
+           "batch.of_doors(self.doors) | ~batch.about_doors()", "batch.of_doors(self.doors)",
+           (ZERO,)),
+    Mutant("door 0: taken back", "semmap_log/views/rerun/taken_back.py",
+           "batch.door_ids()[batch.about_doors()]", "batch.door_ids()", (ZERO,)),
+    Mutant("door 0: drawn", "semmap_log/projections/door_layer.py",
+           "batch.door_ids()[batch.about_doors()]",
+           "batch.door_ids()[batch.door_ids() > 0]", ("tests/costmaps/test_over_time.py",)),
+)  # fmt: skip
+
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0,
 )  # fmt: skip

@@ -10,6 +10,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.errors import CommandError
+from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving.door_server import DoorServer
 from semmap_log.live.serving.saving import DoorSaver
 from semmap_log.live.serving.yaml_start import start_with_yaml
@@ -191,3 +192,22 @@ def test_a_file_saved_with_a_default_is_known_with_the_same(filled: Path, file: 
     assert "has gone on since" in known
     assert math.isnan(server.door_map().doors[DoorId(3)].prob_open)
     server.close()
+
+
+def test_a_yaml_with_0_fills_a_server_whose_goals_reach_it(server: DoorServer, root: Path) -> None:
+    """
+    Saved again, the file is the same, byte for byte.
+    """
+    file = root / "doors.yaml"
+    file.write_text(_entry(0) + _entry(1))
+    start_with_yaml(server.log, file)
+
+    saved = server.run(goal_of("SaveDoorDB", "s", file_name="saved.yaml"))
+    updated = server.run(goal_of("UpdateDoor", "u", door_id=0, change_open=True, door_state="OPEN"))
+    removed = server.run(goal_of("RemoveDoor", "r", door_id=1))
+
+    assert saved.succeeded
+    assert file.read_text() == (root / "saved.yaml").read_text()
+    assert Outcome(succeeded=True, result={"door_updated": True}) == updated
+    assert Outcome(succeeded=True, result={"door_removed": True}) == removed
+    assert {0: DoorState.OPEN} == {i: d.state for i, d in server.door_map().doors.items()}
