@@ -280,11 +280,11 @@ DOOR_MAP = "semmap_log/projections/door_map.py"
 
 DOOR_0 = (
     Mutant("door 0: its events in the map", DOOR_MAP, "            rows[about_0] = self._row(0)\n",
-           "            pass\n", (ZERO, REPLAYED)),
+           "            pass\n", (REPLAYED,)),
     Mutant("door 0: no row of what is about none", DOOR_MAP,
            "            state._row_by_id[0] = NOBODY\n", "", (ZERO, REPLAYED)),
     Mutant("door 0: found among what is about none", BATCH,
-           "if len(ids) - np.count_nonzero(ids) == about_none:", "if True:", (ZERO, REPLAYED)),
+           "if len(ids) - np.count_nonzero(ids) == about_none:", "if True:", (REPLAYED,)),
     Mutant("door 0: its events alone", BATCH, "found & self.about_doors() if 0 in doors else found",
            "found", (ZERO,)),
     Mutant("door 0: what is about none in an excerpt", "semmap_log/views/excerpt/excerpt.py",
