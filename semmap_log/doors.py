@@ -142,6 +142,15 @@ class Door:
 
 
 @dataclass(frozen=True, slots=True)
+class RemovedDoor:
+    """A door that was removed, as it would be had it not been."""
+
+    door: Door
+    event: int
+    """The number of its removal: with that taken back, the door is in the map again."""
+
+
+@dataclass(frozen=True, slots=True)
 class Level:
     """A storey of the building."""
 

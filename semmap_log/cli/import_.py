@@ -34,7 +34,11 @@ def run(
         ),
     ] = None,
     update: Annotated[
-        bool, typer.Option("--update", help="Write values that differ from a door that is there.")
+        bool,
+        typer.Option(
+            "--update",
+            help="Write what differs from a door that is there; bring removed ones back.",
+        ),
     ] = False,
     renumber: Annotated[
         bool, typer.Option("--renumber", help="Give doors whose ids were removed new ids.")

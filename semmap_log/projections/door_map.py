@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId, DoorMap, Level
+from semmap_log.doors import Door, DoorId, DoorMap, Level, RemovedDoor
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorAnnotated, FloorMap, LevelAdded
 from semmap_log.projections.annotations import Annotations, Stamp
@@ -183,8 +183,16 @@ class DoorMapState:
 
     def door(self, door_id: int) -> Door | None:
         """Return one door as a value; None: it is not in the map."""
-        if not self.is_present(door_id):
+        return self._door(door_id) if self.is_present(door_id) else None
+
+    def removed_door(self, door_id: int) -> RemovedDoor | None:
+        """Return a door that was removed; None: it was not, or never was in the map."""
+        removed = self.stamp(door_id, "removed")
+        if removed is None or self.stamp(door_id, "added") is None or self.is_present(door_id):
             return None
+        return RemovedDoor(self._door(door_id), removed[1])
+
+    def _door(self, door_id: int) -> Door:
         row = self._row_of[door_id]
         chosen = {name: self._columns[name][row : row + 1] for name in _OF_A_DOOR}
         return DoorsPresent(chosen, self._annotations)[DoorId(door_id)]

@@ -297,9 +297,34 @@ DOOR_0 = (
            "batch.door_ids()[batch.door_ids() > 0]", ("tests/costmaps/test_over_time.py",)),
 )  # fmt: skip
 
+RETRACTING = "tests/test_retracting.py"
+PLANNED = "tests/formats/test_importing.py"
+
+BROUGHT_BACK = (
+    Mutant("brought back: in the map within the commit", COMMANDS,
+           "self.placed[door_id] = self.removals.pop(door_id).was_placed", "pass", (RETRACTING,)),
+    Mutant("brought back: without a place as before", COMMANDS,
+           "self.removals.pop(door_id).was_placed", "bool(self.removals.pop(door_id))",
+           (RETRACTING,)),
+    Mutant("brought back: by its removal alone", COMMANDS,
+           "if event.first_event != event.last_event:", "if False:", (RETRACTING,)),
+    Mutant("brought back: how, in words", COMMANDS, "if removal is None:", "if removal:",
+           (RETRACTING,)),
+    Mutant("brought back: what differs is written", "semmap_log/formats/importing.py",
+           "yield from self.update_of(door, removed.door, names)", "pass", (PLANNED,)),
+    Mutant("brought back: a new id where one is asked for", "semmap_log/formats/importing.py",
+           "not self.update or self.renumber:", "not self.update:", (PLANNED,)),
+    Mutant("brought back: not where the adding was taken back",
+           "semmap_log/live/serving/yaml_start.py", "    if gone:\n", "    if False:\n",
+           ("tests/live/serving/test_yaml_start.py",)),
+    Mutant("a door that was removed, named by its id", "semmap_log/appendable_log.py",
+           "if is_door_id(door) and self._writer.state.removed_door(int(door)):", "if False:",
+           (RETRACTING,)),
+)  # fmt: skip
+
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK,
 )  # fmt: skip
