@@ -135,9 +135,11 @@ class Roster:
         return UnknownDoorError(f"door {door_id} is not in the map.")
 
     def brought_back(self, event: Retracted) -> int | None:
-        """Return the door whose removal is all that is taken back; None: there is none."""
-        if event.first_event != event.last_event:
-            return None
+        """Return the door whose removal is the first that is taken back; None: there is none.
+
+        Its adding came before and stands. Where a range begins earlier that is not known: the door
+        counts as removed until the commit is whole.
+        """
         found = (i for i, removal in self.removals.items() if removal.event == event.first_event)
         return next(found, None)
 
