@@ -234,12 +234,9 @@ class EventBatch:
     def of_door_0(self) -> NDArray[np.intp]:
         """Return the positions of the events about door 0, which nearly no log has."""
         ids = self.door_ids()
-        about_none = sum(
-            len(self.places_of(kind))
-            for kind in (*self.columns, *self.objects)
-            if kind not in DOOR_KINDS
-        )
-        if len(ids) - np.count_nonzero(ids) == about_none:
+        zeros = len(ids) - np.count_nonzero(ids)
+        others = [k for k in (*self.columns, *self.objects) if k not in DOOR_KINDS]
+        if zeros == sum(np.count_nonzero(self.kind == kind) for kind in others):
             return np.empty(0, np.intp)
         return np.flatnonzero((ids == 0) & self.about_doors())
 

@@ -111,7 +111,8 @@ def run(
 
     --yaml FILE fills a log that never had doors. Later it must agree with the log, or be a file
     that the log took in, or saved, and that has not changed since; else the server stops and says
-    what differs. --yaml-replace then adds, updates and removes doors, in one commit.
+    what differs. --yaml-replace then adds, updates and removes doors, in one commit; one that was
+    removed comes back under its id.
 
     SaveDoorDB writes YAML into one folder: --save-root, else that of --yaml, else LOG_saved beside
     the log (office_saved), made when it is needed. A probability that a door does not have is left
