@@ -11,11 +11,17 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from semmap_log.command_content import are_same
-from semmap_log.commands import Gatekeeper, Roster, resolve_door
+from semmap_log.commands import Gatekeeper, Roster, is_door_id, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
+from semmap_log.errors import (
+    CommandReusedError,
+    LogError,
+    LogPoisonedError,
+    UnexpectedEventError,
+    UnknownDoorError,
+)
 from semmap_log.event_batch import EventBatch, one_by_one
 from semmap_log.events import Event, RobotPose
 from semmap_log.log.clock import believable_ns
@@ -266,7 +272,12 @@ class AppendableLog(DoorLog):
             self._take_in()
             if self._named is None:
                 self._named = self._writer.state.door_map()
-            return resolve_door(door, self._named)
+            try:
+                return resolve_door(door, self._named)
+            except UnknownDoorError:
+                if is_door_id(door) and self._writer.state.removed_door(int(door)):
+                    return DoorId(int(door))  # that it was removed, the gatekeeper says
+                raise
 
     def level_of(self, door: DoorId) -> int:
         """Return the level that a door is on; 0 for one that is not there."""

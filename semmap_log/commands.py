@@ -45,6 +45,15 @@ from semmap_log.events import (
 from semmap_log.projections.door_map import DoorMapState
 
 
+@dataclass(frozen=True, slots=True)
+class Removal:
+    """How a door left the map."""
+
+    event: int
+    """The number of its removal."""
+    was_placed: bool
+
+
 @dataclass(slots=True)
 class Roster:
     """Which doors and levels there are, as far as commands need to know: cheap to keep current."""
@@ -56,6 +65,8 @@ class Roster:
     used_ids: set[int]
     """Every id that was ever given."""
     levels: set[int]
+    removals: dict[int, Removal]
+    """Doors that were removed, as far as that can be taken back."""
 
     @classmethod
     def of(cls, state: DoorMapState) -> Roster:
@@ -67,6 +78,11 @@ class Roster:
             removed_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "removed"))},
             used_ids=set(ids),
             levels=state.known_levels() | {0},
+            removals={
+                i: Removal(found.event, found.door.is_placed)
+                for i in ids
+                if (found := state.removed_door(i))
+            },
         )
 
     @classmethod
@@ -79,6 +95,7 @@ class Roster:
             removed_ns={i: 0 for i in used_ids if i not in door_map.doors},
             used_ids=set(used_ids),
             levels=set(door_map.levels) | {0},
+            removals={},
         )
 
     def copy(self) -> Roster:
@@ -89,6 +106,7 @@ class Roster:
             dict(self.removed_ns),
             set(self.used_ids),
             set(self.levels),
+            dict(self.removals),
         )
 
     @property
@@ -103,7 +121,29 @@ class Roster:
             raise CommandError(f"no id is free behind door {MAX_DOOR_ID}; give one yourself.")
         return DoorId(following)
 
-    def apply(self, event: Event) -> None:
+    def way_back(self, door_id: int) -> str:
+        """Return how a door that was removed comes back under its id, in words."""
+        removal = self.removals.get(door_id)
+        if removal is None:
+            return ""
+        return f" To bring it back, take the removal back: semmap-log retract LOG {removal.event}"
+
+    def absent(self, door_id: int) -> CommandError:
+        """Return the error that a door is not in the map, and why."""
+        if door_id in self.removed_ns:
+            return DoorRemovedError(f"door {door_id} was removed.{self.way_back(door_id)}")
+        return UnknownDoorError(f"door {door_id} is not in the map.")
+
+    def brought_back(self, event: Retracted) -> int | None:
+        """Return the door whose removal is the first that is taken back; None: there is none.
+
+        Its adding came before and stands. Where a range begins earlier that is not known: the door
+        counts as removed until the commit is whole.
+        """
+        found = (i for i, removal in self.removals.items() if removal.event == event.first_event)
+        return next(found, None)
+
+    def apply(self, event: Event, number: int) -> None:
         """Take in what an event changes; one without a time counts from the end of time."""
         happened_ns = MAX_TIME_NS if event.happened_ns is None else event.happened_ns
         if isinstance(event, DoorAdded):
@@ -111,8 +151,12 @@ class Roster:
             self.added_ns[event.door_id] = happened_ns
             self.used_ids.add(event.door_id)
         elif isinstance(event, DoorRemoved):
-            self.placed.pop(event.door_id, None)
+            was_placed = self.placed.pop(event.door_id, False)
             self.removed_ns[event.door_id] = happened_ns
+            self.removals[event.door_id] = Removal(number, was_placed)
+        elif isinstance(event, Retracted) and (door_id := self.brought_back(event)) is not None:
+            self.placed[door_id] = self.removals.pop(door_id).was_placed
+            self.removed_ns.pop(door_id)
         elif isinstance(event, DoorUpdated) and event.door_id in self.placed:
             self.placed[event.door_id] = True
         elif isinstance(event, (LevelAdded, FloorMap)):
@@ -229,7 +273,7 @@ class Gatekeeper:
         if self._changes_roster(event):
             if not self._is_own:
                 self.roster, self._is_own = self.roster.copy(), True
-            self.roster.apply(event)
+            self.roster.apply(event, self._next_event)
             if isinstance(event, DoorAdded) and event.happened_ns is not None and self._now_ns:
                 # One that is said to come later counts from when it is recorded.
                 self.roster.added_ns[event.door_id] = min(event.happened_ns, self._now_ns())
@@ -248,6 +292,8 @@ class Gatekeeper:
     def _changes_roster(self, event: Event) -> bool:
         if isinstance(event, DoorUpdated):
             return bool(self._moves(event)) and not self.roster.placed.get(event.door_id, True)
+        if isinstance(event, Retracted):
+            return self.roster.brought_back(event) is not None
         return isinstance(event, (DoorAdded, DoorRemoved, LevelAdded, FloorMap))
 
     def _check_new(self, event: DoorAdded) -> None:
@@ -257,7 +303,7 @@ class Gatekeeper:
         if door_id in self.roster.used_ids:
             raise DoorRemovedError(
                 f"door {door_id} was removed, and an id is never used twice; "
-                f"the next free id is {self.roster.next_free_id}."
+                f"the next free id is {self.roster.next_free_id}.{self.roster.way_back(door_id)}"
             )
         self._check_level(event.level)
 
@@ -271,6 +317,7 @@ class Gatekeeper:
         if event.happened_ns is None or event.happened_ns > removed_ns:
             raise DoorRemovedError(
                 f"door {door_id} was removed; only what happened before that can be added to it."
+                f"{self.roster.way_back(door_id)}"
             )
 
     def _check_update(self, event: DoorUpdated) -> None:
@@ -288,7 +335,8 @@ class Gatekeeper:
 
     def _check_removal(self, event: DoorRemoved) -> None:
         if event.door_id not in self.roster.placed:
-            raise DoorRemovedError(f"door {event.door_id} was removed already.")
+            way_back = self.roster.way_back(event.door_id)
+            raise DoorRemovedError(f"door {event.door_id} was removed already.{way_back}")
         added_ns = self.roster.added_ns.get(event.door_id, 0)
         if event.happened_ns is not None and event.happened_ns < added_ns:
             raise CommandError(f"door {event.door_id} cannot be removed before it was added.")
@@ -338,6 +386,11 @@ def _distinct(ids: NDArray[np.uint32]) -> set[int]:
 MOST_ID_DIGITS = len(str(MAX_DOOR_ID))
 
 
+def is_door_id(text: str) -> bool:
+    """Tell whether a text can be a door's id."""
+    return text.isdecimal() and len(text) <= MOST_ID_DIGITS
+
+
 def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
     """Return the door that a person means by an id, a name, or level/name.
 
@@ -351,7 +404,7 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
             for door in door_map.doors.values()
             if door.name and f"{door_map.level_name(door.level)}/{door.name}" == text
         ]
-    if isinstance(text, str) and text.isdecimal() and len(text) <= MOST_ID_DIGITS:
+    if isinstance(text, str) and is_door_id(text):
         numbered = door_map.doors.get(DoorId(int(text)))
         doors += [numbered] if numbered and numbered not in doors else []
     if len(doors) == 1:

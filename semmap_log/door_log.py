@@ -17,8 +17,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-
 from semmap_log.commands import resolve_door
 from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
@@ -554,4 +552,4 @@ def _next(number: int | None) -> int | None:
 
 def about(batch: EventBatch, doors: Collection[DoorId] | None) -> EventBatch:
     """Return the events of a batch that are about some doors; None: all."""
-    return batch if doors is None else batch.select(np.isin(batch.door_ids(), list(doors)))
+    return batch if doors is None else batch.select(batch.of_doors(doors))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 from semmap_log.appendable_log import AppendableLog, Appended
 from semmap_log.command_content import content_of
-from semmap_log.commands import resolve_door
 from semmap_log.commits import Note
 from semmap_log.door_log import Time
 from semmap_log.doors import NAN, DoorId, DoorState
@@ -127,8 +126,10 @@ class DoorLogWriter(AppendableLog):
         """
 
         def event() -> DoorUpdated:
-            door_map = self.state.door_map()
-            known = door_map.doors[resolve_door(door, door_map)]
+            door_id = self.resolve(door)
+            known = self.state.door(door_id)
+            if known is None:
+                raise self.roster.absent(door_id)
             moved = not (x is y is theta is level is None)
             given = {
                 Changed.POSE: moved,

@@ -14,7 +14,10 @@ from types import MappingProxyType
 from typing import NewType
 
 DoorId = NewType("DoorId", int)
-"""Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`."""
+"""Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`.
+
+0 is given to nobody, but kept where a thesis's file or server counts from there.
+"""
 
 MAX_DOOR_ID = 2**32 - 1
 MAX_LEVEL = 65_000
@@ -136,6 +139,15 @@ class Door:
             self.x + self.width * math.cos(self.theta),
             self.y + self.width * math.sin(self.theta),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class RemovedDoor:
+    """A door that was removed, as it would be had it not been."""
+
+    door: Door
+    event: int
+    """The number of its removal: with that taken back, the door is in the map again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from semmap_log.event_columns import (
     common_length,
     rows_of,
 )
-from semmap_log.events import KINDS, DoorEvent, Event, event_of
+from semmap_log.events import DOOR_KINDS, KINDS, DoorEvent, Event, event_of
 from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
 
 if TYPE_CHECKING:
@@ -207,17 +207,38 @@ class EventBatch:
         return places
 
     def door_ids(self) -> NDArray[np.uint32]:
-        """Return the door each event is about; 0 where it is about none."""
+        """Return the door each event is about; 0 where it is about none.
+
+        A door may have the number 0, too: `about_doors` tells them apart.
+        """
         if self.known_door_ids is not None:
             return self.known_door_ids
         ids = np.zeros(len(self), np.uint32)
         for kind in self.columns:
-            if issubclass(KINDS[kind - 1], DoorEvent):
+            if kind in DOOR_KINDS:
                 ids[self.places_of(kind)] = self.columns[kind]["door_id"]
         for kind, events in self.objects.items():
-            if issubclass(KINDS[kind - 1], DoorEvent):
+            if kind in DOOR_KINDS:
                 ids[self.places_of(kind)] = [e.door_id for e in events if isinstance(e, DoorEvent)]
         return ids
+
+    def about_doors(self) -> NDArray[np.bool_]:
+        """Return whether each event is about a door."""
+        return np.isin(self.kind, list(DOOR_KINDS))
+
+    def of_doors(self, doors: Collection[int]) -> NDArray[np.bool_]:
+        """Return whether each event is about one of these doors."""
+        found: NDArray[np.bool_] = np.isin(self.door_ids(), list(doors))
+        return found & self.about_doors() if 0 in doors else found
+
+    def of_door_0(self) -> NDArray[np.intp]:
+        """Return the positions of the events about door 0, which nearly no log has."""
+        ids = self.door_ids()
+        zeros = len(ids) - np.count_nonzero(ids)
+        others = [k for k in (*self.columns, *self.objects) if k not in DOOR_KINDS]
+        if zeros == sum(np.count_nonzero(self.kind == kind) for kind in others):
+            return np.empty(0, np.intp)
+        return np.flatnonzero((ids == 0) & self.about_doors())
 
     def sources(self, kind: type[Event]) -> tuple[NDArray[np.intp], Sequence[str]]:
         """Return which sensor, robot or file told of each event of that kind: `Note.source`.

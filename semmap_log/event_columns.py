@@ -103,7 +103,7 @@ _SHARE = _Range(0, 1, or_nan=True)
 _AT_LEAST_0 = _Range(0, _GREATEST, or_nan=True)
 
 _RANGES: Mapping[str, _Range] = {
-    "door_id": _Range(1, 2**32 - 1),
+    "door_id": _Range(0, 2**32 - 1),
     "level": _Range(0, MAX_LEVEL),
     "state": _Range(0, max(DoorState)),
     "changed": _Range(1, int(ALL_CHANGED)),

@@ -77,7 +77,7 @@ class DoorEvent(Event):
     door_id: DoorId
 
     def _check(self) -> None:
-        self._whole("door_id", self.door_id, 1, MAX_DOOR_ID)
+        self._whole("door_id", self.door_id, 0, MAX_DOOR_ID)
 
 
 def _check_place(event: DoorAdded | DoorUpdated) -> None:
@@ -365,6 +365,9 @@ KINDS: tuple[type[Event], ...] = (
 
 for _number, _kind in enumerate(KINDS, start=1):
     _kind.kind = _number
+
+DOOR_KINDS = frozenset(kind.kind for kind in KINDS if issubclass(kind, DoorEvent))
+"""The numbers of the kinds that are about a door."""
 
 KIND_BY_NAME: Mapping[str, type[Event]] = {kind.__name__: kind for kind in KINDS}
 

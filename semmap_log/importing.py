@@ -150,7 +150,7 @@ def _planner(path: Path, progress: Progress | None) -> Planner:
 
 def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
     table = read_building(path, level=options.level)
-    return _plan_table(log, table, options)
+    return _plan_table(_present(log), table, options)
 
 
 def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
@@ -163,17 +163,23 @@ def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> 
     table = read_thesis_yaml(path)
     door_map = log.state.door_map()
 
+    present = _present(log)
+
     def level_of(door: TableDoor) -> int:  # the format has no levels: a known door stays on its own
-        known = None if door.door_id is None else door_map.doors.get(door.door_id)
+        assert door.door_id is not None  # the format's keys
+        known = door_map.doors.get(door.door_id)
+        removed = present.removed.get(door.door_id)
+        if known is None and removed is not None and options.update:
+            known = removed.door
         return known.level if known else resolve_level(options.level, door_map)
 
     placed = tuple(replace(door, level=level_of(door)) for door in table.doors)
-    return _plan_table(log, replace(table, doors=placed), options)
+    return _plan_table(present, replace(table, doors=placed), options)
 
 
-def _plan_table(log: DoorLogWriter, table: DoorTable, options: ImportOptions) -> ImportPlan:
+def _plan_table(present: Present, table: DoorTable, options: ImportOptions) -> ImportPlan:
     return plan_doors(
-        table, _present(log), update=options.update, renumber=options.renumber, at_ns=options.at_ns
+        table, present, update=options.update, renumber=options.renumber, at_ns=options.at_ns
     )
 
 
@@ -200,8 +206,9 @@ def _present(log: DoorLogWriter) -> Present:
             assert isinstance(event, FloorMap)
             maps[number] = event
     used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
+    removed = {i: found for i in used if (found := log.state.removed_door(i))}
     next_event = log.state.event + 1
-    return Present(door_map, used, maps, next_event, log.roster)
+    return Present(door_map, used, maps, removed, next_event, log.roster)
 
 
 def command_id_of(path: Path, options: ImportOptions) -> bytes:

@@ -22,7 +22,7 @@ from semmap_log.errors import (
     FormatError,
     UnknownLevelError,
 )
-from semmap_log.events import DoorObserved, DoorUpdated
+from semmap_log.events import DoorObserved, DoorUpdated, LevelAdded
 from semmap_log.exporting.log_files import export
 from semmap_log.importing import ImportOptions, import_file
 
@@ -197,7 +197,8 @@ def test_all_of_a_file_or_nothing(tmp_path: Path) -> None:
 
 def test_ids_that_are_taken_or_gone(tmp_path: Path) -> None:
     """
-    Other values: an error unless --update; a removed id: an error unless --renumber.
+    Other values: an error unless --update; a removed id: an error unless --renumber, or --update,
+    which brings the door back, on its own level.
     """
     file = tmp_path / "doors.yaml"
     entry = "{}:\n  position: {{x: 1, y: 2, theta: 0}}\n  width: 1\n  status: OPEN\n"
@@ -215,6 +216,14 @@ def test_ids_that_are_taken_or_gone(tmp_path: Path) -> None:
 
         assert [2, 3] == list(log.replay().doors)
         assert 1.0 == log.replay()[DoorId(3)].x
+
+        log.append([LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2")])
+        plan = import_file(log, file, ImportOptions(update=True)).plan
+
+        assert [1, 2, 3] == list(log.replay().doors)
+        assert ("doors: 1 brought back, 1 the same already",
+                "door 1: its removal, event 2, is taken back") == plan.summary  # fmt: skip
+        assert (1.0, 0) == (log.replay()[DoorId(1)].x, log.replay()[DoorId(1)].level)
 
 
 def test_a_yaml_of_a_building_with_levels_comes_back(shared_data: Path, tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from semmap_log.events import (
     DoorRequested,
     DoorUpdated,
     Event,
+    PatrolStarted,
     Retracted,
 )
 from semmap_log.log.keyframes import decode, encode
@@ -50,7 +51,7 @@ def random_event(dice: random.Random, number: int, now_ns: int) -> Event:
             START_NS + dice.randrange(40) * 10**6,
         ]
     )
-    door_id = DoorId(dice.randint(1, 4))
+    door_id = DoorId(dice.randint(0, 3))
     place = dict.fromkeys(("x", "y", "theta", "width"), float(dice.randint(0, 3)))
     state = dice.choice(list(DoorState))
     kind = dice.randrange(10)
@@ -87,6 +88,8 @@ def random_event(dice: random.Random, number: int, now_ns: int) -> Event:
         return Retracted(first_event=first, last_event=min(number - 1, first + dice.randrange(3)))
     if kind == 8:
         return DoorRequested(door_id=door_id, happened_ns=happened, state=state)
+    if kind == 9 and dice.random() < 0.3:  # about no door
+        return PatrolStarted(patrol=dice.randint(1, 9), happened_ns=happened)
     return DoorObserved(door_id=door_id, happened_ns=happened, state=state, accuracy_open=0.9)
 
 

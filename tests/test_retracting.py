@@ -12,11 +12,19 @@ from semmap_log.doors import DoorId, DoorState
 from semmap_log.errors import (
     CommandError,
     CommandReusedError,
+    DoorExistsError,
     DoorRemovedError,
     UnexpectedEventError,
     UnknownDoorError,
 )
-from semmap_log.events import Retracted, RobotPose
+from semmap_log.events import (
+    Changed,
+    DoorObserved,
+    DoorUpdated,
+    LevelAdded,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.retracting import newly_hidden
 from tests.conftest import SteadyClock
 from tests.folding.test_fold import expected_numbers
@@ -64,6 +72,7 @@ def test_what_was_true_leaves_it_out_and_what_was_known_does_not(log: sl.DoorLog
     assert DoorState.OPEN is state(event=3)
     assert DoorState.CLOSED is state(event=5, at=between)
     assert [False, False, False, True, False, False] == [e.retracted for e in log.history()]
+    assert [None, None, None, 5, None, None] == [e.retracted_by for e in log.history()]
 
 
 def test_a_door_whose_adding_is_taken_back_is_gone_for_good(log: sl.DoorLogWriter) -> None:
@@ -209,3 +218,74 @@ def test_what_each_retraction_hid_adds_up(tmp_path: Path) -> None:
 
     assert len(retractions) > 3
     assert sorted(hidden) == [entry.number for entry in log.history() if entry.retracted]
+
+
+def test_a_removal_that_is_taken_back_brings_the_door_back(tmp_path: Path) -> None:
+    """
+    Under its id, with all it was; in the same commit more can be said of it at once.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.append([LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2")])
+        door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, level=2, name="front")
+        log.add_door(x=5.0, y=2.0, theta=0.0, width=0.9, level=1)
+        before = log.replay()[door]
+        removed = log.remove_door(door).commit.first_event
+        with pytest.raises(DoorRemovedError, match=f"semmap-log retract LOG {removed}$"):
+            log.observe(str(door), "open")
+
+        log.append(
+            [
+                Retracted(first_event=removed, last_event=removed),
+                DoorUpdated(door_id=door, changed=Changed.WIDTH, width=0.8),
+                DoorObserved(door_id=door, state=DoorState.OPEN),
+            ]
+        )
+        log.observe("front", "closed")
+        again = log.remove_door(door).commit.first_event
+        refused = [Retracted(first_event=removed - 1, last_event=again)]
+        with pytest.raises(DoorRemovedError, match=f"retract LOG {again}$"):
+            log.append([*refused, DoorObserved(door_id=door, state=DoorState.OPEN)])
+        log.retract(again)
+        after = log.replay()[door]
+
+        assert before.pose == after.pose
+        assert ("front", 0.8, DoorState.CLOSED) == (after.name, after.width, after.state)
+        assert repr(log.state.door(door)) == repr(after)
+        with pytest.raises(DoorExistsError):
+            log.add_door(door_id=door)
+
+
+def test_an_unplaced_door_comes_back_unplaced(tmp_path: Path) -> None:
+    """
+    To place it, pose and width are wanted together, as before.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        door = log.add_door(name="reed contact")
+        removed = log.remove_door(door).commit.first_event
+        back = Retracted(first_event=removed, last_event=removed)
+
+        with pytest.raises(CommandError, match="has no place yet"):
+            log.append([back, DoorUpdated(door_id=door, changed=Changed.WIDTH, width=0.8)])
+
+
+def test_what_is_said_of_a_removed_door(tmp_path: Path) -> None:
+    """
+    Who names it by its id is told of the removal, not that there never was such a door; what
+    happened before that can still be added.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        door = log.add_door(at="2026-03-01T08:00")
+        log.remove_door(door, at="2026-03-01T12:00")
+
+        log.observe(str(door), "open", at="2026-03-01T10:00")
+        for ask in (
+            lambda: log.update_door("1", state="open"),
+            lambda: log.annotate("1", "name", "front"),
+            lambda: log.remove_door("1"),
+            lambda: log.add_door(door_id=door),
+        ):
+            with pytest.raises(DoorRemovedError, match=r"door 1 was removed.* retract LOG 1$"):
+                ask()
+        with pytest.raises(UnknownDoorError, match="door 7 is not in the map"):
+            log.observe("7", "open")
+        assert DoorState.OPEN is log.replay(at="2026-03-01T11:00")[door].state

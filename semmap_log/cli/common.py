@@ -157,6 +157,21 @@ def progress(doing: str, unit: str = "bytes") -> Iterator[Progress | None]:
             bar.stop()
 
 
+@contextmanager
+def stopped_for_good() -> Iterator[None]:
+    """Leave with exit code 2 where starting again would change nothing: no log, a wrong file.
+
+    Who starts a service again after a failure, as its unit does, must be told which is none.
+    """
+    from semmap_log.errors import CommandError, FormatError, NotALogError
+
+    try:
+        yield
+    except (NotALogError, FormatError, CommandError) as error:
+        say(f"semmap-log: {error}")
+        raise typer.Exit(2) from error
+
+
 def on_stop(stop: Callable[[], object]) -> None:
     """Have Ctrl-C and SIGTERM ask for an end, instead of making one: what has come is finished."""
 

@@ -34,7 +34,11 @@ def run(
         ),
     ] = None,
     update: Annotated[
-        bool, typer.Option("--update", help="Write values that differ from a door that is there.")
+        bool,
+        typer.Option(
+            "--update",
+            help="Write what differs from a door that is there; bring removed ones back.",
+        ),
     ] = False,
     renumber: Annotated[
         bool, typer.Option("--renumber", help="Give doors whose ids were removed new ids.")
@@ -120,7 +124,9 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
 def _tell(file: Path, imported: Any) -> None:
     plan = imported.plan
     if imported.known_before:
-        typer.echo(f"{file}: imported before; nothing to do.")
+        holds_doors = file.suffix.lower() in {".yaml", ".yml"}
+        more = " (--update writes what differs from it since)" if holds_doors else ""
+        typer.echo(f"{file}: imported before; nothing to do{more}.")
         return
     if imported.first_event is None:
         typer.echo(f"{file}: the log holds all of it already; nothing to do.")

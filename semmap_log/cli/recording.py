@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from semmap_log.cli.common import on_stop, say
+from semmap_log.cli.common import on_stop, say, stopped_for_good
 from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.ros import open_node
 
@@ -53,12 +53,15 @@ def record_topics(
     from semmap_log.ros_mapping.mapping import WELL_KNOWN
     from semmap_log.ros_mapping.mapping_file import read_mapping
 
-    mapping = WELL_KNOWN if mapping_file is None else read_mapping(mapping_file)
+    with stopped_for_good():
+        mapping = WELL_KNOWN if mapping_file is None else read_mapping(mapping_file)
     if promised is None:
         known = sl.read(log) if log.exists() else None
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
         return
-    with sl.append(log, **promised._asdict()) as opened:
+    with stopped_for_good():
+        opened = sl.append(log, **promised._asdict())
+    with opened:
         _record(context, version, mapping, LogSink(opened), str(log))
 
 

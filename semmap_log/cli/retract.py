@@ -33,7 +33,8 @@ def run(
     """Take events back: every answer leaves them out from now on.
 
     They stay in the log: --known-at before this still shows them, `history` marks them. It cannot
-    itself be retracted. A door whose adding is retracted is gone, and its id is not used again.
+    itself be retracted. A door whose adding is retracted is gone, and its id is not used again; one
+    whose removal is retracted is back, under its id.
 
     \b
     Examples:

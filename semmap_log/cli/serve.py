@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, MapServer, PaletteName, on_stop, refuse_nan, say
+from semmap_log.cli.common import (
+    LogPath,
+    MapServer,
+    PaletteName,
+    on_stop,
+    refuse_nan,
+    say,
+    stopped_for_good,
+)
 from semmap_log.cli.record import Level
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
@@ -35,7 +43,9 @@ def run(
     save_root: Annotated[
         Path | None,
         typer.Option(
-            "--save-root", metavar="DIR", help="SaveDoorDB writes in it; default: --yaml's folder."
+            "--save-root",
+            metavar="DIR",
+            help="SaveDoorDB writes in it; default: --yaml's folder, else LOG_saved.",
         ),
     ] = None,
     default_prob: Annotated[
@@ -101,7 +111,14 @@ def run(
 
     --yaml FILE fills a log that never had doors. Later it must agree with the log, or be a file
     that the log took in, or saved, and that has not changed since; else the server stops and says
-    what differs. --yaml-replace then adds, updates and removes doors, in one commit.
+    what differs. --yaml-replace then adds, updates and removes doors, in one commit; one that was
+    removed comes back under its id.
+
+    SaveDoorDB writes YAML into one folder: --save-root, else that of --yaml, else LOG_saved beside
+    the log (office_saved), made when it is needed. A probability that a door does not have is left
+    out of it, unless --default-prob gives one.
+
+    Exit code 2: the server would never start like this (no log, a wrong option or file).
 
     \b
     Durability, when a goal is answered:
@@ -142,27 +159,32 @@ def run(
             raise typer.BadParameter(
                 "nothing is written with --read-only", param_hint="--yaml, --save-root"
             )
-        doors = DoorFollower(log, changed=wake.set)
+        with stopped_for_good():
+            doors = DoorFollower(log, changed=wake.set)
     else:
         root = save_root or (None if yaml is None else yaml.absolute().parent)
-        doors = DoorServer(
-            lambda: sl.append(
-                log,
-                durability=durability.value,
-                batch_events=batch_events,
-                batch_s=batch_ms / 1000,
-            ),
-            DoorSaver(root, log, default_prob=default_prob),
-            level=level,
-            changed=wake.set,
-        )
+        saver = DoorSaver(root, log, default_prob=default_prob)
+        with stopped_for_good():
+            doors = DoorServer(
+                lambda: sl.append(
+                    log,
+                    durability=durability.value,
+                    batch_events=batch_events,
+                    batch_s=batch_ms / 1000,
+                ),
+                saver,
+                level=level,
+                changed=wake.set,
+            )
+        say(saver.told())
     try:
-        if yaml is not None and not isinstance(doors, DoorFollower):
-            for text in start_with_yaml(
-                doors.log, yaml, replace=yaml_replace, level=level, default_prob=default_prob
-            ):
-                say(text)
-        floors = _floors(doors.door_map(), floor_map, map_rules, level)
+        with stopped_for_good():
+            if yaml is not None and not isinstance(doors, DoorFollower):
+                for text in start_with_yaml(
+                    doors.log, yaml, replace=yaml_replace, level=level, default_prob=default_prob
+                ):
+                    say(text)
+            floors = _floors(doors.door_map(), floor_map, map_rules, level)
         options = ServeOptions(costmap, floors, palette.colours, default_prob)
         node = open_node(context, version, NODE)
         try:

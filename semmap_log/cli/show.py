@@ -30,5 +30,5 @@ def run(
     if as_json:
         print_json(entry_to_json(entry))
     else:
-        name = opened.door_names().get(entry.door_id or sl.DoorId(0), "")
+        name = "" if entry.door_id is None else opened.door_names().get(entry.door_id, "")
         console().print(entry_table(entry, tz=opened.info.timezone, name=name))

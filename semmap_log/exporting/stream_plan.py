@@ -77,7 +77,7 @@ def plan_of(
         for batch in log.batches(int(times[0]), int(times[-1]) + 1):
             has_robot |= RobotPose in batch
             count += len(batch.where(DoorAdded))
-            changes.append(batch.folds_ns[batch.door_ids() > 0])
+            changes.append(batch.folds_ns[batch.about_doors()])
             floors |= {
                 each.level
                 for each in batch.objects.get(FloorMap.kind, ())

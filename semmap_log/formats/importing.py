@@ -2,8 +2,8 @@
 
 Ids of a file are kept where they are free. A door that is there with the same values is left
 alone; with other values it is an error, or with `update` the fields that differ are written. An
-id that was removed is an error, or with `renumber` the door gets the next free one. Nothing is
-ever removed.
+id that was removed is an error; with `renumber` the door gets the next free one, with `update` its
+removal is taken back. Nothing is ever removed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from semmap_log.commands import Roster
-from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState, reduced
+from semmap_log.doors import (
+    MAX_DOOR_ID,
+    Door,
+    DoorId,
+    DoorMap,
+    DoorState,
+    RemovedDoor,
+    reduced,
+)
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
@@ -24,6 +32,7 @@ from semmap_log.events import (
     Event,
     FloorMap,
     LevelAdded,
+    Retracted,
 )
 from semmap_log.formats.door_table import DoorTable, TableDoor
 
@@ -37,6 +46,8 @@ class Present:
     """Every id that was ever given, those of removed doors too."""
     floor_maps: Mapping[int, FloorMap] = field(default_factory=dict)
     """The floor plan of each level that has one."""
+    removed: Mapping[DoorId, RemovedDoor] = field(default_factory=dict)
+    """Doors that were removed, and can come back."""
     next_event: int = 0
     """The number that the log will give next."""
     roster: Roster | None = None
@@ -76,13 +87,14 @@ def plan_doors(
     Args:
         table: What was read from the file.
         present: What the log holds.
-        update: Write the values that differ from those of doors that are there.
+        update: Write the values that differ from those of doors that are there, and take back the
+            removal of doors that were removed.
         renumber: Give doors whose ids were removed new ones.
         at_ns: When it happened; None: when it is recorded.
 
     Raises:
         DoorExistsError: Doors that are there with other values, without `update`.
-        DoorRemovedError: Ids that were removed, without `renumber`.
+        DoorRemovedError: Ids that were removed, without `renumber` and `update`.
         CommandError: Ids have run out, or a name is borne by two doors of a level.
     """
     return _DoorPlanner(table, present, update=update, renumber=renumber, at_ns=at_ns).plan()
@@ -103,7 +115,7 @@ class _DoorPlanner:
         """The log's number of each of the file's levels."""
         ids = {door.door_id for door in table.doors if door.door_id is not None}
         self.next_id = DoorId(max(present.used_ids | ids, default=0) + 1)
-        self.added = self.updated = self.same = 0
+        self.added = self.updated = self.same = self.back = 0
         self.said: list[str] = []
         self.existing: list[str] = []
         self.removed: list[str] = []
@@ -111,7 +123,10 @@ class _DoorPlanner:
     def plan(self) -> ImportPlan:
         events = [*self.levels(), *self.doors(), *self.floor_maps()]
         self.refuse_clashes()
-        counts = [(self.added, "added"), (self.updated, "updated"), (self.same, "the same already")]
+        counts = [
+            (self.added, "added"), (self.back, "brought back"), (self.updated, "updated"),
+            (self.same, "the same already"),
+        ]  # fmt: skip
         doors = ", ".join(f"{count} {what}" for count, what in counts if count) or "none"
         return ImportPlan(
             events,
@@ -155,6 +170,8 @@ class _DoorPlanner:
             there = self.there(door)
             if there is not None:
                 yield from self.known_door(door, there)
+            elif (removed := self.removed_door(door)) is not None:
+                yield from self.door_back(door, removed)
             else:
                 door_id = self.new_id(door)
                 self.added += 1
@@ -174,11 +191,31 @@ class _DoorPlanner:
             )
         return found[0] if found else None
 
+    def removed_door(self, door: TableDoor) -> RemovedDoor | None:
+        """Return the log's door that is to come back under its id; None: there is none."""
+        if door.door_id is None or not self.update or self.renumber:
+            return None
+        return self.present.removed.get(door.door_id)
+
+    def door_back(self, door: TableDoor, removed: RemovedDoor) -> Iterator[Event]:
+        """Take the door's removal back, and write what differs from what it was then."""
+        self.back += 1
+        self.said.append(f"door {door.door_id}: its removal, event {removed.event}, is taken back")
+        yield Retracted(happened_ns=self.at_ns, first_event=removed.event, last_event=removed.event)
+        names = {name for name, _, _ in differences(door, removed.door)}
+        yield from self.update_of(door, removed.door, names)
+
     def new_id(self, door: TableDoor) -> DoorId:
         if door.door_id is not None and door.door_id not in self.present.used_ids:
             return door.door_id
         if door.door_id is not None:
-            self.removed.append(f"{self.where(door)}: door {door.door_id} was removed")
+            known = self.present.removed.get(door.door_id)
+            how = (
+                "was taken back with its adding"
+                if known is None
+                else (f"was removed, by event {known.event}")
+            )
+            self.removed.append(f"{self.where(door)}: door {door.door_id} {how}")
         new, self.next_id = self.next_id, DoorId(self.next_id + 1)
         if new > MAX_DOOR_ID:
             raise CommandError(
@@ -246,7 +283,10 @@ class _DoorPlanner:
         if self.existing and not self.update:
             raise DoorExistsError(_listed(self.existing, "write the file's values with --update"))
         if self.removed and not self.renumber:
-            raise DoorRemovedError(_listed(self.removed, "give such doors new ids with --renumber"))
+            remedy = "give such doors new ids with --renumber"
+            if not self.update:
+                remedy = f"bring doors that were removed back with --update, or {remedy}"
+            raise DoorRemovedError(_listed(self.removed, remedy))
 
     def where(self, door: TableDoor) -> str:
         return f"{self.table.path}:{door.line}"

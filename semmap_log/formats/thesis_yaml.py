@@ -37,7 +37,8 @@ from semmap_log.formats.problems import Problems, shown
 from semmap_log.formats.strict_yaml import Node, Scalar, load_yaml
 from semmap_log.formats.yaml_values import Fields, described, mapping_of
 
-DOOR_KEYS = ("position", "width", "status", "closed_prob", "open_prob")
+PROB_KEYS = ("closed_prob", "open_prob")
+DOOR_KEYS = ("position", "width", "status", *PROB_KEYS)
 POSITION_KEYS = ("x", "y", "theta")
 
 
@@ -68,9 +69,9 @@ def parse_thesis_yaml(root: Node, path: Path) -> DoorTable:
 
 
 def dump_thesis_yaml(
-    door_map: DoorMap, *, default_prob: float | None = None
+    door_map: DoorMap, *, default_prob: float | None = None, is_partial: bool = False
 ) -> tuple[str, list[str]]:
-    """Return the text of the file, ids ascending, and which doors it leaves out and why.
+    """Return the text of the file, ids ascending, and what it leaves out of which doors and why.
 
     Numbers are written so that reading gives exactly the same ones. All states but OPEN and
     CLOSED are written as UNKNOWN.
@@ -78,25 +79,31 @@ def dump_thesis_yaml(
     Args:
         door_map: The doors.
         default_prob: What to write where a door has no probability; None: that is an error.
+        is_partial: Without a default such a door's line is left out instead: we read that as not
+            given, the thesis's own server cannot read it.
 
     Raises:
-        CommandError: Doors without probabilities, and no `default_prob`.
+        CommandError: Doors without probabilities, no `default_prob`, and not `is_partial`.
     """
     if default_prob is not None and not 0 <= default_prob <= 1:
         raise CommandError(f"--default-prob: expected a number from 0 to 1, got {default_prob!r}.")
     placed = [door for _, door in sorted(door_map.doors.items()) if door.is_placed]
-    if default_prob is None:
-        _refuse_unknown_probabilities(placed)
+    lacking = _without_probabilities(placed) if default_prob is None else []
+    if lacking and not is_partial:
+        raise CommandError(
+            f"{'; '.join(lacking)}. The thesis's YAML needs both probabilities: give what to write "
+            "with --default-prob P, such as --default-prob 0.5."
+        )
     text = "".join(_entry(door, NAN if default_prob is None else default_prob) for door in placed)
     left_out = [
         f"{_named(door)}: has no position, which this format needs"
         for _, door in sorted(door_map.doors.items())
         if not door.is_placed
     ]
-    return text or "{}\n", left_out
+    return text or "{}\n", left_out + lacking
 
 
-_ID = re.compile(r"[1-9][0-9]{0,9}")
+_ID = re.compile(r"0|[1-9][0-9]{0,9}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +121,7 @@ class _Reader:
                 assert table is not None
                 self.problems.add(
                     table.key_lines[key],
-                    f"expected a door's id, a whole number from 1 to {MAX_DOOR_ID}, "
+                    f"expected a door's id, a whole number from 0 to {MAX_DOOR_ID}, "
                     f"got {shown(key)}",
                 )
                 continue
@@ -176,9 +183,10 @@ class _Reader:
 
 
 def _entry(door: Door, default_prob: float) -> str:
-    prob_closed, prob_open = (
-        default_prob if math.isnan(prob) else prob for prob in (door.prob_closed, door.prob_open)
-    )
+    probs = ""
+    for key, given in zip(PROB_KEYS, (door.prob_closed, door.prob_open), strict=True):
+        prob = default_prob if math.isnan(given) else given
+        probs += "" if math.isnan(prob) else f"  {key}: {float(prob)!r}\n"
     return (
         f"{door.door_id}:\n"
         "  position:\n"
@@ -187,21 +195,22 @@ def _entry(door: Door, default_prob: float) -> str:
         f"    theta: {float(door.theta)!r}\n"
         f"  width: {float(door.width)!r}\n"
         f"  status: {reduced(door.state).name}\n"
-        f"  closed_prob: {float(prob_closed)!r}\n"
-        f"  open_prob: {float(prob_open)!r}\n"
+        f"{probs}"
     )
 
 
-def _refuse_unknown_probabilities(doors: list[Door]) -> None:
-    lacking = [door for door in doors if math.isnan(door.prob_open) or math.isnan(door.prob_closed)]
-    if not lacking:
-        return
-    names = ", ".join(_named(door) for door in lacking[:10])
-    more = f" and {len(lacking) - 10} more" if len(lacking) > 10 else ""
-    raise CommandError(
-        f"{names}{more}: no probabilities of being open and closed, which the thesis's YAML needs. "
-        "Give those to write with --default-prob P, such as --default-prob 0.5."
-    )
+def _without_probabilities(doors: list[Door]) -> list[str]:
+    """Return of each probability which doors have none, in words."""
+    said = []
+    for key, prob in zip(PROB_KEYS, ("prob_closed", "prob_open"), strict=True):
+        lacking = [_named(door) for door in doors if math.isnan(getattr(door, prob))]
+        if lacking:
+            more = f" and {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
+            said.append(f"{key} is not given: {', '.join(lacking[:MOST_NAMED])}{more}")
+    return said
+
+
+MOST_NAMED = 10
 
 
 def _named(door: Door) -> str:

@@ -16,7 +16,7 @@ from semmap_log.computed_once import computed_once
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch, SourcesOf
 from semmap_log.event_columns import LazyColumns
-from semmap_log.events import KINDS, DoorEvent, Event, FloorMap
+from semmap_log.events import DOOR_KINDS, Event, FloorMap
 from semmap_log.log import records as mcap
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
@@ -41,9 +41,6 @@ _KIND_OF_CHANNEL = np.full(2**16, FloorMap.kind, np.uint8)
 _KIND_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
     kind_of_channel(channel) or 0 for channel in range(FLOOR_MAP_CHANNEL)
 ]
-
-
-_ABOUT_DOORS = frozenset(kind.kind for kind in KINDS if issubclass(kind, DoorEvent))
 
 
 def kinds_of(channels: NDArray[np.uint16]) -> NDArray[np.uint8]:
@@ -165,7 +162,7 @@ class Page:
                 door_ids[mine] = [getattr(event, "door_id", 0) for event in objects[kind]]
             else:
                 places[kind] = mine
-                if kind not in _ABOUT_DOORS:
+                if kind not in DOOR_KINDS:
                     door_ids[mine] = 0
         return batch
 

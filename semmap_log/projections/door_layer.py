@@ -92,7 +92,8 @@ class DoorLayerProjection:
     def apply(self, state: DoorLayerState, batch: EventBatch, /) -> DoorLayerState:
         """Fold a batch in; only the doors that it is about are drawn anew."""
         state.map.apply(batch)
-        about = [DoorId(door) for door in np.unique(batch.door_ids()).tolist() if door]
+        doors = np.unique(batch.door_ids()[batch.about_doors()])
+        about = [DoorId(door) for door in doors.tolist()]
         state.changed = state.layer.update(
             {door: line_of(state.map.door(door), level=self.level, by=self.by) for door in about}
         )

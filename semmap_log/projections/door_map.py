@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId, DoorMap, Level
+from semmap_log.doors import Door, DoorId, DoorMap, Level, RemovedDoor
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorAnnotated, FloorMap, LevelAdded
 from semmap_log.projections.annotations import Annotations, Stamp
@@ -65,7 +65,7 @@ class DoorMapState:
         happened = batch.folds_ns
         self.latest = max(self.latest, _last_stamp(happened, batch.number))
         self.note_used_ids(batch)
-        rows = self._rows(batch.door_ids())
+        rows = self._rows(batch)
         self._columns.touch(rows, batch.number)
         self._columns.write(list(writes_of(batch)), rows, happened, batch.number)
         self._apply_objects(batch, happened)
@@ -183,8 +183,16 @@ class DoorMapState:
 
     def door(self, door_id: int) -> Door | None:
         """Return one door as a value; None: it is not in the map."""
-        if not self.is_present(door_id):
+        return self._door(door_id) if self.is_present(door_id) else None
+
+    def removed_door(self, door_id: int) -> RemovedDoor | None:
+        """Return a door that was removed; None: it was not, or never was in the map."""
+        removed = self.stamp(door_id, "removed")
+        if removed is None or self.stamp(door_id, "added") is None or self.is_present(door_id):
             return None
+        return RemovedDoor(self._door(door_id), removed[1])
+
+    def _door(self, door_id: int) -> Door:
         row = self._row_of[door_id]
         chosen = {name: self._columns[name][row : row + 1] for name in _OF_A_DOOR}
         return DoorsPresent(chosen, self._annotations)[DoorId(door_id)]
@@ -232,6 +240,7 @@ class DoorMapState:
         if len(door_ids) and door_ids[-1] < MAX_TABLE:  # they ascend
             state._grow_table(int(door_ids[-1]) + 1)
             state._row_by_id[door_ids] = np.arange(len(door_ids))
+            state._row_by_id[0] = NOBODY
         state._annotations = Annotations.from_arrays(arrays)
         for i, number in enumerate(np.asarray(arrays["level_number"]).tolist()):
             if arrays["level_event"][i] != NEVER:
@@ -256,22 +265,28 @@ class DoorMapState:
             levels[number] = Level(number, name or None, elevation, drawn[1] if drawn else None)
         return levels
 
-    def _rows(self, door_ids: Array) -> NDArray[np.intp]:
-        """Return the row of each door, making new ones where needed; -1 for the id 0: no door."""
+    def _rows(self, batch: EventBatch) -> NDArray[np.intp]:
+        """Return the row of the door of each event, making new ones where needed; -1: of none."""
+        rows = self._rows_but_0(batch.door_ids())
+        about_0 = batch.of_door_0()
+        if len(about_0):
+            rows[about_0] = self._row(0)
+        return rows
+
+    def _rows_but_0(self, door_ids: Array) -> NDArray[np.intp]:
+        """Return the row of each door; -1 for the id 0, which mostly stands for none."""
         if int(door_ids.max()) < len(self._row_by_id):
             rows = self._row_by_id.take(door_ids)
             if rows.min() != UNKNOWN_ROW:
                 return rows
         unique, inverse = np.unique(door_ids, return_inverse=True)
-        rows = np.array([self._row(door_id) for door_id in unique.tolist()], np.intp)
+        rows = np.array([self._row(i) if i else NOBODY for i in unique.tolist()], np.intp)
         if unique[-1] < MAX_TABLE:
             self._grow_table(int(unique[-1]) + 1)
             self._row_by_id[unique] = rows
         return rows[inverse]
 
     def _row(self, door_id: int) -> int:
-        if door_id == 0:
-            return NOBODY
         row = self._row_of.get(door_id)
         if row is None:
             row = self._row_of[door_id] = len(self._row_of)

@@ -28,6 +28,8 @@ class HistoryEntry:
     correlation: str = ""
     command_id: bytes = b""
     retracted: bool = False
+    retracted_by: int | None = None
+    """The number of the first event that took it back; None: it stands."""
     changes: tuple[ValueChange, ...] = ()
     """What it changed in the map when it was recorded, where that was asked for."""
 
@@ -69,7 +71,7 @@ def history(
     for batch in batches:
         changes = changes_in(batch) if changes_in is not None else {}
         hidden = retractions.hidden(batch).tolist()
-        for recorded, retracted in zip(batch, hidden, strict=True):
+        for recorded, is_hidden in zip(batch, hidden, strict=True):
             commit = commit_at(recorded.number)
             note = commit.note
             yield HistoryEntry(
@@ -82,6 +84,7 @@ def history(
                 reason=note.reason,
                 correlation=note.correlation,
                 command_id=commit.command_id,
-                retracted=retracted,
+                retracted=is_hidden,
+                retracted_by=retractions.first_hiding(recorded.number) if is_hidden else None,
                 changes=changes.get(recorded.number, ()),
             )

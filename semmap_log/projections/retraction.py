@@ -46,6 +46,11 @@ class Retractions:
         hidden &= batch.kind != Retracted.kind
         return hidden
 
+    def first_hiding(self, event: int) -> int | None:
+        """Return the number of the first retraction of an event; None: there is none."""
+        known = zip(self.ranges, self.numbers, strict=True)
+        return min((by for (first, last), by in known if first <= event <= last), default=None)
+
     def visible(self, batch: EventBatch) -> EventBatch:
         """Return the events of a batch that are not hidden."""
         return batch.select(~self.hidden(batch)) if self.ranges else batch

@@ -6,9 +6,8 @@ log.
 
 The server's ids are kept where they are free. A number that it uses again after a removal (the
 thesis gives "the first free index") is another door: it gets a new id here, and an annotation on
-it remembers the server's number. So does the door of a server that counts from 0, which is no id
-of ours. The annotation is on every door that came with the topic, so
-that after a restart it is known which are the server's, and are gone once its map lacks them.
+it remembers the server's number. The annotation is on every door that came with the topic, so that
+after a restart it is known which are the server's, and are gone once its map lacks them.
 """
 
 from __future__ import annotations
@@ -159,7 +158,7 @@ class DoorMaps:
     def _added(
         self, number: int, entry: _Entry, happened_ns: int | None, others: set[int]
     ) -> Iterator[Event]:
-        is_free = number > 0 and number not in self._context.known.used_ids
+        is_free = number not in self._context.known.used_ids
         door = DoorId(number) if is_free else self._context.known.next_id_but(others)
         yield DoorAdded(
             door_id=door, level=self._level, x=entry.x, y=entry.y, theta=entry.theta,

@@ -160,7 +160,7 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> Table:
         name: What the door is called.
     """
     table = _pairs()
-    table.add_row("event", f"{entry.number}{' (retracted)' if entry.retracted else ''}")
+    table.add_row("event", f"{entry.number}{_taken_back(entry)}")
     table.add_row("kind", entry.kind)
     if entry.door_id is not None:
         table.add_row("door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id)))
@@ -284,7 +284,15 @@ def _what(entry: HistoryEntry) -> Text:
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:
         said += f" (told {age(0, late_ns)} later)"
-    return _text(said + _before(entry) + " (retracted)" * entry.retracted)
+    return _text(said + _before(entry) + _taken_back(entry))
+
+
+def _taken_back(entry: HistoryEntry) -> str:
+    """Return that an event was retracted; by which other, where that is known."""
+    if not entry.retracted:
+        return ""
+    by = "" if entry.retracted_by is None else f" by event {entry.retracted_by}"
+    return f" (retracted{by})"
 
 
 def _before(entry: HistoryEntry) -> str:

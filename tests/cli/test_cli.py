@@ -389,6 +389,29 @@ def test_patrol_rounds_are_numbered(run) -> None:
     assert [1, 1, 2, 2] == numbers
 
 
+def test_a_door_comes_back_with_the_file_it_came_from(run) -> None:
+    """
+    The file alone changes nothing, and says how; the refusal of a sighting names the event.
+    """
+    run("export", "office", "doors.yaml", "--default-prob", "0.5")
+    run("init", "lab")
+    run("import", "lab", "doors.yaml")
+    run("remove", "lab", "1")
+
+    seen = run("observe", "lab", "1", "open")
+    same = run("import", "lab", "doors.yaml")
+    back = run("import", "lab", "doors.yaml", "--update")
+    said = " ".join(run("history", "lab", "1").out.split())
+
+    assert (1, 1) == (seen.code, seen.err.count("\n"))
+    assert seen.err.endswith("To bring it back, take the removal back: semmap-log retract LOG 1\n")
+    assert (
+        "doors.yaml: imported before; nothing to do (--update writes what differs from it since).\n"
+    ) == same.out
+    assert "doors: 1 brought back\n  door 1: its removal, event 1, is taken back" in back.out
+    assert "removed from the map (retracted by event" in said
+
+
 def test_export_and_import_again(run) -> None:
     """
     YAML, CSV and JSON lines of a log read back as the same doors, states and events.

@@ -54,7 +54,7 @@ def test_a_wrong_mapping_is_told_before_ros_is_joined(
     """
     (tmp_path / "m.yaml").write_text("topics:\n  /a: dor_map\n")
 
-    assert 1 == _run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
+    assert 2 == _run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
 
     assert "m.yaml:2: /a: read: expected one of door_map," in capsys.readouterr().err
 
@@ -69,3 +69,13 @@ def test_a_log_that_is_written_by_another_is_told_before_ros_is_joined(
         assert 1 == _run("record", office, "--ros1")
 
     assert "is writing to this log" in capsys.readouterr().err
+
+
+def test_no_log_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Exit code 2: a service that is started again would never find it either.
+    """
+    assert 2 == _run("record", tmp_path / "nowhere", "--ros1")
+
+    said = capsys.readouterr().err
+    assert said.startswith(f"semmap-log: {tmp_path}/nowhere: no such log. To make one: ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -79,14 +80,16 @@ def test_a_log_that_another_process_writes(office: Path) -> None:
     assert 1 == said.count("\n")
 
 
-def test_no_log_at_all(tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [("--ros2",), ("--ros1", "--read-only")])
+def test_no_log_at_all(tmp_path: Path, options: tuple[str, ...]) -> None:
     """
-    It is not made in passing: a wrong path would begin a second history.
+    It is not made in passing: a wrong path would begin a second history. Exit code 2: a service
+    that is started again would never find it either.
     """
-    code, said = _serve(tmp_path / "nowhere", "--ros2")
+    code, said = _serve(tmp_path / "nowhere", *options)
 
-    assert 1 == code
-    assert "nowhere" in said
+    assert (2, 1) == (code, said.count("\n"))
+    assert f"nowhere: no such log. To make one: semmap-log init {tmp_path}/nowhere" in said
     assert not (tmp_path / "nowhere").exists()
 
 
@@ -101,7 +104,7 @@ def test_a_file_that_differs_stops_the_server(office: Path, tmp_path: Path) -> N
 
     code, said = _serve(office, "--ros1", "--yaml", file)
 
-    assert 1 == code
+    assert 2 == code
     assert "door 1: width 0.9 in the log, 0.5 in the file, state CLOSED in the log" in said
     with sl.append(office) as log:
         assert 1 == len(list(log.commits()))
@@ -113,7 +116,7 @@ def test_a_level_that_is_not_there(office: Path) -> None:
     """
     code, said = _serve(office, "--ros1", "--level", "attic")
 
-    assert 1 == code
+    assert 2 == code
     assert "no level 'attic'; there are: 0" in said
 
 
@@ -128,6 +131,18 @@ def test_the_interpreter_has_no_ros(office: Path) -> None:
 
     assert 1 == code
     assert "ROS 2 is not there for this Python" in said
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_cannot_be_written_is_told_at_the_start(office: Path, tmp_path: Path) -> None:
+    """
+    And not to the first who saves, months later.
+    """
+    (tmp_path / "etc").mkdir(mode=0o500)
+
+    _, said = _serve(office, "--ros1", "--save-root", tmp_path / "etc")
+
+    assert "warning: SaveDoorDB cannot save in" in said
 
 
 def _has_ros(module: str) -> bool:

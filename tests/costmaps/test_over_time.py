@@ -86,12 +86,14 @@ def _random_log(path: Path, dice: random.Random) -> sl.DoorLog:
 
 def _happens(log: sl.DoorLogWriter, dice: random.Random) -> None:
     at = f"@{dice.randint(1, 60)}"
-    door = DoorId(dice.randint(1, max(1, len(log.replay()))))
+    door = DoorId(dice.randint(0, max(0, len(log.replay()) - 1)))
     place = {"x": dice.uniform(-11, 10), "y": dice.uniform(-9, 8), "theta": dice.uniform(-4, 4)}
     state = dice.choice(["open", "closed", "unknown", "moving"])
     match dice.randrange(12):
         case 0 | 1 | 2:
-            log.add_door(**place, width=dice.uniform(0.2, 4), state=state, at=at)
+            new = None if log.state.used_door_ids else DoorId(0)
+            width = dice.uniform(0.2, 4)
+            log.add_door(**place, door_id=new, width=width, state=state, at=at)
         case 3 | 4:
             log.update_door(door, x=place["x"], y=place["y"], theta=place["theta"], at=at)
         case 5:

@@ -6,7 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semmap_log.doors import MAX_DOOR_ID, NAN, Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.doors import (
+    MAX_DOOR_ID,
+    NAN,
+    Door,
+    DoorId,
+    DoorMap,
+    DoorState,
+    Level,
+    RemovedDoor,
+)
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.events import (
     Changed,
@@ -15,6 +24,7 @@ from semmap_log.events import (
     DoorUpdated,
     FloorMap,
     LevelAdded,
+    Retracted,
 )
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_table import DoorTable, TableDoor
@@ -135,10 +145,40 @@ def test_update_places_an_unplaced_door_as_a_whole():
 
 def test_an_id_that_was_removed_is_an_error():
     """
-    Two doors must not share a history.
+    Two doors must not share a history. One whose adding was taken back never comes back.
     """
-    with pytest.raises(DoorRemovedError, match=r"(?s)doors.yaml:3: door 5 was removed.*--renumber"):
-        plan_doors(table(row(5)), present(door(1), used=[5]))
+    gone = replace(present(door(1), used=[5, 6]), removed={5: RemovedDoor(door(5), 17)})
+
+    with pytest.raises(DoorRemovedError) as caught:
+        plan_doors(table(row(5), row(6, line=9)), gone)
+    with pytest.raises(DoorRemovedError, match=r"door 6 was taken back .*\n.*; give .* --renumber"):
+        plan_doors(table(row(5), row(6)), gone, update=True)
+
+    assert (
+        "doors.yaml:3: door 5 was removed, by event 17\n"
+        "doors.yaml:9: door 6 was taken back with its adding\n"
+        "Nothing was imported; bring doors that were removed back with --update, or give such "
+        "doors new ids with --renumber."
+    ) == str(caught.value)
+
+
+def test_update_brings_a_removed_door_back():
+    """
+    Its removal is taken back, and what differs from what it was then is written.
+    """
+    gone = replace(present(door(1), used=[5]), removed={5: RemovedDoor(door(5, level=2), 17)})
+
+    same = plan_doors(table(row(5)), gone, update=True)
+    moved = plan_doors(table(row(5, x=4.0)), gone, update=True)
+    another = plan_doors(table(row(5)), gone, update=True, renumber=True)
+
+    assert [Retracted(first_event=17, last_event=17)] == list(same.events)
+    _, update = moved.events
+    assert isinstance(update, DoorUpdated)
+    assert (5, Changed.POSE, 2, 4.0) == (update.door_id, update.changed, update.level, update.x)
+    assert ("doors: 1 brought back",
+            "door 5: its removal, event 17, is taken back") == moved.summary  # fmt: skip
+    assert [6] == [event.door_id for event in another.events]
 
 
 def test_renumber_gives_such_doors_the_next_free_ids():

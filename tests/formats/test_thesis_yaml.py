@@ -103,7 +103,7 @@ def test_a_status_it_does_not_know_is_unknown_with_a_warning(text):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("3:\n", "0:\n", "doors.yaml:1: expected a door's id, .* got '0'"),
+        ("3:\n", "00:\n", "doors.yaml:1: expected a door's id, .* from 0 to .* got '00'"),
         ("3:\n", "-1:\n", "expected a door's id, .* got '-1'"),
         ("3:\n", "007:\n", "expected a door's id, .* got '007'"),
         ("3:\n", "front:\n", "expected a door's id, .* got 'front'"),
@@ -179,12 +179,19 @@ def test_doors_without_probabilities_are_named():
     doors = door_map(door(), door(4, prob_open=NAN), door(5, annotations={"name": "front"},
                                                            prob_closed=NAN))  # fmt: skip
 
-    with pytest.raises(CommandError, match=r"door 4, door 5 \(front\): .* --default-prob P"):
+    said = r"closed_prob is not given: door 5 \(front\); open_prob is not given: door 4\. .* P,"
+    with pytest.raises(CommandError, match=said):
         dump_thesis_yaml(doors)
     text, _ = dump_thesis_yaml(doors, default_prob=0.25)
     assert [(0.7, 1e-05), (0.7, 0.25), (0.25, 1e-05)] == [
         (found.prob_closed, found.prob_open) for found in read(text).doors
     ]
+    partial, left_out = dump_thesis_yaml(doors, is_partial=True)
+    assert [0.7, 1e-05, 0.7, NAN, NAN, 1e-05] == pytest.approx(
+        [p for found in read(partial).doors for p in (found.prob_closed, found.prob_open)],
+        nan_ok=True,
+    )
+    assert said.partition(r"\.")[0].replace("\\", "") == "; ".join(left_out)
     with pytest.raises(CommandError, match="--default-prob: expected a number from 0 to 1"):
         dump_thesis_yaml(doors, default_prob=NAN)
 
@@ -192,7 +199,7 @@ def test_doors_without_probabilities_are_named():
 reals = st.floats(allow_nan=False, allow_infinity=False)
 doors = st.builds(
     door,
-    st.integers(1, MAX_DOOR_ID), reals, y=reals, theta=reals,
+    st.integers(0, MAX_DOOR_ID), reals, y=reals, theta=reals,
     width=st.floats(min_value=0, allow_infinity=False),
     state=st.sampled_from(DoorState), prob_open=st.floats(0, 1), prob_closed=st.floats(0, 1),
 )  # fmt: skip

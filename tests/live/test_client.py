@@ -198,14 +198,14 @@ def test_what_was_refused_is_exit_code_1(call: Call, ros: str) -> None:
     With why, on standard error; as JSON, too.
     """
     plain = call("remove", 5, ros)
-    code, out, err = call("save", "doors.yaml", ros, "--json")
+    code, out, err = call("save", "/etc/doors.yaml", ros, "--json")
 
     why = "door_id: door 5 is not in the map."
     assert (1, "", f"semmap-log: removal of door 5: ABORTED: {why}\n") == plain
     said = json.loads(out)
     assert (1, "ABORTED", {"stored_successful": False}) == (code, said["status"], said["result"])
-    assert "--save-root FOLDER" in said["text"]
-    assert "saving doors.yaml: ABORTED" in err
+    assert "lies outside; files are saved in " in said["text"]
+    assert "saving /etc/doors.yaml: ABORTED" in err
 
 
 def test_the_first_door_of_a_server_that_counts_from_0_is_done(

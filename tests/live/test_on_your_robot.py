@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -62,6 +63,40 @@ def test_a_service_starts_the_verb_with_the_options_of_its_file(
     )  # fmt: skip
 
     assert said == done.stdout.strip()
+
+
+def test_the_doors_of_the_page_lie_where_a_service_may_write() -> None:
+    """
+    `ProtectSystem=strict` leaves a service its state and its logs: SaveDoorDB writes beside --yaml.
+    """
+    settings = (FOLDER / "systemd" / "office.env").read_text(encoding="utf-8")
+    unit = (FOLDER / "systemd" / "semmap-server@.service").read_text(encoding="utf-8")
+    state = "/var/lib/" + re.findall(r"(?m)^StateDirectory=(.*)$", unit)[0] + "/"
+
+    named = re.findall(r"--(?:yaml|save-root) (/\S+?)[\s\"`]", PAGE + settings)
+
+    assert "ProtectSystem=strict" in unit
+    assert "ReadWritePaths" not in unit
+    assert len(named) >= 3
+    assert [] == [path for path in named if not path.startswith(state)]
+
+
+@pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
+def test_what_does_not_mend_itself_is_not_started_again(path: Path, tmp_path: Path) -> None:
+    """
+    The code with which the unit's own verb leaves where there is no log.
+    """
+    verb = path.stem.removeprefix("semmap-").removesuffix("@").removesuffix("er")
+    verb = {"serv": "serve", "record": "record"}[verb]
+    never = re.findall(r"(?m)^RestartPreventExitStatus=(.*)$", path.read_text(encoding="utf-8"))
+
+    done = subprocess.run(
+        [sys.executable, "-m", "semmap_log", verb, tmp_path / "nowhere", "--ros2"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+    assert [str(done.returncode)] == never
+    assert "no such log" in done.stderr
 
 
 RULES = {

@@ -138,6 +138,58 @@ def test_a_day_of_the_server(ros: RosWorld, path: Path) -> None:
     assert [1, 3] == list(sl.read(path).replay().doors)
 
 
+def test_a_database_of_the_thesis_that_counts_from_0(ros: RosWorld, path: Path) -> None:
+    """
+    Its door 0 is updated, saved and removed as any; a door without a probability is saved; files go
+    where the server says, with --yaml and without. The old file brings a removed door back.
+    """
+    file = path.parent / "doors.yaml"
+    partial = YAML.replace("  closed_prob: 0.25\n", "")
+    file.write_text(partial.replace("1:\n", "0:\n", 1) + partial)
+    zero, one = [0, "OPEN", 1.0, 0.5, 0.75], FIRST
+
+    with _serve(ros, path, "--yaml", file) as server, StockClient(ros, "client") as client:
+        client.wait(DB, [zero, one])
+        saved = [client.goal("SaveDoorDB", file_name=f"{path.parent}/saved.yaml")]
+        done = [
+            client.goal("UpdateDoor", door_id=0, change_open=True, door_state="CLOSED"),
+            client.goal("RemoveDoor", door_id=1),
+        ]
+        client.wait(DB, [[0, "CLOSED", 1.0, 0.5, 0.75]])
+        gone = client.goal("UpdateDoor", door_id=1, change_open=True, door_state="OPEN")
+        done.append(client.goal("RemoveDoor", door_id=0))
+        client.wait(DB, [])
+        added = client.goal("AddDoor", **DOOR)
+        assert 0 == server.stop(signal.SIGINT), str(server)
+        said = [server.errors + server.output]
+
+    with (
+        _serve(ros, path, "--yaml", file, "--yaml-replace") as server,
+        StockClient(ros, "client") as client,
+    ):
+        client.wait(DB, [zero, one])
+        assert 0 == server.stop(signal.SIGINT), str(server)
+        said.append(server.errors)
+
+    with _serve(ros, path) as server, StockClient(ros, "client") as client:
+        saved.append(client.goal("SaveDoorDB", file_name="doors.yaml"))
+        assert 0 == server.stop(signal.SIGINT), str(server)
+        said.append(server.errors)
+
+    assert [("SUCCEEDED", True)] * 5 == [_told(answer) for answer in saved + done]
+    assert ("ABORTED", False) == _told(gone)
+    assert ("SUCCEEDED", 2) == _told(added)
+    assert file.read_text() == (path.parent / "saved.yaml").read_text()
+    assert file.read_text() == (path.parent / "log_saved" / "doors.yaml").read_text()
+    assert f"SaveDoorDB saves in {path.parent}." in said[0]
+    why = saved[0]["text"] if ros.version == 1 else said[0]
+    assert "closed_prob is not given: door 0, door 1" in why
+    why = gone["text"] if ros.version == 1 else said[0]
+    assert "door 1 was removed; ids are never used twice. To bring it back" in why
+    assert "door 1: its removal, event 4, is taken back" in said[1]
+    assert f"SaveDoorDB saves in {path.parent}/log_saved." in said[2]
+
+
 GOALS = 25
 
 

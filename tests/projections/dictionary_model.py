@@ -57,7 +57,7 @@ def model(
             break
         if isinstance(e, DoorAdded):
             doors[e.door_id] = {name: getattr(e, name) for name in ALL} | {"seen": time, "said": {}}
-        door = doors.get(getattr(e, "door_id", 0))
+        door = doors.get(getattr(e, "door_id", -1))
         if door is None or e.door_id in gone:
             continue
         if isinstance(e, DoorRemoved):

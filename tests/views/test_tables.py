@@ -134,7 +134,8 @@ def test_the_history_table(tmp_path: Path) -> None:
      0 2026-03-01 a \\x1b[2J        added without a place,     survey: first plan
        22:20:00                    UNKNOWN
      1 20:20:00   a \\x1b[2J        seen OPEN (90%) (told 2 h
-                                   later) (retracted)
+                                   later) (retracted by event
+                                   2)
      2 22:20:00   -                event 1 retracted          anna"""
         == text
     )

@@ -273,9 +273,60 @@ COLUMNS = (
            ("tests/formats/test_csv_columns.py",)),
 )  # fmt: skip
 
+ZERO = "tests/test_door_zero.py"
+REPLAYED = "tests/test_replay.py"
+BATCH = "semmap_log/event_batch.py"
+DOOR_MAP = "semmap_log/projections/door_map.py"
+
+DOOR_0 = (
+    Mutant("door 0: its events in the map", DOOR_MAP, "            rows[about_0] = self._row(0)\n",
+           "            pass\n", (REPLAYED,)),
+    Mutant("door 0: no row of what is about none", DOOR_MAP,
+           "            state._row_by_id[0] = NOBODY\n", "", (ZERO, REPLAYED)),
+    Mutant("door 0: found among what is about none", BATCH,
+           "if zeros == sum(np.count_nonzero(self.kind == kind) for kind in others):", "if True:",
+           (REPLAYED,)),
+    Mutant("door 0: its events alone", BATCH, "found & self.about_doors() if 0 in doors else found",
+           "found", (ZERO,)),
+    Mutant("door 0: what is about none in an excerpt", "semmap_log/views/excerpt/excerpt.py",
+           "batch.of_doors(self.doors) | ~batch.about_doors()", "batch.of_doors(self.doors)",
+           (ZERO,)),
+    Mutant("door 0: taken back", "semmap_log/views/rerun/taken_back.py",
+           "batch.door_ids()[batch.about_doors()]", "batch.door_ids()", (ZERO,)),
+    Mutant("door 0: drawn", "semmap_log/projections/door_layer.py",
+           "batch.door_ids()[batch.about_doors()]",
+           "batch.door_ids()[batch.door_ids() > 0]", ("tests/costmaps/test_over_time.py",)),
+)  # fmt: skip
+
+RETRACTING = "tests/test_retracting.py"
+PLANNED = "tests/formats/test_importing.py"
+
+BROUGHT_BACK = (
+    Mutant("brought back: in the map within the commit", COMMANDS,
+           "self.placed[door_id] = self.removals.pop(door_id).was_placed", "pass", (RETRACTING,)),
+    Mutant("brought back: without a place as before", COMMANDS,
+           "self.removals.pop(door_id).was_placed", "bool(self.removals.pop(door_id))",
+           (RETRACTING,)),
+    Mutant("brought back: not where its adding may be gone", COMMANDS,
+           "if removal.event == event.first_event)",
+           "if event.first_event <= removal.event <= event.last_event)", (RETRACTING,)),
+    Mutant("brought back: how, in words", COMMANDS, "if removal is None:", "if removal:",
+           (RETRACTING,)),
+    Mutant("brought back: what differs is written", "semmap_log/formats/importing.py",
+           "yield from self.update_of(door, removed.door, names)", "pass", (PLANNED,)),
+    Mutant("brought back: a new id where one is asked for", "semmap_log/formats/importing.py",
+           "not self.update or self.renumber:", "not self.update:", (PLANNED,)),
+    Mutant("brought back: not where the adding was taken back",
+           "semmap_log/live/serving/yaml_start.py", "    if gone:\n", "    if False:\n",
+           ("tests/live/serving/test_yaml_start.py",)),
+    Mutant("a door that was removed, named by its id", "semmap_log/appendable_log.py",
+           "if is_door_id(door) and self._writer.state.removed_door(int(door)):", "if False:",
+           (RETRACTING,)),
+)  # fmt: skip
+
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK,
 )  # fmt: skip

@@ -111,8 +111,8 @@ class _Fields:
     def door_id(self) -> DoorId:
         """Return the id: the goal's field has 64 bits, an id 32."""
         door_id = int(self.values.get("door_id", 0))
-        if not 1 <= door_id <= MAX_DOOR_ID:
-            _refuse("door_id", f"a whole number from 1 to {MAX_DOOR_ID}", door_id)
+        if not 0 <= door_id <= MAX_DOOR_ID:
+            _refuse("door_id", f"a whole number from 0 to {MAX_DOOR_ID}", door_id)
         return DoorId(door_id)
 
     def place(self) -> Place:

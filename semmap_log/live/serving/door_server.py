@@ -273,7 +273,10 @@ def _known_door(log: DoorLogWriter, door_id: DoorId) -> Door:
     if known is not None:
         return known
     if door_id in log.state.used_door_ids:
-        raise DoorRemovedError(f"door_id: door {door_id} was removed; ids are never used twice.")
+        raise DoorRemovedError(
+            f"door_id: door {door_id} was removed; ids are never used twice."
+            f"{log.roster.way_back(door_id)}"
+        )
     raise UnknownDoorError(f"door_id: door {door_id} is not in the map.")
 
 

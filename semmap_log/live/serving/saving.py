@@ -15,11 +15,14 @@ from pathlib import Path, PurePosixPath
 from typing import NoReturn
 
 from semmap_log.doors import DoorMap
-from semmap_log.errors import CommandError, OutputError
+from semmap_log.errors import OutputError
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import refuse_own_folder, replace_file
 
 SUFFIXES = (".yaml", ".yml")
+
+DEFAULT_SUFFIX = "_saved"
+"""Of the folder beside the log where files are saved unless another is given."""
 
 
 class DoorSaver:
@@ -31,17 +34,30 @@ class DoorSaver:
         """Choose where.
 
         Args:
-            root: The folder; its own name may be a link. None: nothing may be saved.
+            root: The folder; its own name may be a link. None: one beside the log, named as it
+                is with `_saved` behind, which is made when it is needed.
             log_folder: Where nothing is written.
-            default_prob: Stands for probabilities that were not given; None: saving such a door
-                is an error.
+            default_prob: Stands for probabilities that were not given; None: their lines are left
+                out.
         """
-        self._root = None if root is None else root.absolute()
+        own = Path(os.path.abspath(log_folder))  # noqa: PTH100  without its `..`, through no link
+        self._makes_root = root is None
+        self._root = own.with_name(own.name + DEFAULT_SUFFIX) if root is None else root.absolute()
         self._log_folder = log_folder
         self._default_prob = default_prob
 
+    def told(self) -> str:
+        """Return where files are saved, or why none can be."""
+        makes = self._makes_root and not self._root.exists()
+        if os.access(self._root.parent if makes else self._root, os.W_OK | os.X_OK):
+            return f"SaveDoorDB saves in {self._root}."
+        return (
+            f"warning: SaveDoorDB cannot save in {self._root}: this process may not write there; "
+            "--save-root DIR gives another folder."
+        )
+
     def save(self, file_name: str, doors: DoorMap) -> list[str]:
-        """Write the doors, whole or not at all; return which are left out, and why.
+        """Write the doors, whole or not at all; return what is left out of which, and why.
 
         Args:
             file_name: Within the root, or absolute and inside it.
@@ -50,14 +66,12 @@ class DoorSaver:
         Raises:
             OutputError: The name leads out of the root, or the file cannot be written; what was
                 there is whole.
-            CommandError: Doors without probabilities, and no default.
         """
         *folders, name = self._parts(file_name)
+        text, left_out = dump_thesis_yaml(doors, default_prob=self._default_prob, is_partial=True)
         try:
-            text, left_out = dump_thesis_yaml(doors, default_prob=self._default_prob)
-        except CommandError as error:
-            raise CommandError(f"{error} It is an option of this server's start.") from error
-        try:
+            if self._makes_root:
+                self._root.mkdir(exist_ok=True)
             with self._opened(folders, file_name) as folder:
                 self._check_place(folder, name, file_name)
                 replace_file(folder / name, text.encode())
@@ -69,11 +83,6 @@ class DoorSaver:
 
     def _parts(self, file_name: str) -> tuple[str, ...]:
         """Return the folders below the root, and the file's name."""
-        if self._root is None:
-            raise OutputError(
-                f"file_name: {file_name!r} cannot be saved: this server was given no folder to "
-                "save in; start it with --save-root FOLDER, or with --yaml FILE."
-            )
         path = PurePosixPath(file_name)
         if not file_name.isprintable() or ".." in path.parts:
             self._refuse(file_name, "a name without .. and control characters is expected")
@@ -90,7 +99,6 @@ class DoorSaver:
     @contextmanager
     def _opened(self, folders: Sequence[str], file_name: str) -> Iterator[Path]:
         """Hand out a path of the folder that stays the same, whatever becomes of the names."""
-        assert self._root is not None
         descriptor = os.open(self._root, _FOLDER)
         try:
             for part in folders:
@@ -105,7 +113,7 @@ class DoorSaver:
             os.close(descriptor)
 
     def _check_place(self, folder: Path, name: str, file_name: str) -> None:
-        """Return if a file may be put there: nothing is, or a file."""
+        """Return if a file may be put there: nothing is, or a file; and no log is beside it."""
         try:
             mode = (folder / name).lstat().st_mode
         except FileNotFoundError:
@@ -113,11 +121,13 @@ class DoorSaver:
         if not stat.S_ISREG(mode):
             self._refuse(file_name, "a link, folder or device has that name")
         refuse_own_folder(self._log_folder, folder.resolve() / name)
+        if any(each.suffix == ".mcap" for each in folder.iterdir()):
+            self._refuse(file_name, "lies in the folder of a log")
 
     def _refuse(self, file_name: str, why: str) -> NoReturn:
         raise OutputError(
-            f"file_name: {file_name!r}: {why}; files are saved in {self._root}. Nothing was "
-            "written."
+            f"file_name: {file_name!r}: {why}; files are saved in {self._root} (another: "
+            "--save-root at the server's start). Nothing was written."
         )
 
 

@@ -107,11 +107,12 @@ def _replace(
 ) -> list[str]:
     gone = [door for door in table.doors
             if door.door_id in log.state.used_door_ids
-            and door.door_id not in log.door_map().doors]  # fmt: skip
+            and door.door_id not in log.door_map().doors
+            and not log.state.removed_door(door.door_id)]  # fmt: skip
     if gone:
         raise CommandError(
-            f"{table.path}:{gone[0].line}: door {gone[0].door_id} was removed, and an id is never "
-            "used twice; give the door another number in the file."
+            f"{table.path}:{gone[0].line}: the adding of door {gone[0].door_id} was taken back, "
+            "and an id is never used twice; give the door another number in the file."
         )
     plan = plan_thesis_yaml(log, table.path, ImportOptions(level=level, update=True))
     listed = {door.door_id for door in table.doors}
@@ -124,7 +125,8 @@ def _replace(
     command_id = None if log.find_command(file_id) else file_id
     note = Note(source=table.path.name, reason="--yaml-replace")
     log.append([*removed, *plan.events], note=note, command_id=command_id)
-    return [f"{table.path}: the log's doors are the file's now: {_shown(found)}"]
+    told = [f"{table.path}: the log's doors are the file's now: {_shown(found)}"]
+    return [*told, *(text for text in plan.summary if "taken back" in text)]
 
 
 def _is_known(

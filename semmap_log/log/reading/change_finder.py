@@ -76,7 +76,7 @@ class ChangeFinder:
     def _about_doors(self, batch: EventBatch) -> EventBatch:
         if self._doors is None:
             return batch
-        return batch.select(np.isin(batch.door_ids(), self._doors))
+        return batch.select(batch.of_doors(self._doors))
 
 
 def _without_gaps(batch: EventBatch) -> Iterator[EventBatch]:

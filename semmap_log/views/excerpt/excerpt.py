@@ -20,8 +20,6 @@ from semmap_log.replay import Scope, replay
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time
 
-NO_DOOR = 0
-
 
 @dataclass(frozen=True, slots=True)
 class Excerpt:
@@ -68,7 +66,7 @@ class Excerpt:
         """Return those that are about the doors, or about none."""
         if self.doors is None:
             return batch
-        return batch.select(np.isin(batch.door_ids(), [NO_DOOR, *self.doors]))
+        return batch.select(batch.of_doors(self.doors) | ~batch.about_doors())
 
     def batches(self, progress: Callable[[int, int], None] | None = None) -> Iterator[EventBatch]:
         """Yield the same as `read`, about the doors alone."""

@@ -38,6 +38,6 @@ def _doors(excerpt: Excerpt, retraction: Retraction) -> frozenset[DoorId]:
     window = Window(first_event=retraction.first_event, before_event=last + 1)
     found: set[int] = set()
     for batch in excerpt.log.reader.batches(window):
-        found.update(batch.door_ids().tolist())
+        found.update(batch.door_ids()[batch.about_doors()].tolist())
     chosen = found if excerpt.doors is None else found & excerpt.doors
-    return frozenset(DoorId(door_id) for door_id in chosen if door_id)
+    return frozenset(DoorId(door_id) for door_id in chosen)

@@ -133,7 +133,7 @@ WRONG = [
     ("AddDoor", {"prob_closed": -INF}, "prob_closed: expected a number from 0 to 1"),
     ("UpdateDoor", {"door_id": 9, "change_open": True}, "door 9 is not in the map"),
     ("UpdateDoor", {"door_id": 9}, "door 9 is not in the map"),
-    ("UpdateDoor", {"door_id": 0}, "door_id: expected a whole number from 1 to 4294967295, got 0"),
+    ("UpdateDoor", {"door_id": 0}, "door_id: door 0 is not in the map"),
     ("UpdateDoor", {"door_id": 2**32 + 1, "change_open": True}, "got 4294967297"),
     ("UpdateDoor", {"change_pos": True, "pos_x": NAN}, "pos_x: expected"),
     ("UpdateDoor", {"change_width": True, "width": -1.0}, "width: expected"),

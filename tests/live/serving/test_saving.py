@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import semmap_log as sl
 from semmap_log.events import LogExported
 from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving import saving
@@ -142,17 +143,58 @@ def test_a_folder_that_is_exchanged_meanwhile_leads_nowhere(
     assert ["precious.yaml"] == [each.name for each in (root / "before").iterdir()]
 
 
-def test_without_a_root_nothing_is_saved(path: Path) -> None:
+def test_without_a_root_there_is_a_folder_beside_the_log(path: Path) -> None:
     """
-    The text says what to give.
+    It is made when the first file is saved; the log's own folder stays the log's.
     """
     server = door_server(path, None)
+    server.run(goal_of("AddDoor", "a", **DOOR))
+    folder = path.parent / "log_saved"
+    told = DoorSaver(None, path).told()
 
-    outcome = server.run(goal_of("SaveDoorDB", "s", file_name="/tmp/doors.yaml"))
+    refused = server.run(goal_of("SaveDoorDB", "r", file_name="/tmp/doors.yaml"))
+    was_made = folder.exists()
+    saved = [
+        server.run(goal_of("SaveDoorDB", name, file_name=name))
+        for name in ("doors.yaml", f"{folder}/again.yaml")
+    ]
 
-    assert (False, {"stored_successful": False}) == (outcome.succeeded, outcome.result)
-    assert "--save-root FOLDER, or with --yaml FILE" in outcome.text
+    assert f"SaveDoorDB saves in {folder}." == told
+    assert (False, {"stored_successful": False}) == (refused.succeeded, refused.result)
+    assert f"files are saved in {folder} (another: --save-root" in refused.text
+    assert not was_made
+    assert [True, True] == [outcome.succeeded for outcome in saved]
+    assert {"doors.yaml", "again.yaml"} == {each.name for each in folder.iterdir()}
     server.close()
+
+
+def test_a_folder_that_may_not_be_written_is_told(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    At the start, with what to do; of one that is still to be made, the folder around it counts.
+    """
+    asked: list[Path] = []
+    monkeypatch.setattr(saving.os, "access", lambda folder, _: bool(asked.append(folder)))
+
+    told = [DoorSaver(root, path).told() for root in (None, path.parent)]
+
+    assert [path.parent, path.parent] == asked
+    assert all("this process may not write there; --save-root DIR" in text for text in told)
+
+
+def test_other_logs_are_no_place_to_save_in(server: DoorServer, root: Path) -> None:
+    """
+    A root may hold them: their metadata.yaml is not a stranger's to write.
+    """
+    sl.create(root / "lab", tz="UTC").close()
+    before = {each.name: each.read_bytes() for each in (root / "lab").iterdir()}
+
+    outcome = server.run(goal_of("SaveDoorDB", "s", file_name="lab/metadata.yaml"))
+
+    assert not outcome.succeeded
+    assert "lies in the folder of a log" in outcome.text
+    assert before == {each.name: each.read_bytes() for each in (root / "lab").iterdir()}
 
 
 def test_the_log_itself_is_no_place_to_save_in(path: Path) -> None:
@@ -168,23 +210,23 @@ def test_the_log_itself_is_no_place_to_save_in(path: Path) -> None:
     server.close()
 
 
-def test_doors_without_probabilities_need_a_default_to_be_saved(path: Path, root: Path) -> None:
+def test_a_door_without_probabilities_is_saved_without_them(path: Path, root: Path) -> None:
     """
-    The thesis's file has no way to leave them out.
+    The text names the door and what it lacks; with a default its line is there.
     """
     goal = goal_of("AddDoor", "a", **DOOR | {"prob_open": math.nan})
     with_default = door_server(path, root, default_prob=0.5)
     with_default.run(goal)
     saved = with_default.run(goal_of("SaveDoorDB", "s", file_name="doors.yaml"))
     with_default.close()
-    (root / "doors.yaml").write_text("old")
+    with_line = (root / "doors.yaml").read_text()
 
     without = door_server(path, root)
-    refused = without.run(goal_of("SaveDoorDB", "t", file_name="doors.yaml"))
-
-    assert saved.succeeded
-    assert (False, {"stored_successful": False}) == (refused.succeeded, refused.result)
-    assert "--default-prob P" in refused.text
-    assert "an option of this server's start" in refused.text
-    assert "old" == (root / "doors.yaml").read_text()
+    partial = without.run(goal_of("SaveDoorDB", "t", file_name="doors.yaml"))
     without.close()
+
+    assert Outcome(succeeded=True, result={"stored_successful": True}) == saved
+    assert (True, {"stored_successful": True}) == (partial.succeeded, partial.result)
+    assert "left out: open_prob is not given: door 1." == partial.text
+    assert with_line.replace("  open_prob: 0.5\n", "") == (root / "doors.yaml").read_text()
+    assert "open_prob: 0.5" in with_line

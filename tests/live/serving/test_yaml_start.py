@@ -10,6 +10,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.errors import CommandError
+from semmap_log.events import DoorAdded, DoorObserved, DoorRemoved, DoorUpdated
+from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving.door_server import DoorServer
 from semmap_log.live.serving.saving import DoorSaver
 from semmap_log.live.serving.yaml_start import start_with_yaml
@@ -123,14 +125,39 @@ def test_replacing_commits_the_difference_at_once(filled: Path, file: Path) -> N
     assert 3 == _commits(filled)
 
 
-def test_a_number_that_was_removed_is_not_given_again(filled: Path, file: Path) -> None:
+def test_replacing_brings_a_removed_door_back(filled: Path, file: Path) -> None:
     """
-    Two doors must not share a history, not even by --yaml-replace.
+    Under its number, which plans name: its history goes on, and shows the removal, and that it was
+    taken back. As often as it is removed; what differs comes in the same commit.
     """
     with sl.append(filled) as log:
-        log.remove_door(2)
+        log.observe(2, "open")
+        for _ in range(2):
+            removed = log.remove_door(2).commit
+            said = start_with_yaml(log, file, replace=True)
+        log.observe(2, "closed")
 
-        with pytest.raises(CommandError, match=r"doors.yaml:11: door 2 was removed"):
+        assert [1, 2] == list(log.replay().doors) == list(log.state.door_map().doors)
+        assert [1] == list(log.replay(known_at=removed.recorded_ns).doors)
+        counts = [c.count for c in log.commits() if c.note.reason == "--yaml-replace"]
+        told = [(type(entry.event), entry.retracted) for entry in log.history(2)]
+
+    assert f"door 2: its removal, event {removed.first_event}, is taken back" == said[-1]
+    assert [2, 1] == counts
+    assert [
+        (DoorAdded, False), (DoorObserved, False), (DoorRemoved, True), (DoorUpdated, False),
+        (DoorRemoved, True), (DoorObserved, False),
+    ] == told  # fmt: skip
+
+
+def test_a_door_whose_adding_was_taken_back_does_not_come_back(filled: Path, file: Path) -> None:
+    """
+    A retraction cannot be taken back; the message says what can be done.
+    """
+    with sl.append(filled) as log:
+        log.retract(1)
+
+        with pytest.raises(CommandError, match=r"doors.yaml:11: the adding of door 2 was taken"):
             start_with_yaml(log, file, replace=True)
 
 
@@ -191,3 +218,22 @@ def test_a_file_saved_with_a_default_is_known_with_the_same(filled: Path, file: 
     assert "has gone on since" in known
     assert math.isnan(server.door_map().doors[DoorId(3)].prob_open)
     server.close()
+
+
+def test_a_yaml_with_0_fills_a_server_whose_goals_reach_it(server: DoorServer, root: Path) -> None:
+    """
+    Saved again, the file is the same, byte for byte.
+    """
+    file = root / "doors.yaml"
+    file.write_text(_entry(0) + _entry(1))
+    start_with_yaml(server.log, file)
+
+    saved = server.run(goal_of("SaveDoorDB", "s", file_name="saved.yaml"))
+    updated = server.run(goal_of("UpdateDoor", "u", door_id=0, change_open=True, door_state="OPEN"))
+    removed = server.run(goal_of("RemoveDoor", "r", door_id=1))
+
+    assert saved.succeeded
+    assert file.read_text() == (root / "saved.yaml").read_text()
+    assert Outcome(succeeded=True, result={"door_updated": True}) == updated
+    assert Outcome(succeeded=True, result={"door_removed": True}) == removed
+    assert {0: DoorState.OPEN} == {i: d.state for i, d in server.door_map().doors.items()}

@@ -91,7 +91,7 @@ def _fold(
         for name in names:
             if name not in level or when > level[name][0]:
                 level[name] = (when, event[name])
-    if not event.get("door_id"):
+    if event.get("door_id") is None:
         return
     door = found.setdefault(event["door_id"], _Door())
     door.last_event = max(door.last_event, event["event"])
