@@ -21,6 +21,7 @@ PATROLS = "tests/projections/test_rounds.py"
 SHARES = "tests/projections/test_time_shares.py"
 LINES = "tests/projections/test_timeline.py"
 DAY = "tests/test_day.py"
+DRAWABLE = "tests/views/rerun/test_drawable.py"
 AXIS = "tests/views/test_time_axis.py"
 TICKS = "tests/views/report/test_ticks.py"
 BROWSER = "tests/views/report/test_in_browser.py"
@@ -167,6 +168,10 @@ REPORTS = (
           "if fits and all(", "if fits or all(", AXIS),
     _axis("a day that was left out has no tick", "time_axis.py",
           "and self.clock.day(at_ms) < next_day:", "and next_day:", AXIS),
+    _recording("a name of which a letter cannot be drawn gives way", "rerun/drawable.py",
+               'category(c)[0] in "LMN" and', 'category(c)[0] in "" and', DRAWABLE),
+    _recording("an empty log says what to do", "rerun/nothing.py",
+               "if scene.doors:", "if not scene.doors:", RECORDING),
     _axis("weeks begin on Mondays", "time_axis.py",
           "FIRST_MONDAY if step % 7 == 0 else 0", "0", AXIS),
     _axis("the page's time that comes a second time says so", "report/page/ticks.js",

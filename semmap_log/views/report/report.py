@@ -12,6 +12,7 @@ from semmap_log.moments import zone
 from semmap_log.replay import Scope, replay
 from semmap_log.summary import summarize
 from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.how_to_begin import how_to_begin
 from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.beliefs import beliefs_of
@@ -105,6 +106,7 @@ def report_data(
         "offsets": zone_offsets(span.widened(BESIDE_MS), tz),
         "events": found.events,
         "isEmpty": found.events == 0 and not told,
+        "howToBegin": how_to_begin(log),
         "states": [state.name for state in DoorState],
         "seenWithin": lag_ms,
         "levels": levels,

@@ -15,6 +15,7 @@ from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.beliefs import MOST_CURVES, MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
+from semmap_log.views.rerun.nothing import NOTHING
 from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rounds import ROUNDS, Lane
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
@@ -229,6 +230,8 @@ def _rounds(rounds: Sequence[Lane], axis: Any) -> View | None:
 
 def _lanes(scene: Scene, chosen: Sequence[DoorId] | None, axis: Any) -> View:
     """Return the lanes of all doors; where these are many, those to look at first before."""
+    if not scene.doors:
+        return rrb.TextDocumentView(origin=f"/{NOTHING}", name="No doors")
     everything = _lane_view(axis, "Door states (UTC)", [f"+ /{ROOT}/**"])
     if chosen is not None or len(scene.doors) <= MOST_LANES:
         return everything

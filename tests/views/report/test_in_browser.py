@@ -443,6 +443,22 @@ def log_between(path: Path, tz: str, first: str, last: str) -> sl.DoorLog:
     return sl.read(path)
 
 
+def test_an_empty_log_says_what_to_do(page: Page, tmp_path: Path) -> None:
+    """
+    And a part of a log in which nothing happened says just that.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+    shown(page, tmp_path, sl.read(tmp_path / "log"))
+    empty = page.evaluate("document.getElementById('empty').innerText")
+
+    small = log_between(tmp_path / "small", "UTC", "2026-03-02T08:00", "2026-03-02T09:00")
+    shown(page, tmp_path, small, until="2026-03-01T00:00")
+
+    assert f"semmap-log import {tmp_path / 'log'} FILE" in empty
+    said = page.evaluate("document.getElementById('empty').innerText")
+    assert "There are no events in this part of the log: nothing to draw." == said
+
+
 def axis_labels(page: Page) -> list[str]:
     """What is written along the lanes, from left to right; no text lies on another, or is cut."""
     found = page.evaluate(

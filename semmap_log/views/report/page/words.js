@@ -19,6 +19,7 @@ function setUpHead() {
   byId("facts").append(...facts.filter(([, value]) => value !== null)
     .map(([key, value]) => el("div", {}, el("dt", {}, key), el("dd", {}, value))));
   byId("empty").hidden = !data.isEmpty;
+  if (data.howToBegin) say(byId("empty"), data.howToBegin);
   byId("foot").append(`Doors at each moment are those of semmap-log replay --at. ${notes().join(" ")}`);
 }
 
