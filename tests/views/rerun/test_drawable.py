@@ -21,7 +21,6 @@ from semmap_log.views.rerun.drawable import (
     unique_parts,
 )
 
-
 FONT = b"\0\1\0\0\0"
 """How a TrueType font begins: a version, and less than 256 tables."""
 
