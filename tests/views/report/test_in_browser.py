@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import random
+import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -391,6 +392,42 @@ def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> 
                           "UNKNOWN": DEFAULT.unknown}[true.pop()]  # fmt: skip
                 foot = round(left + column), round(top + height - 2)
                 assert _distance(picture, foot, colour) < 12, (door, share)
+
+
+def test_lanes_of_hundreds_of_doors_come_in_pages(page: Page, tmp_path: Path) -> None:
+    """
+    A hundred at once, chosen by hand or with a door; on paper all of them.
+    """
+    log = log_of(tmp_path / "log", *[f"room {n}" for n in range(1, 251)])
+    shown(page, tmp_path, log)
+    first = lanes_shown(page)
+    page.evaluate(
+        "(s => { s.value = '1'; s.dispatchEvent(new Event('change')) })"
+        "(document.getElementById('lane-page'))"
+    )
+    second = lanes_shown(page)
+
+    shown(page, tmp_path, log, "#t=2026-03-01T21:20:00+01:00&door=250")
+
+    assert [list(range(1, 101)), list(range(101, 201))] == [first, second]
+    assert list(range(201, 251)) == lanes_shown(page)
+    (tmp_path / "page.pdf").write_bytes(page.pdf())
+    if shutil.which("pdftotext"):
+        words = subprocess.run(["pdftotext", "-layout", tmp_path / "page.pdf", "-"],
+                               capture_output=True, text=True, check=True).stdout  # fmt: skip
+        lanes = words[words.index("States over time") : words.index("Changes\n")]
+        assert all(f"room {n}\n" in lanes for n in (1, 100, 101, 250))
+
+    shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+    assert page.evaluate("document.getElementById('lane-page') === null")
+
+
+def lanes_shown(page: Page) -> list[int]:
+    found = page.evaluate(
+        "[...document.querySelectorAll('.lane[data-id]')].filter(e => e.offsetHeight)"
+        ".map(e => +e.dataset.id)"
+    )
+    return list(found)
 
 
 def test_a_typical_week_has_the_colours_of_its_hours(page: Page, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 const LANE_HEIGHT = 14;
 const HEIGHTS = { open: 1, closed: 0.5, unknown: 0.2 }; // a state is told without colours, too
 const LETTER_PX = 6.7, NARROW_PX = 500;
-const LONGEST_NAME = 21;
+const LONGEST_NAME = 20, LANES_ON_A_PAGE = 100;
 const IS_PHONE = innerWidth < 600; // there is room for the id, and where a name begins
 
 const view = { name: "all", from: 0, till: Math.max(END, 1) };
@@ -23,6 +23,7 @@ function setUpLanes() {
   }, { root: byId("lanes"), rootMargin: "120px 0px" });
   for (const lane of lanes) inSight.observe(lane.element);
   setUpWindows();
+  setUpPages();
   new ResizeObserver(() => {
     drawTicks();
     redrawLanes();
@@ -153,6 +154,38 @@ function spanText(door) {
 
 function redrawLanes(all = false) {
   for (const lane of lanes) if (all || lane.isSeen) lane.draw();
+}
+
+/* Which doors are shown: of hundreds, so many at once. On paper, all. */
+
+function setUpPages() {
+  const paged = lanes.filter((lane) => lane.door), pages = Math.ceil(paged.length / LANES_ON_A_PAGE);
+  if (pages < 2) return;
+  const numbers = [...Array(pages).keys()];
+  const last = (page) => Math.min((page + 1) * LANES_ON_A_PAGE, paged.length);
+  const choice = el("select", { id: "lane-page", "aria-label": "Which doors have lanes", onchange: () => show(Number(choice.value)) },
+    numbers.map((page) => el("option", { value: page }, `Doors ${page * LANES_ON_A_PAGE + 1} to ${last(page)} of ${paged.length}`)));
+  const show = (page) => {
+    choice.value = String(page);
+    paged.forEach((lane, i) => lane.element.classList.toggle("off-page", Math.floor(i / LANES_ON_A_PAGE) !== page));
+    for (const heading of document.querySelectorAll(".lane-level")) heading.classList.toggle("off-page", isEmpty(heading));
+  };
+  byId("windows").prepend(choice);
+  show(0);
+  let chosenThen = null;
+  clock.follow((t, chosen) => {
+    if (chosen === chosenThen) return;
+    chosenThen = chosen;
+    const place = paged.findIndex((lane) => lane.door.id === chosen);
+    if (place >= 0) show(Math.floor(place / LANES_ON_A_PAGE));
+  });
+}
+
+/** Tell whether no lane of a level is shown on the page. */
+function isEmpty(heading) {
+  let next = heading.nextElementSibling;
+  while (next && next.classList.contains("off-page")) next = next.nextElementSibling;
+  return !next || !next.classList.contains("lane");
 }
 
 /* Which part of the time is shown. */

@@ -64,7 +64,7 @@ function setUpHealth() {
   const more = health.suspects - health.lastSuspects.length;
   place.append(worries.length
     ? el("ul", { class: "worries" }, worries.map((text) => el("li", {}, quoted(text))), more > 0 ? el("li", {}, `and ${more} more suspect clocks before these`) : null)
-    : el("p", { class: "fine" }, "No warnings, and no clock that cannot be right."));
+    : el("p", { class: "fine" }, "No warnings, and no suspect clocks."));
   const promised = Object.entries(health.durability).map(([name, many]) => `${name} (${count(many, "commit")})`).join(", ");
   const facts = [
     ["Happened", health.happened ? health.happened.join(" to ") : "–"],
