@@ -22,6 +22,7 @@ from semmap_log.cli.plain_streams import json_text
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from semmap_log.door_log import DoorLog
     from semmap_log.door_log_writer import About
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
@@ -105,6 +106,14 @@ def console() -> Console:
 def say(text: str) -> None:
     """Tell the person something that is not the verb's output."""
     typer.echo(text, err=True)
+
+
+def tell_how_to_begin(opened: DoorLog) -> None:
+    """Say what to do with a log that has no events yet."""
+    from semmap_log.views.how_to_begin import how_to_begin
+
+    if (hint := how_to_begin(opened)) is not None:
+        say(hint)
 
 
 def size_of(size: int) -> str:

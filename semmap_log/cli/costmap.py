@@ -23,6 +23,7 @@ from semmap_log.cli.common import (
     refuse_nan,
     say,
     size_of,
+    tell_how_to_begin,
 )
 
 if TYPE_CHECKING:
@@ -161,6 +162,7 @@ def run(
     is_bag = tells_a_bag(out)
     _refuse_given(of_a_moment if is_bag else over_time, out, is_bag=is_bag)
     opened = sl.read(log)
+    tell_how_to_begin(opened)
     options = CostmapOptions(
         level=level,
         by=by.value,

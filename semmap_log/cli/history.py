@@ -20,6 +20,7 @@ from semmap_log.cli.common import (
     print_json_list,
     progress,
     say,
+    tell_how_to_begin,
 )
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ def run(
             known = ", ".join(KIND_BY_NAME)
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
     opened = sl.read(log)
+    tell_how_to_begin(opened)
     start, end = opened.span(since) if since and ".." in since else (since, until)
     door_id = None if door is None else opened.resolve_ever(door)
     if plot is not None:

@@ -17,6 +17,7 @@ from semmap_log.cli.common import (
     progress,
     say,
     takes_about,
+    tell_how_to_begin,
 )
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def run(
         return
     asked["horizon_ns"] = parse_duration(horizon) if horizon else 0
     opened, applied = sl.read(log), None
+    tell_how_to_begin(opened)
     with progress("Reading") as told:
         if apply:
             applied = _apply(log, asked, about, told)
@@ -166,6 +168,7 @@ def _show_typical(
     from semmap_log.log.disk import refuse_own_folder
 
     opened = sl.read(log)
+    tell_how_to_begin(opened)
     if plot is not None:
         refuse_own_folder(opened.path, plot)
     with progress("Reading") as told:

@@ -11,6 +11,7 @@ from semmap_log.cli.common import (
     console,
     print_json,
     progress,
+    tell_how_to_begin,
 )
 
 
@@ -42,6 +43,7 @@ def run(
     from semmap_log.views.tables import door_table
 
     opened = sl.read(log)
+    tell_how_to_begin(opened)
     with progress("Reading") as told:
         door_map = opened.replay(at, known_at, event, progress=told)
     if as_json:

@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say, size_of
+from semmap_log.cli.common import (
+    LogPath,
+    PaletteChoice,
+    PaletteName,
+    progress,
+    say,
+    size_of,
+    tell_how_to_begin,
+)
 
 
 def run(
@@ -44,6 +52,7 @@ def run(
     from semmap_log.views.health import count
 
     opened = sl.read(log)
+    tell_how_to_begin(opened)
     doors = [opened.resolve_ever(name) for name in door] if door else None
     with progress("Reading") as told:
         done = write_report(

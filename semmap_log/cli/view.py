@@ -13,10 +13,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import LogPath, PaletteChoice, PaletteName, progress, say, size_of
+from semmap_log.cli.common import (
+    LogPath,
+    PaletteChoice,
+    PaletteName,
+    progress,
+    say,
+    size_of,
+    tell_how_to_begin,
+)
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
+    from semmap_log.doors import DoorId
     from semmap_log.views.rerun.web import WebViewer
 
 
@@ -123,10 +132,12 @@ def run(
     from semmap_log.log.disk import refuse_own_folder
 
     opened = sl.read(log)
+    tell_how_to_begin(opened)
     if screenshot is not None:
         refuse_own_folder(opened.path, screenshot)
     doors = [opened.resolve_ever(name) for name in door] if door else None
     at_ns = opened.moment(at).ns if at else None
+    _tell_of_names(opened, doors)
     looks: dict[str, Any] = {
         "since": since, "doors": doors, "palette": palette.colours, "costmap": costmap,
         "beliefs": beliefs,
@@ -186,6 +197,21 @@ def _pixels(size: str) -> tuple[int, int]:
             param_hint="--size",
         )
     return sides[0], sides[1]
+
+
+def _tell_of_names(opened: DoorLog, doors: list[DoorId] | None) -> None:
+    """Say once that the viewer's font lacks letters, if it does."""
+    from semmap_log.views.health import count
+    from semmap_log.views.rerun.drawable import is_drawable_name
+
+    names = {n: name for n, name in opened.door_names().items() if doors is None or n in doors}
+    lacking = [n for n, name in names.items() if not is_drawable_name(name)]
+    if lacking:
+        say(
+            f"The viewer's font lacks letters in the names of {count(len(lacking), 'door')}: there "
+            f'they are called by their numbers, such as "door {lacking[0]}". The page that '
+            f"`report` writes shows all names."
+        )
 
 
 @contextmanager

@@ -86,6 +86,11 @@ def drawable(text: str) -> str:
     return "".join(c if _has_shape(c) else _plain(c) for c in text)
 
 
+def lacks_letters(text: str) -> bool:
+    """Tell whether a letter or a digit would become a question mark."""
+    return any(c.isalnum() and not _has_shape(c) and _plain(c) == "?" for c in text)
+
+
 def fitted(draw: ImageDraw, text: str, room_px: float, size: int) -> str:
     """Return as much of a drawable text as has room."""
     while len(text) > 3 and draw.textlength(text, font(size)) > room_px:

@@ -27,6 +27,7 @@ from semmap_log.views.costmap_legend import (
     drawable,
     fitted,
     font,
+    lacks_letters,
     round_length,
 )
 from semmap_log.views.costmap_shading import Grid, Rgb, costs_of, shaded
@@ -215,11 +216,20 @@ def _draw_doors(draw: ImageDraw, view: _View, doors: Sequence[DoorMark]) -> list
         places.keep_clear(start, end, margin=6)
     named = len(lines) <= MOST_NAMES
     left_out = [
-        drawable(f"{door.door_id} {door.name or ''}".rstrip())
+        _full_label(door)
         for door, start, end in lines
         if not _draw_label(draw, places, door, (start, end), named=named)
     ]
+    lacking = [str(door.door_id) for door, *_ in lines if lacks_letters(door.name or "")]
+    if lacking:
+        left_out.append(f"no letters for the names of {', '.join(lacking)}")
     return ["", *left_out] if left_out else []
+
+
+def _full_label(door: DoorMark) -> str:
+    """Return a door's number and its name; without the name where letters of it are missing."""
+    name = door.name or ""
+    return drawable(f"{door.door_id} {'' if lacks_letters(name) else name}".rstrip())
 
 
 def _draw_label(
@@ -230,7 +240,7 @@ def _draw_label(
     middle = (x0 + x1) / 2, (y0 + y1) / 2
     across = math.atan2(y1 - y0, x1 - x0) + math.pi / 2
     number = str(door.door_id)
-    full = drawable(f"{number} {door.name}") if door.name else number
+    full = _full_label(door)
     tries = [(full, NEAR_PX)] if named else []
     for text, distances in [*tries, (number, NEAR_PX + FAR_PX)]:
         said = fitted(draw, text, MOST_LABEL_PX, LABEL_PX)

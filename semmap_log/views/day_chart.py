@@ -64,9 +64,9 @@ def _bar(opened: float) -> str:
 
 def _scale(day: Day) -> str:
     """Return the hours above the bars, as the building's clocks show them."""
-    line = [" "] * len(day.edges_ns)
+    line, last = [" "] * len(day.edges_ns), ""
     for place, start_ns in enumerate(day.edges_ns[:-1].tolist()):
         hour, minute = format_local(start_ns, day.tz)[len("2026-03-08 ") :].split(":")[:2]
-        if minute == "00" and int(hour) % EVERY_HOURS == 0:
-            line[place : place + 2] = hour
+        if minute == "00" and int(hour) % EVERY_HOURS == 0 and hour != last:  # it may come twice
+            line[place : place + 2] = last = hour
     return "".join(line)[: len(day.edges_ns) - 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -48,6 +49,49 @@ def log(tmp_path: Path) -> Path:
         log.append([room()])
         log.add_door(x=-1.0, y=0.0, theta=0.0, width=2.0, state="closed", name="front")
     return tmp_path / "room"
+
+
+def run(arguments: list[str]) -> None:
+    """Run a command that goes well."""
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert 0 == end.value.code
+
+
+def test_an_empty_log_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    In lines that can be pasted, whatever its folder is called; one with events says nothing.
+    """
+    sl.create(tmp_path / "my log", tz="UTC").close()
+
+    run(["view", str(tmp_path / "my log"), "--save", str(tmp_path / "x.rrd")])
+
+    said = capsys.readouterr().err
+    assert "The log has no events yet." in said
+    (line,) = [line for line in said.splitlines() if "semmap-log add" in line]
+    run(shlex.split(line)[1:])
+    capsys.readouterr()
+    run(["view", str(tmp_path / "my log"), "--save", str(tmp_path / "x.rrd")])
+    assert "no events yet" not in capsys.readouterr().err
+
+
+def test_names_that_the_viewer_cannot_draw_are_told_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    How many, and what stands for them; not those of other doors than were asked for.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        for x, name in enumerate(["会議室 1", "Küche", "会議室 2"]):
+            log.add_door(x=x, y=0.0, theta=0.0, width=0.9, name=name)
+
+    run(["view", str(tmp_path / "log"), "--save", str(tmp_path / "x.rrd")])
+    everything = capsys.readouterr().err
+    run(["view", str(tmp_path / "log"), "--save", str(tmp_path / "x.rrd"), "--door", "Küche"])
+
+    assert 1 == everything.count("font lacks letters in the names of 2 doors")
+    assert '"door 1"' in everything
+    assert "font" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

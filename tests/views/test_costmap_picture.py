@@ -95,6 +95,21 @@ def test_any_size_makes_a_picture_of_some_size(width, height):
     assert len(png) < 200_000
 
 
+def test_a_name_that_the_font_cannot_write_gives_way_to_the_number():
+    """
+    No question marks; beside the map it is said whose name is missing.
+    """
+    bare, lacking, named = (
+        opened(costmap_png(ROOM, GEOMETRY, [door(name=name)])).convert("RGB")
+        for name in (None, "会議室 3", "Küche")
+    )
+
+    on_the_map = (0, 0, MARGIN_PX + 60 * PX_A_CELL, bare.height)
+    assert bare.crop(on_the_map).tobytes() == lacking.crop(on_the_map).tobytes()
+    assert bare.crop(on_the_map).tobytes() != named.crop(on_the_map).tobytes()
+    assert bare.tobytes() != lacking.tobytes()
+
+
 def test_more_doors_than_can_be_labelled():
     """
     They are all drawn; names stand beside, and how many had no room.

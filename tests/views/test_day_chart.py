@@ -53,6 +53,20 @@ def test_the_higher_the_bar_the_longer_it_was_open() -> None:
     assert legend.startswith("▁ closed")
 
 
+def test_an_hour_that_comes_twice_is_written_once() -> None:
+    """
+    Havana's midnight of 1 November 2026; the hours behind it stand over their bars.
+    """
+    begin_ns = 1_793_505_600 * 10**9  # 04:00 UTC
+    shares = TimeShares(np.ones(50), np.ones(50), np.ones(50))
+    doors = [DoorDay(DoorId(1), "front", 50, shares)]
+
+    head = printed(Day("America/Havana", begin_ns + SLOT_NS * np.arange(51), doors))[0]
+
+    assert ["2026-11-01", "00", "03", "06", "09", "12", "15", "18", "21"] == head.split()
+    assert 8 == head.index(" 03 ") - head.index(" 00 ")
+
+
 def test_the_liveliest_doors_are_drawn_and_the_others_counted() -> None:
     """
     In the order of their ids; the rest is not hidden.

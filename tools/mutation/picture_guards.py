@@ -21,6 +21,10 @@ PATROLS = "tests/projections/test_rounds.py"
 SHARES = "tests/projections/test_time_shares.py"
 LINES = "tests/projections/test_timeline.py"
 DAY = "tests/test_day.py"
+DRAWABLE = "tests/views/rerun/test_drawable.py"
+AXIS = "tests/views/test_time_axis.py"
+TICKS = "tests/views/report/test_ticks.py"
+BROWSER = "tests/views/report/test_in_browser.py"
 LANES = "tests/views/plots/test_lanes.py"
 VIEW = "tests/cli/test_view.py"
 
@@ -29,6 +33,7 @@ _recording = mutants_in("semmap_log/views/", "recording: ")
 _report = mutants_in("semmap_log/views/report/", "report: ")
 _markers = mutants_in("semmap_log/", "markers: ")
 _states = mutants_in("semmap_log/", "states: ")
+_axis = mutants_in("semmap_log/views/", "axis: ")
 
 RECORDINGS = (
     _recording("what was taken back is not on `happened`", "excerpt/excerpt.py",
@@ -153,6 +158,28 @@ REPORTS = (
             "        end_ms = min(end_ms, last_ns // MS_NS)\n", "        pass\n", REPORT),
     _report("doors as they were before `since`", "report.py",
             "stories(found, excerpt.before().doors,", "stories(found, {},", REPORT),
+    _axis("a day begins at its first moment, though midnight comes twice", "time_axis.py",
+          "return next(at_ms for", "return max(at_ms for", AXIS),
+    _axis("the hour that comes a second time says so", "time_axis.py",
+          "if comes_again and at_ms - step_ms < stretch.from_ms:", "if not step_ms:", AXIS),
+    _axis("times of day are by the clocks of their stretch", "time_axis.py",
+          "* step_ms - stretch.ahead_ms\n", "* step_ms - stretch.before_ms\n", AXIS),
+    _axis("no label covers another", "time_axis.py",
+          "if fits and all(", "if fits or all(", AXIS),
+    _axis("a day that was left out has no tick", "time_axis.py",
+          "and self.clock.day(at_ms) < next_day:", "and next_day:", AXIS),
+    _recording("a name of which a letter cannot be drawn gives way", "rerun/drawable.py",
+               'category(c)[0] in "LMN" and', 'category(c)[0] in "" and', DRAWABLE),
+    _recording("an empty log says what to do", "rerun/nothing.py",
+               "if scene.doors:", "if not scene.doors:", RECORDING),
+    _axis("weeks begin on Mondays", "time_axis.py",
+          "FIRST_MONDAY if step % 7 == 0 else 0", "0", AXIS),
+    _axis("the page's time that comes a second time says so", "report/page/ticks.js",
+          "&& at - step < from;", "&& at < from;", TICKS),
+    _axis("lanes in a picture have these ticks at their moments", "plots/lanes.py",
+          "[tick.at_ms for tick in ticks]", "[tick.at_ms + 1_800_000 for tick in ticks]", LANES),
+    _report("weeks that reach beyond the log have its zone's offsets", "report.py",
+            "span.widened(BESIDE_MS)", "span", BROWSER),
     _report("offsets change where the zone's clocks do", "times.py",
             "_change_ms(max(day_ms - DAY_MS, span.begin_ms), day_ms, place)", "day_ms", TIMES),
     _report("the track is cut where the robot was not seen", "track.py",

@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId, DoorState, reduced
-from semmap_log.moments import DAY_NS, format_local, zone
+from semmap_log.moments import DAY_NS, format_local
 from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
 from semmap_log.projections.timeline import Timeline, Times
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import DEFAULT, Palette, Rgb
-from semmap_log.views.plots.sdk import dates, new_figure, patches, save_figure
+from semmap_log.views.plots.sdk import new_figure, patches, save_figure
+from semmap_log.views.report.times import MS_NS, Span, zone_offsets
+from semmap_log.views.time_axis import WallClock, time_ticks
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time
@@ -40,10 +42,8 @@ LANE_FLOOR = 0.4
 """Below the middle of its lane, where a bar stands."""
 NAME_LETTERS = 34
 MINUTES = len("2026-03-02 08:00")
-FORMATS = ["%Y", "%b", "%a %d", "%H:%M", "%H:%M", "%S.%f"]
-"""Of a tick, by its finest part that is not zero: years, months, days, hours, minutes, seconds."""
-FORMATS_OF_FIRST = ["", "%Y", "%a %d %b", "%a %d %b", "%H:%M", "%H:%M"]
-"""Of the first one of the year, the month, the day and so on, where the coarser part is told."""
+LETTER_IN = 0.074
+"""Mean width of a letter in small print."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,14 +184,14 @@ def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np
 def _time_along(panel: Any, lanes: Lanes) -> None:
     """Let the axis show the building's clocks; a log of one moment is a minute wide."""
     wide_ns = max(lanes.end_ns - lanes.start_ns, 60 * 10**9)
+    start_ms, wide_ms = lanes.start_ns // MS_NS, wide_ns // MS_NS
+    clock = WallClock(zone_offsets(Span(start_ms, start_ms + wide_ms), lanes.tz))
+    names = max((len(tick.get_text()) for tick in panel.get_yticklabels()), default=0)
+    letters = WIDE_IN / LETTER_IN - names
+    ticks = time_ticks(start_ms, start_ms + wide_ms, clock, letters=letters, anchor=0.5)
+    at_ns = np.array([tick.at_ms for tick in ticks], np.int64) * MS_NS
     panel.set_xlim(*_days(np.array([lanes.start_ns, lanes.start_ns + wide_ns])))
-    tz = zone(lanes.tz)
-    locator = dates.AutoDateLocator(tz=tz)
-    formatter = dates.ConciseDateFormatter(
-        locator, tz=tz, formats=FORMATS, zero_formats=FORMATS_OF_FIRST, show_offset=False
-    )
-    panel.xaxis.set_major_locator(locator)
-    panel.xaxis.set_major_formatter(formatter)
+    panel.set_xticks(_days(at_ns), [tick.label for tick in ticks])
     panel.tick_params(axis="x", labelsize="small", labeltop=len(panel.get_yticks()) >= MANY_LANES)
     panel.grid(axis="x", linewidth=0.4, color="#cccccc")
     panel.set_axisbelow(True)

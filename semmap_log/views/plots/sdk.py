@@ -11,13 +11,13 @@ from semmap_log.log.disk import output_errors, whole_file
 
 try:
     import matplotlib as mpl
-    from matplotlib import dates, font_manager, patches, text
+    from matplotlib import font_manager, patches, text
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 except ImportError:
     raise MissingExtraError("matplotlib", "plots") from None
 
-__all__ = ["Figure", "dates", "mpl", "new_figure", "patches", "save_figure"]
+__all__ = ["Figure", "mpl", "new_figure", "patches", "save_figure"]
 
 FORMATS = (".png", ".svg")
 DPI = 120

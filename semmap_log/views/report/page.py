@@ -18,8 +18,8 @@ from semmap_log.views.palette import Palette, Rgb
 
 STYLES = ("page.css", "stage.css", "sections.css", "print.css")
 SCRIPTS = (
-    "basics.js", "data.js", "clock.js", "plan.js", "labels.js", "beside.js",
-    "lanes.js", "weeks.js", "table.js", "words.js", "main.js",
+    "basics.js", "calendar.js", "data.js", "clock.js", "plan.js", "labels.js", "beside.js",
+    "ticks.js", "lanes.js", "weeks.js", "table.js", "words.js", "main.js",
 )  # fmt: skip
 """In the order in which they are joined; the first line of each says what it is for."""
 

@@ -12,6 +12,7 @@ from semmap_log.moments import zone
 from semmap_log.replay import Scope, replay
 from semmap_log.summary import summarize
 from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.how_to_begin import how_to_begin
 from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.beliefs import beliefs_of
@@ -22,12 +23,15 @@ from semmap_log.views.report.health import health_of
 from semmap_log.views.report.page import filled, hex_of
 from semmap_log.views.report.patrols import rounds_of
 from semmap_log.views.report.plans import levels_of
-from semmap_log.views.report.times import MS_NS, Span, first_ms, zone_offsets
+from semmap_log.views.report.times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
 from semmap_log.views.report.track import track_of
 from semmap_log.views.week_shades import shade
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time
+
+BESIDE_MS = 8 * DAY_MS
+"""The week of a moment reaches so far beyond the first and the last one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +103,10 @@ def report_data(
         "log": _log(log, tz),
         "begin": span.begin_ms,
         "end": span.end_ms - span.begin_ms,
-        "offsets": zone_offsets(span, tz),
+        "offsets": zone_offsets(span.widened(BESIDE_MS), tz),
         "events": found.events,
         "isEmpty": found.events == 0 and not told,
+        "howToBegin": how_to_begin(log),
         "states": [state.name for state in DoorState],
         "seenWithin": lag_ms,
         "levels": levels,

@@ -32,6 +32,10 @@ class Span:
         """Return from when on something counts, milliseconds after the begin."""
         return first_ms(ns) - self.begin_ms
 
+    def widened(self, ms: int) -> Span:
+        """Return the same with so much more before and behind."""
+        return Span(self.begin_ms - ms, self.end_ms + ms)
+
 
 def zone_offsets(span: Span, tz: str) -> list[tuple[int, int]]:
     """Return (from when, milliseconds since the epoch; ahead of UTC, seconds), ascending.

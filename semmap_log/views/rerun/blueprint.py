@@ -15,12 +15,13 @@ from semmap_log.doors import DoorId
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.beliefs import MOST_CURVES, MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
+from semmap_log.views.rerun.nothing import NOTHING
 from semmap_log.views.rerun.robot import track_path
 from semmap_log.views.rerun.rounds import ROUNDS, Lane
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.sdk import rr, rrb
-from semmap_log.views.rerun.weeks import Sheet, weeks_on, weeks_path
+from semmap_log.views.rerun.weeks import sheet_of, weeks_on, weeks_path
 
 MOST_LANES = 16
 """With more doors than this, a tab of the liveliest stands before that of all doors."""
@@ -168,7 +169,7 @@ def _weeks(
     """Return a tab of typical weeks a level; None where nothing is known."""
     weeks = [] if beliefs is None else beliefs.weeks
     views = {
-        level.level: _week(level, here, palette)
+        level.level: _week(level, here, scene, palette)
         for level in scene.levels.values()
         if (here := weeks_on(weeks, scene, level))
     }
@@ -177,8 +178,8 @@ def _weeks(
     return rrb.Tabs(*views.values(), active_tab=list(views).index(front) if front in views else 0)
 
 
-def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], palette: Palette) -> View:
-    sheet = Sheet.of(len(weeks))
+def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], scene: Scene, palette: Palette) -> View:
+    sheet = sheet_of(weeks, scene)
     name = "Typical week" if level.path == (ROOT,) else f"{level.name} typical week"
     if level.doors > MOST_WEEKS:
         name += f", {MOST_WEEKS} liveliest"
@@ -229,6 +230,8 @@ def _rounds(rounds: Sequence[Lane], axis: Any) -> View | None:
 
 def _lanes(scene: Scene, chosen: Sequence[DoorId] | None, axis: Any) -> View:
     """Return the lanes of all doors; where these are many, those to look at first before."""
+    if not scene.doors:
+        return rrb.TextDocumentView(origin=f"/{NOTHING}", name="No doors")
     everything = _lane_view(axis, "Door states (UTC)", [f"+ /{ROOT}/**"])
     if chosen is not None or len(scene.doors) <= MOST_LANES:
         return everything

@@ -19,6 +19,7 @@ from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.event_lines import EventLines
 from semmap_log.views.rerun.events import EventsWriter
 from semmap_log.views.rerun.floor import write_floors
+from semmap_log.views.rerun.nothing import write_nothing
 from semmap_log.views.rerun.pump import pumped
 from semmap_log.views.rerun.robot import RobotWriter
 from semmap_log.views.rerun.rounds import Lane, write_rounds
@@ -93,6 +94,7 @@ class Converter:
         """
         recording.send_recording_name(drawable(excerpt.log.path.resolve().name))
         writer = RowWriter(recording, excerpt, scene.commits)
+        write_nothing(writer, excerpt, scene)
         write_floors(writer, scene, palette)
         write_rounds(writer, rounds, palette)
         self._layers = CostmapWriter(writer, scene, palette) if costmap else None

@@ -21,7 +21,7 @@ from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
 from semmap_log.views.excerpt.door_rows import Edge
 from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.drawable import drawable, unique_parts
+from semmap_log.views.rerun.drawable import drawable_name, unique_parts
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, RowWriter, rgba
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.rerun.sdk import rr
@@ -60,8 +60,8 @@ def round_lanes(excerpt: Excerpt, scene: Scene) -> list[Lane]:
 
 def write_rounds(writer: RowWriter, lanes: Sequence[Lane], palette: Palette) -> None:
     """Write all lanes."""
-    parts = unique_parts((place, lane.robot) for place, lane in enumerate(lanes))
-    for place, lane in enumerate(lanes):
+    parts = unique_parts(((n, lane.robot) for n, lane in enumerate(lanes, start=1)), "robot")
+    for place, lane in enumerate(lanes, start=1):
         path = (ROUNDS, parts[place])
         labels = sorted({said for _, said in (*lane.happened, *lane.recorded)} - {NO_ROUND})
         colours = rgba([palette.robot] * len(labels))
@@ -105,7 +105,7 @@ class _Driving:
             if driven is not None and driven.actor == robot:
                 self._rounds[robot][patrol] = driven
             latest = max(self._rounds[robot].values(), key=_start, default=None)
-            self._say(edge, robot, NO_ROUND if latest is None else drawable(latest.label))
+            self._say(edge, robot, NO_ROUND if latest is None else _label(latest))
 
     def _say(self, edge: Edge, robot: str, label: str) -> None:
         begin, values = self.scene.begin, self.said[robot]
@@ -177,6 +177,10 @@ def _known(
 def _number_of(entry: HistoryEntry) -> int:
     assert isinstance(entry.event, (PatrolStarted, PatrolFinished))
     return entry.event.patrol
+
+
+def _label(driven: Round) -> str:
+    return drawable_name(driven.label, f"round {driven.patrol}")
 
 
 def _start(driven: Round) -> tuple[int, int]:

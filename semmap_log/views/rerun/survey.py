@@ -34,7 +34,7 @@ from semmap_log.views.excerpt.door_rows import (
 )
 from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.label_places import without_level
-from semmap_log.views.rerun.drawable import drawable, free_part, has_letters, unique_parts
+from semmap_log.views.rerun.drawable import drawable_name, free_part, unique_parts
 from semmap_log.views.rerun.knowledge import Known
 from semmap_log.views.rerun.scene import ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.taken_back import TakenBack, taken_back
@@ -324,7 +324,7 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
         used |= {n for n, level in known.items() if level.floor_map_event is not None}
     numbers = sorted(used) or [0]
     names = {n: level.name or "" for n, level in known.items()}
-    parts = unique_parts((n, names.get(n) or str(n)) for n in numbers)
+    parts = unique_parts(((n, names.get(n) or str(n)) for n in numbers), "level")
     levels = {}
     for n in numbers:
         floor = excerpt.log.floor_of(doors, n)
@@ -333,7 +333,7 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
             bounds = bounds.including(bounds_of_floor(floor))
         levels[n] = SceneLevel(
             level=n,
-            name=drawable(names.get(n) or f"Level {n}"),
+            name=drawable_name(names.get(n) or "", f"Level {n}"),
             path=(ROOT,) if len(numbers) == 1 else (ROOT, parts[n]),
             floor=floor,
             bounds=bounds.framed(),
@@ -387,4 +387,4 @@ def _values(door: Door | None) -> str:
 
 
 def _label(door_id: DoorId, name: str) -> str:
-    return drawable(name) if has_letters(name) else f"door {door_id}"
+    return drawable_name(name, f"door {door_id}")

@@ -37,7 +37,12 @@ LABELS_ACROSS = 45
 LABELS_DOWN = 9
 """And so many times the height of all weeks, where these fill the view from top to bottom."""
 MOST_NAMES = 12
-"""With more doors their names would lie on each other: there, ids stand for them."""
+"""So many weeks have their door's name above; of more it stands beside, where there is room for
+the longest, else the id."""
+LETTER = 0.45
+"""Width of a letter, in heights of a label."""
+TALLEST_LABEL = 8.5
+"""Beside a week; in cells. A taller one would reach into those above and below."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +76,18 @@ class Sheet:
     columns: int
 
     @classmethod
-    def of(cls, doors: int) -> Sheet:
-        """Return the one for so many doors."""
+    def of(cls, doors: int, letters: int) -> Sheet:
+        """Return the one for so many doors, the longest of whose names has so many letters."""
+        if doors > MOST_NAMES and (named := _named_beside(doors, letters)) is not None:
+            return named
         tile = NAMED if doors <= MOST_NAMES else NUMBERED
         columns = math.ceil(math.sqrt(doors * ASPECT * tile.height / tile.width))
         return cls(tile, doors, min(columns, doors))
+
+    @property
+    def has_names(self) -> bool:
+        """Tell whether there is room for the doors' names."""
+        return self.tile is not NUMBERED
 
     @property
     def rows(self) -> int:
@@ -122,6 +134,29 @@ class Sheet:
         )
 
 
+def _named_beside(doors: int, letters: int) -> Sheet | None:
+    """Return the sheet with the largest cells whose names stand beside; None: there is no room."""
+    sheets = (_beside(doors, columns, letters) for columns in range(1, doors + 1))
+    fitting = [sheet for sheet in sheets if sheet is not None and sheet.line <= TALLEST_LABEL]
+    return min(fitting, key=lambda sheet: sheet.line, default=None)
+
+
+def _beside(doors: int, columns: int, letters: int) -> Sheet | None:
+    """Return a sheet of so many columns, each with room for names; None: these take all of it.
+
+    The taller a label, the wider its tile; the wider the tiles, the taller a label.
+    """
+    label = LETTER * letters + 1  # in heights of a label, its frame included
+    across = LABELS_ACROSS - 8 - columns * label
+    if across <= 0:
+        return None
+    height = NUMBERED.height
+    line = max(columns * (HOURS + 2) / across, math.ceil(doors / columns) * height / LABELS_DOWN)
+    room = math.ceil(label * line)
+    place = (-room / 2 - 1, DAYS / 2 - line / 2)
+    return Sheet(Tile(HOURS + 2 + room, height, place, NUMBERED.hours, ()), doors, columns)
+
+
 Label = tuple[str, float, float]
 """What is written, centred below a point."""
 
@@ -137,10 +172,10 @@ def write_weeks(writer: RowWriter, weeks: Sequence[TypicalWeek], scene: Scene) -
         here = weeks_on(weeks, scene, level)
         if not here:
             continue
-        path, sheet = weeks_path(level), Sheet.of(len(here))
+        path, sheet = weeks_path(level), sheet_of(here, scene)
         writer.static(path, _context(), rr.SegmentationImage(picture(here, sheet), opacity=1.0))
         doors = [scene.doors[week.door.door_id] for week in here]
-        names = [d.short_label if sheet.tile is NAMED else str(d.door_id) for d in doors]
+        names = [d.short_label if sheet.has_names else str(d.door_id) for d in doors]
         _write_labels(writer, (*path, "labels"), door_labels(names, sheet), NAMES_RGB)
         _write_labels(writer, (*path, "axes"), axis_labels(sheet), AXES_RGB)
 
@@ -148,6 +183,12 @@ def write_weeks(writer: RowWriter, weeks: Sequence[TypicalWeek], scene: Scene) -
 def weeks_on(weeks: Sequence[TypicalWeek], scene: Scene, level: SceneLevel) -> list[TypicalWeek]:
     """Return the weeks of the doors whose lanes are on a level."""
     return [week for week in weeks if scene.doors[week.door.door_id].path[:-2] == level.path]
+
+
+def sheet_of(weeks: Sequence[TypicalWeek], scene: Scene) -> Sheet:
+    """Return how the weeks of a level lie beside each other."""
+    names = [scene.doors[week.door.door_id].short_label for week in weeks]
+    return Sheet.of(len(names), max(map(len, names), default=0))
 
 
 def picture(weeks: Sequence[TypicalWeek], sheet: Sheet) -> NDArray[np.uint8]:

@@ -172,7 +172,8 @@ def test_days_are_told_by_their_names_above_many_lanes_too() -> None:
         axis = figure.axes[0].xaxis
         assert is_above == axis.get_major_ticks()[0].label2.get_visible()
     days = [label.get_text() for label in clinic.axes[0].get_xticklabels()]
-    assert 2 * ["Tue 03", "Wed 04", "Thu 05", "Fri 06", "Sat 07", "Sun 08"] == days
+    names = ["Tue 3 Mar", "Wed 4 Mar", "Thu 5 Mar", "Fri 6 Mar", "Sat 7 Mar", "Sun 8 Mar"]
+    assert 2 * names == days
 
 
 def test_names_are_written_in_a_font_that_has_their_letters(
@@ -193,3 +194,25 @@ def test_names_are_written_in_a_font_that_has_their_letters(
         pictures.append((tmp_path / f"{name}.png").read_bytes())
 
     assert pictures[0] != pictures[1]
+
+
+def test_the_axis_is_true_where_clocks_are_turned_back(tmp_path: Path) -> None:
+    """
+    New York, 1 November 2026: one o'clock comes twice, and labels lie beside each other.
+    """
+    with sl.create(tmp_path / "log", tz="America/New_York", clock=SteadyClock(2 * 10**18)) as log:
+        door = log.add_door(x=0, y=0, theta=0, width=1, at="2026-11-01T00:00")
+        log.observe(door, "open", at="2026-11-01T03:00")
+
+    figure = draw_lanes(Lanes.of(sl.read(tmp_path / "log")))
+    figure.canvas.draw()
+
+    shown = [label for label in figure.axes[0].get_xticklabels() if label.get_text()]
+    again = "01:00 \N{MINUS SIGN}05:00"
+    said = ["Sun 1 Nov", "00:30", "01:00", "01:30", again, "01:30", "02:00", "02:30", "03:00"]
+    assert said == [label.get_text() for label in shown]
+    start, end = figure.axes[0].get_xlim()
+    at = (figure.axes[0].get_xticks() - start) / (end - start) * 240
+    assert [30 * n for n in range(9)] == np.rint(at).tolist()
+    edges = [edge for label in shown for edge in label.get_window_extent().intervalx]
+    assert edges == sorted(edges)

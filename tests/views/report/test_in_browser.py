@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import random
+import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -393,6 +394,42 @@ def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> 
                 assert _distance(picture, foot, colour) < 12, (door, share)
 
 
+def test_lanes_of_hundreds_of_doors_come_in_pages(page: Page, tmp_path: Path) -> None:
+    """
+    A hundred at once, chosen by hand or with a door; on paper all of them.
+    """
+    log = log_of(tmp_path / "log", *[f"room {n}" for n in range(1, 251)])
+    shown(page, tmp_path, log)
+    first = lanes_shown(page)
+    page.evaluate(
+        "(s => { s.value = '1'; s.dispatchEvent(new Event('change')) })"
+        "(document.getElementById('lane-page'))"
+    )
+    second = lanes_shown(page)
+
+    shown(page, tmp_path, log, "#t=2026-03-01T21:20:00+01:00&door=250")
+
+    assert [list(range(1, 101)), list(range(101, 201))] == [first, second]
+    assert list(range(201, 251)) == lanes_shown(page)
+    (tmp_path / "page.pdf").write_bytes(page.pdf())
+    if shutil.which("pdftotext"):
+        words = subprocess.run(["pdftotext", "-layout", tmp_path / "page.pdf", "-"],
+                               capture_output=True, text=True, check=True).stdout  # fmt: skip
+        lanes = words[words.index("States over time") : words.index("Changes\n")]
+        assert all(f"room {n}\n" in lanes for n in (1, 100, 101, 250))
+
+    shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+    assert page.evaluate("document.getElementById('lane-page') === null")
+
+
+def lanes_shown(page: Page) -> list[int]:
+    found = page.evaluate(
+        "[...document.querySelectorAll('.lane[data-id]')].filter(e => e.offsetHeight)"
+        ".map(e => +e.dataset.id)"
+    )
+    return list(found)
+
+
 def test_a_typical_week_has_the_colours_of_its_hours(page: Page, tmp_path: Path) -> None:
     """
     Monday's first hour at the upper left; what nobody has seen is left to the hatching below.
@@ -425,12 +462,109 @@ def test_json_in_the_page_is_what_python_reads(page: Page, tmp_path: Path) -> No
 
 def test_a_day_that_a_country_left_out_is_no_trap(page: Page, tmp_path: Path) -> None:
     """
-    Samoa went from 29 to 31 December 2011: the marks of days get past the one that never was.
+    Samoa went from 29 to 31 December 2011.
     """
-    with sl.create(tmp_path / "log", tz="Pacific/Apia", clock=SteadyClock(START)) as log:
-        door = log.add_door(x=0, y=0, theta=0, width=1, at="2011-12-28T12:00")
-        log.observe(door, "open", at="2012-01-02T12:00")
+    log = log_between(tmp_path / "log", "Pacific/Apia", "2011-12-28T12:00", "2012-01-02T12:00")
 
+    shown(page, tmp_path, log)
+
+    days = [said for said in axis_labels(page) if ":" not in said]
+    assert ["Thu 29 Dec", "Sat 31 Dec", "Sun 1 Jan", "Mon 2 Jan"] == days
+
+
+def log_between(path: Path, tz: str, first: str, last: str) -> sl.DoorLog:
+    """A log of a door that was opened at one moment and closed at another."""
+    with sl.create(path, tz=tz, clock=SteadyClock(2 * START)) as log:
+        door = log.add_door(x=0, y=0, theta=0, width=1, state="open", at=first)
+        log.observe(door, "closed", at=last)
+    return sl.read(path)
+
+
+def test_an_empty_log_says_what_to_do(page: Page, tmp_path: Path) -> None:
+    """
+    And a part of a log in which nothing happened says just that.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
     shown(page, tmp_path, sl.read(tmp_path / "log"))
+    empty = page.evaluate("document.getElementById('empty').innerText")
 
-    assert "31 Dec" in page.evaluate("document.body.innerText")
+    small = log_between(tmp_path / "small", "UTC", "2026-03-02T08:00", "2026-03-02T09:00")
+    shown(page, tmp_path, small, until="2026-03-01T00:00")
+
+    assert f"semmap-log import {tmp_path / 'log'} FILE" in empty
+    said = page.evaluate("document.getElementById('empty').innerText")
+    assert "There are no events in this part of the log: nothing to draw." == said
+
+
+def axis_labels(page: Page) -> list[str]:
+    """What is written along the lanes, from left to right; no text lies on another, or is cut."""
+    found = page.evaluate(
+        "[...document.querySelectorAll('#ticks span')].map(e => [e, e.getBoundingClientRect()])"
+        ".map(([e, b]) => [e.textContent, b.left, b.right])"
+    )
+    end = page.evaluate("document.getElementById('ticks').getBoundingClientRect().right")
+    edges = [edge for _, left, right in found for edge in (left, right)]
+    assert edges == sorted(edges)
+    assert not edges or edges[-1] <= end
+    return [said for said, *_ in found]
+
+
+@pytest.mark.parametrize("width", [390, 700, 1440])
+@pytest.mark.parametrize("length", ["3h", "3 days", "2 years"])
+def test_labels_of_the_time_axis_lie_beside_each_other(
+    tmp_path: Path, width: int, length: str
+) -> None:
+    """
+    As the browser draws them; around the end of daylight saving, when some are longer.
+    """
+    first, last = {
+        "3h": ("2026-11-01T00:10", "2026-11-01T02:30"),
+        "3 days": ("2026-10-30T12:00", "2026-11-02T12:00"),
+        "2 years": ("2025-02-03T12:00", "2026-11-20T12:00"),
+    }[length]
+    log = log_between(tmp_path / "log", "America/New_York", first, last)
+    with a_page(size=(width, 800)) as page:
+        shown(page, tmp_path, log)
+
+        said = axis_labels(page)
+
+    assert len(said) >= (2 if width == 390 else 4)
+    assert ("01:00 \N{MINUS SIGN}05:00" in said) == (length == "3h")
+
+
+def test_a_day_of_25_hours_is_left_by_its_buttons(page: Page, tmp_path: Path) -> None:
+    """
+    And shown whole; a week that reaches beyond the log has its days where they will be.
+    """
+    log = log_between(tmp_path / "log", "America/New_York", "2026-10-20T00:30", "2026-10-30T12:00")
+    data = shown(page, tmp_path, log)
+    page.evaluate("document.querySelector('[data-window=week]').click()")
+    week = page.evaluate("[...document.querySelectorAll('#grid .midnight')]"
+                         ".map(e => parseFloat(e.style.left))")  # fmt: skip
+
+    assert data["offsets"][-1] == [1_793_512_800_000, -5 * 3600]
+    assert [round(100 * 24 * n / 169, 3) for n in range(7)] == [round(each, 3) for each in week[:7]]
+
+    shown(page, tmp_path, log_between(
+        tmp_path / "other", "America/New_York", "2026-10-25T12:00", "2026-11-04T12:00"),
+        "#t=2026-11-01T00:30:00-04:00")  # fmt: skip
+    page.evaluate("document.querySelector('[data-window=day]').click()")
+    day = axis_labels(page)
+    page.evaluate("document.querySelector('[aria-label=Later]').click()")
+
+    assert ["Sun 1 Nov", "22:00"] == [day[0], day[-1]]
+    assert "00:30:00 Mon 2 Nov 2026" == page.evaluate(
+        "document.getElementById('clock').textContent")  # fmt: skip
+    assert "Mon 2 Nov" == axis_labels(page)[0]
+
+
+def test_an_hour_begins_when_the_buildings_clocks_say_so(page: Page, tmp_path: Path) -> None:
+    """
+    Whenever the log began, and though the zone is half an hour off the others.
+    """
+    log = log_between(tmp_path / "log", "Asia/Kolkata", "2026-03-02T08:17", "2026-03-02T12:43")
+    shown(page, tmp_path, log)
+
+    page.evaluate("document.querySelector('[data-window=hour]').click()")
+
+    assert ["12:00", "12:55"] == [axis_labels(page)[0], axis_labels(page)[-1]]

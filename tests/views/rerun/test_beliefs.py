@@ -130,7 +130,7 @@ def test_the_weeks_are_typical_weeks(log: sl.DoorLog, drawn: Drawn) -> None:
         drawn.statics["/weeks", f"SegmentationImage:{part}"] for part in ("buffer", "format")
     )
     cells = np.frombuffer(bytes(buffer), np.uint8).reshape(shape["height"], shape["width"])
-    column, row = Sheet.of(2).corner(0)
+    column, row = Sheet.of(2, 5).corner(0)
     shown = cells[row : row + 7, column : column + 24]
     known = front.hours.is_known
     np.testing.assert_array_equal(np.rint(100 * front.hours.p_open)[known], shown[known])
@@ -138,13 +138,18 @@ def test_the_weeks_are_typical_weeks(log: sl.DoorLog, drawn: Drawn) -> None:
     assert {NO_CELL} == set(cells[:row, :].ravel().tolist())
 
 
-@pytest.mark.parametrize("doors", [1, 2, 5, 12, 13, 66, 133])
-def test_tiles_do_not_overlap(doors: int, log: sl.DoorLog) -> None:
+LONG = 60
+"""Letters of a name for which there is no room beside a week."""
+
+
+@pytest.mark.parametrize("letters", [5, 12, LONG])
+@pytest.mark.parametrize("doors", [1, 2, 5, 12, 13, 24, 36, 66, 133])
+def test_tiles_do_not_overlap(doors: int, letters: int, log: sl.DoorLog) -> None:
     """
     For any number of doors, each has its 168 cells; labels and key lie beside them.
     """
     (front,) = typical_weeks(log, doors=[FRONT])
-    sheet = Sheet.of(doors)
+    sheet = Sheet.of(doors, letters)
 
     cells = picture([front] * doors, sheet)
 
@@ -156,11 +161,34 @@ def test_tiles_do_not_overlap(doors: int, log: sl.DoorLog) -> None:
         assert 0 <= y < sheet.height, name
 
 
+@pytest.mark.parametrize(
+    ("doors", "letters", "expected"),
+    [(12, LONG, True), (14, 9, True), (24, 7, True), (36, 5, True), (36, 20, False),
+     (14, LONG, False), (133, 5, False)],
+)  # fmt: skip
+def test_weeks_bear_names_where_there_is_room(doors: int, letters: int, expected: bool) -> None:
+    """
+    Beside more than twelve weeks: a name then ends before the week, and is no taller than a row.
+    """
+    sheet = Sheet.of(doors, letters)
+
+    assert expected == sheet.has_names
+    if doors > 12 and expected:
+        places = [sheet.corner(place) for place in range(doors)]
+        names = list(door_labels(["x" * letters] * doors, sheet))
+        for (left, _), (_, middle, _) in zip(places, names, strict=True):
+            half = 0.45 * letters * sheet.line / 2
+            assert middle + half <= left
+            before = max((x + 24 for x, _ in places if x < left), default=0)
+            assert before <= middle - half
+        assert sheet.line <= 9
+
+
 def test_hours_stand_below_the_lowest_week_of_each_column() -> None:
     """
     Of thirteen doors, one is alone in the last row: its hours are lower than the others'.
     """
-    sheet = Sheet.of(13)
+    sheet = Sheet.of(13, LONG)
 
     noons = [(x, y) for label, x, y in axis_labels(sheet) if label == "12"]
 
@@ -249,7 +277,7 @@ def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> No
     assert ["front"] == drawn.statics["/weeks/labels", "Points2D:labels"]
     (earlier,) = typical_weeks(log, at=until_ns, doors=[FRONT])
     (buffer,) = drawn.statics["/weeks", "SegmentationImage:buffer"]
-    sheet = Sheet.of(1)
+    sheet = Sheet.of(1, 5)
     column, row = sheet.corner(0)
     monday_11 = row * sheet.width + column + 10
     assert round(100 * earlier.hours.p_open[0, 10]) == bytes(buffer)[monday_11]

@@ -118,10 +118,7 @@ def test_a_line_tells_when_which_door_what_who_and_why(tmp_path: Path) -> None:
     first, *_ = lines_of(
         tmp_path, DoorAdded(door_id=ONE), DoorAnnotated(door_id=ONE, key="name", value="会議室 3")
     )
-
-    assert (
-        "03-01 21:21:00  □□□ 3 #1  added without a place, UNKNOWN  · rover: round 1" == first.text
-    )
+    assert "03-01 21:21:00  door 1  added without a place, UNKNOWN  · rover: round 1" == first.text
 
 
 def test_events_about_a_door_that_was_not_there_say_so(tmp_path: Path) -> None:

@@ -213,7 +213,9 @@ def test_an_empty_log_is_a_recording_too(tmp_path: Path) -> None:
     summary = save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
 
     assert 0 == summary.events
-    assert 1 == Drawn(tmp_path / "x.rrd").blueprints
+    drawn = Drawn(tmp_path / "x.rrd")
+    assert 1 == drawn.blueprints
+    assert "/nothing" in drawn.entities
 
 
 def test_no_chunk_is_longer_than_rerun_likes(tmp_path: Path) -> None:

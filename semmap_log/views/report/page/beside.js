@@ -1,6 +1,6 @@
 // Beside the plan: how many doors are in which state, the door that is chosen, what happened last.
 
-const RECENT = 6, LONGEST_RECENT = 15;
+const RECENT = 6, LONGEST_RECENT = 13;
 
 function setUpBeside() {
   const bar = el("div", { class: "shares", "aria-hidden": "true" });
@@ -48,12 +48,14 @@ function whereaboutsText(t) {
   if (robot) {
     const level = panels.length > 1 ? `${levelNames.get(robot.level)}, ` : "";
     const old = t - robot.told > 10 * MINUTE ? `, standing since ${shortTime(robot.told)}` : "";
-    said.push(`Robot: ${level}${robot.x.toFixed(1)}, ${robot.y.toFixed(1)} m${old}.`);
+    said.push(`Robot: ${level}${metres(robot.x)},\u00a0${metres(robot.y)}\u00a0m${old}.`);
   } else if (runs.length) {
     said.push("Nobody knows where the robot is.");
   }
   return said.join(" ");
 }
+
+const metres = (length) => length.toFixed(1).replace("-", "−");
 
 /** A round in words; its name may come from anybody. */
 const roundText = ([, , name, actor]) => (actor ? `${name} (${actor})` : name);

@@ -2,11 +2,8 @@
 
 const data = JSON.parse(byId("data").textContent);
 const END = data.end;
-const MINUTE = 60_000, HOUR = 60 * MINUTE, DAY = 24 * HOUR;
 const CLASSES = ["unknown", "open", "closed", "unknown", "unknown"];
 const STATE_WORDS = data.states.map((name) => name[0] + name.slice(1).toLowerCase());
-const DAY_NAMES = ["Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"];
-const MONTHS = "Jan Feb Mar Apr May Jun Jul Aug Sep Oct Nov Dec".split(" ");
 
 class Door {
   constructor(raw) {
@@ -120,46 +117,29 @@ function roundAt(t) {
 
 /* Times as the building's clocks show them. */
 
-const offsetsBegin = Float64Array.from(data.offsets, ([from]) => from);
-
-/** How far the building's clocks are ahead of UTC, seconds. */
-const offsetAt = (t) => data.offsets[Math.max(lastUpTo(offsetsBegin, data.begin + t), 0)][1];
+const buildingClock = new WallClock(data.offsets);
 
 /** A Date whose UTC fields are the wall clock's. */
-const wall = (t) => new Date(data.begin + t + 1000 * offsetAt(t));
+const wall = (t) => buildingClock.wall(data.begin + t);
 
-const pad = (number, digits = 2) => String(number).padStart(digits, "0");
+const offsetText = (t) => aheadText(buildingClock.ahead(data.begin + t));
 
-const weekday = (date) => (date.getUTCDay() + 6) % 7;
+const clockText = (t, seconds = true) => timeOfDay(wall(t), seconds);
 
-function offsetText(t) {
-  const offset = offsetAt(t), minutes = Math.floor(Math.abs(offset) / 60);
-  return `${offset < 0 ? "−" : "+"}${pad(Math.floor(minutes / 60))}:${pad(minutes % 60)}`;
-}
-
-const clockText = (t, seconds = true) => wall(t).toISOString().slice(11, seconds ? 19 : 16);
-
-const dayText = (t) => {
-  const date = wall(t);
-  return `${DAY_NAMES[weekday(date)]} ${date.getUTCDate()} ${MONTHS[date.getUTCMonth()]}`;
-};
+const dayText = (t) => `${DAY_NAMES[weekday(wall(t))]} ${dayOfMonth(wall(t))}`;
 
 const dateText = (t) => `${dayText(t)} ${wall(t).getUTCFullYear()}`;
 
 /** `2 Mar 14:02:11`: short enough for a table; the weekday is told elsewhere. */
-const shortTime = (t) => `${dayText(t).slice(4)} ${clockText(t)}`;
+const shortTime = (t) => `${dayOfMonth(wall(t))} ${clockText(t)}`;
 
 /** With which a link tells the moment, to the millisecond. */
 const isoText = (t) =>
   wall(t).toISOString().slice(0, -1) + offsetText(t).replace("−", "-");
 
-/** The milliseconds after `begin` at which the local day of a moment began. */
-function midnightBefore(t, days = 0) {
-  const date = wall(t);
-  const local = Date.UTC(date.getUTCFullYear(), date.getUTCMonth(), date.getUTCDate() + days);
-  const first = local - data.begin - 1000 * offsetAt(t);
-  return local - data.begin - 1000 * offsetAt(first); // once more: clocks may have changed between
-}
+/** When the local day of a moment began, or one so many days later. */
+const midnightBefore = (t, days = 0) =>
+  buildingClock.beginOf(buildingClock.day(data.begin + t) + days) - data.begin;
 
 /** `3 min`, `2 h 05`, `4 days`: how long something is ago. */
 function ageText(ms) {

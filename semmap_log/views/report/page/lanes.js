@@ -2,12 +2,8 @@
 
 const LANE_HEIGHT = 14;
 const HEIGHTS = { open: 1, closed: 0.5, unknown: 0.2 }; // a state is told without colours, too
-const TICK_STEPS = [
-  10_000, 30_000, MINUTE, 5 * MINUTE, 15 * MINUTE, HOUR, 3 * HOUR, 6 * HOUR, 12 * HOUR,
-  DAY, 2 * DAY, 7 * DAY, 14 * DAY, 28 * DAY, 91 * DAY, 364 * DAY,
-];
-const TICK_ROOM_PX = 88, NARROW_PX = 500;
-const LONGEST_NAME = 21;
+const LETTER_PX = 6.7, NARROW_PX = 500;
+const LONGEST_NAME = 20, LANES_ON_A_PAGE = 100;
 const IS_PHONE = innerWidth < 600; // there is room for the id, and where a name begins
 
 const view = { name: "all", from: 0, till: Math.max(END, 1) };
@@ -27,12 +23,13 @@ function setUpLanes() {
   }, { root: byId("lanes"), rootMargin: "120px 0px" });
   for (const lane of lanes) inSight.observe(lane.element);
   setUpWindows();
+  setUpPages();
   new ResizeObserver(() => {
     drawTicks();
     redrawLanes();
   }).observe(byId("ticks"));
   clock.follow((t, chosen) => {
-    if (view.name !== "all" && !(view.from <= t && t <= view.till)) setWindow(view.name);
+    if (view.name !== "all" && !(view.from <= t && t < view.till)) setWindow(view.name);
     byId("now").style.left = `calc((100% - 2px) * ${shareOf(t)})`;
     byId("now").hidden = false;
     for (const lane of lanes) lane.element.classList.toggle("chosen", lane.door !== null && lane.door.id === chosen);
@@ -159,6 +156,38 @@ function redrawLanes(all = false) {
   for (const lane of lanes) if (all || lane.isSeen) lane.draw();
 }
 
+/* Which doors are shown: of hundreds, so many at once. On paper, all. */
+
+function setUpPages() {
+  const paged = lanes.filter((lane) => lane.door), pages = Math.ceil(paged.length / LANES_ON_A_PAGE);
+  if (pages < 2) return;
+  const numbers = [...Array(pages).keys()];
+  const last = (page) => Math.min((page + 1) * LANES_ON_A_PAGE, paged.length);
+  const choice = el("select", { id: "lane-page", "aria-label": "Which doors have lanes", onchange: () => show(Number(choice.value)) },
+    numbers.map((page) => el("option", { value: page }, `Doors ${page * LANES_ON_A_PAGE + 1} to ${last(page)} of ${paged.length}`)));
+  const show = (page) => {
+    choice.value = String(page);
+    paged.forEach((lane, i) => lane.element.classList.toggle("off-page", Math.floor(i / LANES_ON_A_PAGE) !== page));
+    for (const heading of document.querySelectorAll(".lane-level")) heading.classList.toggle("off-page", isEmpty(heading));
+  };
+  byId("windows").prepend(choice);
+  show(0);
+  let chosenThen = null;
+  clock.follow((t, chosen) => {
+    if (chosen === chosenThen) return;
+    chosenThen = chosen;
+    const place = paged.findIndex((lane) => lane.door.id === chosen);
+    if (place >= 0) show(Math.floor(place / LANES_ON_A_PAGE));
+  });
+}
+
+/** Tell whether no lane of a level is shown on the page. */
+function isEmpty(heading) {
+  let next = heading.nextElementSibling;
+  while (next && next.classList.contains("off-page")) next = next.nextElementSibling;
+  return !next || !next.classList.contains("lane");
+}
+
 /* Which part of the time is shown. */
 
 const LENGTHS = { hour: HOUR, day: DAY, week: 7 * DAY, all: Infinity };
@@ -167,7 +196,6 @@ function setUpWindows() {
   const buttons = Object.entries(LENGTHS).map(([name, length]) => el("button", {
     type: "button", "data-window": name, disabled: name !== "all" && length >= END, onclick: () => setWindow(name),
   }, name[0].toUpperCase() + name.slice(1)));
-  const shift = (direction) => view.name !== "all" && clock.set(clock.t + direction * LENGTHS[view.name]);
   byId("windows").append(
     el("button", { type: "button", class: "turn", "aria-label": "Earlier", title: "Earlier", onclick: () => shift(-1) }, "‹"),
     ...buttons,
@@ -175,13 +203,17 @@ function setUpWindows() {
   setWindow("all");
 }
 
+/** The hour, day or week of a moment by the building's clocks, or all. */
+function spanOf(name, t) {
+  const hour = t - (((wall(t).getTime() % HOUR) + HOUR) % HOUR), monday = -weekday(wall(t));
+  return { hour: [hour, hour + HOUR], day: [midnightBefore(t), midnightBefore(t, 1)],
+    week: [midnightBefore(t, monday), midnightBefore(t, monday + 7)], all: [0, Math.max(END, 1)] }[name];
+}
+
 /** Show the hour, day or week of the moment, or all. */
 function setWindow(name) {
   view.name = name;
-  view.from = { hour: Math.floor(clock.t / HOUR) * HOUR, day: midnightBefore(clock.t),
-    week: midnightBefore(clock.t, -weekday(wall(clock.t))), all: 0 }[name];
-  view.till = { hour: view.from + HOUR, day: midnightBefore(view.from + DAY / 2, 1),
-    week: midnightBefore(view.from + DAY / 2, 7), all: Math.max(END, 1) }[name];
+  [view.from, view.till] = spanOf(name, clock.t);
   for (const button of byId("windows").querySelectorAll("button")) {
     if (button.dataset.window) button.setAttribute("aria-pressed", String(button.dataset.window === name));
     else button.disabled = name === "all";
@@ -191,38 +223,20 @@ function setWindow(name) {
   byId("now").style.left = `calc((100% - 2px) * ${shareOf(clock.t)})`;
 }
 
+/** Go to the next hour, day or week, or the one before: so far into it as into this one. */
+function shift(direction) {
+  if (view.name === "all") return;
+  const [from, till] = spanOf(view.name, direction > 0 ? view.till : view.from - 1);
+  clock.set(Math.min(from + clock.t - view.from, till - 1));
+}
+
 function drawTicks() {
   const width = byId("ticks").clientWidth || 800;
-  const length = view.till - view.from;
-  const step = TICK_STEPS.find((ms) => (ms / length) * width >= (width < NARROW_PX ? 0.7 : 1) * TICK_ROOM_PX) || length;
-  const marks = ticksOf(step).map((t) => [100 * shareOf(t), t]);
-  const place = (element, left) => {
-    element.style.left = `${left}%`;
+  const ticks = timeTicks(data.begin + view.from, data.begin + view.till, buildingClock, width / LETTER_PX, width < NARROW_PX);
+  const place = (element, { at }) => {
+    element.style.left = `${100 * shareOf(at - data.begin)}%`;
     return element;
   };
-  byId("ticks").replaceChildren(...marks.filter(([left]) => left < 99 - 6000 / width).map(([left, t]) =>
-    place(el("span", {}, tickText(t, step, width < NARROW_PX)), left)));
-  byId("grid").replaceChildren(...marks.map(([left, t]) =>
-    place(el("i", { class: clockText(t) === "00:00:00" ? "midnight" : null }), left)));
-}
-
-/** The moments that a step marks: local midnights, or whole steps after one. */
-function ticksOf(step) {
-  const ticks = [];
-  let day = midnightBefore(view.from);
-  while (day <= view.till && ticks.length < 500) {
-    const midnight = midnightBefore(day + DAY / 2, Math.max(1, Math.round(step / DAY)));
-    const next = midnight > day ? midnight : day + DAY; // Samoa had no 30 December 2011
-    for (let t = day; t < next && t <= view.till; t += Math.min(step, next - day)) {
-      if (t >= view.from) ticks.push(t);
-    }
-    day = next;
-  }
-  return ticks;
-}
-
-function tickText(t, step, isNarrow) {
-  if (step >= DAY) return step > 60 * DAY ? `${dayText(t).slice(4)} ${wall(t).getUTCFullYear()}` : dayText(t).slice(isNarrow ? 4 : 0);
-  const isMidnight = clockText(t) === "00:00:00";
-  return isMidnight ? dayText(t) : clockText(t, step < MINUTE);
+  byId("ticks").replaceChildren(...ticks.filter(({ label }) => label).map((tick) => place(el("span", {}, tick.label), tick)));
+  byId("grid").replaceChildren(...ticks.map((tick) => place(el("i", { class: tick.beginsDay ? "midnight" : null }), tick)));
 }

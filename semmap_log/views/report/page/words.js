@@ -19,6 +19,7 @@ function setUpHead() {
   byId("facts").append(...facts.filter(([, value]) => value !== null)
     .map(([key, value]) => el("div", {}, el("dt", {}, key), el("dd", {}, value))));
   byId("empty").hidden = !data.isEmpty;
+  if (data.howToBegin) say(byId("empty"), data.howToBegin);
   byId("foot").append(`Doors at each moment are those of semmap-log replay --at. ${notes().join(" ")}`);
 }
 
@@ -63,7 +64,7 @@ function setUpHealth() {
   const more = health.suspects - health.lastSuspects.length;
   place.append(worries.length
     ? el("ul", { class: "worries" }, worries.map((text) => el("li", {}, quoted(text))), more > 0 ? el("li", {}, `and ${more} more suspect clocks before these`) : null)
-    : el("p", { class: "fine" }, "No warnings, and no clock that cannot be right."));
+    : el("p", { class: "fine" }, "No warnings, and no suspect clocks."));
   const promised = Object.entries(health.durability).map(([name, many]) => `${name} (${count(many, "commit")})`).join(", ");
   const facts = [
     ["Happened", health.happened ? health.happened.join(" to ") : "–"],
