@@ -231,6 +231,8 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
     if options.map_rules is not None:
         whole.update(options.map_rules.encode())
     picture = picture_of(path) if is_map(path) else None
+    if picture is not None and not picture.is_file():
+        picture = None  # who reads the map says so
     for file in (path, options.windows, options.mapping, picture):
         for part in [] if file is None else files_of(file):
             whole.update(_digest(part))

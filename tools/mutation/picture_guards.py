@@ -152,7 +152,7 @@ REPORTS = (
     _report("the page ends before `until`", "report.py",
             "        end_ms = min(end_ms, last_ns // MS_NS)\n", "        pass\n", REPORT),
     _report("doors as they were before `since`", "report.py",
-            "stories(found, excerpt.before().doors,", "stories(found, {},", REPORT),
+            "brought_by(found, excerpt.before().doors,", "brought_by(found, {},", REPORT),
     _report("offsets change where the zone's clocks do", "times.py",
             "_change_ms(max(day_ms - DAY_MS, span.begin_ms), day_ms, place)", "day_ms", TIMES),
     _report("the track is cut where the robot was not seen", "track.py",

@@ -346,6 +346,7 @@ def _levels(
         used |= {n for n, level in known.items() if level.floor_map_event is not None}
     numbers = sorted(used) or [0]
     names = {n: level.name or "" for n, level in known.items()}
+    names |= {0: "No level"} if home is None else {}
     parts = unique_parts((n, names.get(n) or str(n)) for n in numbers)
     levels = {}
     for n in numbers:
@@ -355,7 +356,7 @@ def _levels(
             bounds = bounds.including(bounds_of_floor(floor))
         levels[n] = SceneLevel(
             level=n,
-            name=drawable(names.get(n) or ("No level" if n == 0 != home else f"Level {n}")),
+            name=drawable(names.get(n) or f"Level {n}"),
             path=(ROOT,) if len(numbers) == 1 else (ROOT, parts[n]),
             floor=floor,
             bounds=bounds.framed(),
