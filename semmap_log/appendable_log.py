@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -252,12 +252,17 @@ class AppendableLog(DoorLog):
             return self._writer.find(command_id)
 
     def robot_pose(self, pose: RobotPose) -> None:
-        """Keep a pose for the next commit; if none comes within a second, it gets its own."""
+        """Keep a pose for the next commit; if none comes within a second, it gets its own.
+
+        Raises:
+            UnknownLevelError: It tells no level, and the log has several.
+        """
         with self._mutex:
             self._writer.check_usable()
             self._take_in()
             if pose.happened_ns is None:
                 pose = replace(pose, happened_ns=self.now_ns())
+            pose = replace(pose, level=self.level_meant(pose.level))
             self._poses.append(pose)
             if self._pose_timer is None:
                 self._pose_timer = threading.Timer(POSES_WAIT_S, self._write_poses_late)
@@ -278,6 +283,11 @@ class AppendableLog(DoorLog):
                 if is_door_id(door) and self._writer.state.removed_door(int(door)):
                     return DoorId(int(door))  # that it was removed, the gatekeeper says
                 raise
+
+    def level_meant(self, level: int | str | None) -> int:
+        """Return the level that a caller means, as of now: as `Roster.level_meant`."""
+        with self._mutex:
+            return self.roster.level_meant(level)
 
     def level_of(self, door: DoorId) -> int:
         """Return the level that a door is on; 0 for one that is not there."""
@@ -360,10 +370,9 @@ class AppendableLog(DoorLog):
         try:
             events = make()
             if isinstance(events, (list, tuple)):
-                gatekeeper.check_all(events)
-                events = [*poses, *events]
+                events = [*poses, *gatekeeper.check_all(events)]
             else:
-                events = chain(poses, _checked(events, gatekeeper))
+                events = chain(poses, gatekeeper.checked(events))
             commit = self._writer.append(
                 events,
                 note=note,
@@ -376,7 +385,7 @@ class AppendableLog(DoorLog):
         gatekeeper.settle(commit)
         if not gatekeeper.keeps_names:
             self._named = None
-        self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
+        self._roster = gatekeeper.roster if gatekeeper.is_roster_sure else None
         self._taken_in = commit.last_event + 1
         return Appended(commit, len(poses), _make_durable=self._writer.make_durable)
 
@@ -429,15 +438,3 @@ class AppendableLog(DoorLog):
                 self._taken_in = commit.last_event + 1
                 self._is_stale = True
                 self._make_last(commit, sync=None)
-
-
-def _checked(
-    events: Iterable[Event | EventBatch], gatekeeper: Gatekeeper
-) -> Iterator[Event | EventBatch]:
-    """Pass the events on, each once it is checked."""
-    for event in events:
-        if isinstance(event, EventBatch):
-            gatekeeper.check_batch(event)
-        else:
-            gatekeeper.check(event)
-        yield event

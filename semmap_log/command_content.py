@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from semmap_log.commits import NO_CONTENT
+from semmap_log.doors import is_given
 from semmap_log.events import DoorAnnotated, Event, FloorMap
 from semmap_log.messages import encode
 
@@ -34,7 +35,8 @@ def content_of(*words: object) -> bytes:
 def are_same(given: Sequence[Event], stored: Sequence[Event]) -> bool:
     """Tell whether events that are given are those that are stored.
 
-    Salts do not count, nor when it happened where that was not given: the log's clock said it.
+    Salts do not count, nor when it happened, or on which level, where that was not given: the log
+    said it.
     """
     return len(given) == len(stored) and all(map(_is_same, given, stored))
 
@@ -44,6 +46,8 @@ def _is_same(given: Event, stored: Event) -> bool:
         return False
     if given.happened_ns not in (None, stored.happened_ns):
         return False
+    if not is_given(getattr(given, "level", 0)):  # the log said it
+        given = replace(given, level=stored.level)  # type: ignore[call-arg,attr-defined]
     if isinstance(given, FloorMap) and isinstance(stored, FloorMap):
         return _is_same_map(given, stored)
     return encode(_unsalted(given), 0) == encode(_unsalted(stored), 0)

@@ -6,14 +6,14 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.commits import Commit
-from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap
+from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given
 from semmap_log.errors import (
     CommandError,
     DoorExistsError,
@@ -25,6 +25,7 @@ from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     KINDS,
     MAX_TIME_NS,
+    NO_LEVEL,
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -42,6 +43,7 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.levels import level_called, only_level, told
 from semmap_log.projections.door_map import DoorMapState
 
 
@@ -52,6 +54,7 @@ class Removal:
     event: int
     """The number of its removal."""
     was_placed: bool
+    level: int
 
 
 @dataclass(slots=True)
@@ -64,22 +67,28 @@ class Roster:
     removed_ns: dict[int, int]
     used_ids: set[int]
     """Every id that was ever given."""
-    levels: set[int]
+    level_of: dict[int, int]
+    """Doors in the map -> their level."""
+    level_names: dict[int, str | None]
+    """Levels that have a name or a floor map -> the name."""
     removals: dict[int, Removal]
     """Doors that were removed, as far as that can be taken back."""
+    _levels: dict[int, str | None] | None = None
 
     @classmethod
     def of(cls, state: DoorMapState) -> Roster:
         """Return the roster of a door map."""
         ids = state.used_door_ids
+        placed = {i: state.is_placed(i) for i in ids if state.is_present(i)}
         return cls(
-            placed={i: state.is_placed(i) for i in ids if state.is_present(i)},
+            placed=placed,
             added_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "added"))},
             removed_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "removed"))},
             used_ids=set(ids),
-            levels=state.known_levels() | {0},
+            level_of={i: state.level_of(i) for i in placed},
+            level_names=state.level_names(),
             removals={
-                i: Removal(found.event, found.door.is_placed)
+                i: Removal(found.event, found.door.is_placed, found.door.level)
                 for i in ids
                 if (found := state.removed_door(i))
             },
@@ -94,7 +103,8 @@ class Roster:
             added_ns={door.door_id: 0 for door in doors},
             removed_ns={i: 0 for i in used_ids if i not in door_map.doors},
             used_ids=set(used_ids),
-            levels=set(door_map.levels) | {0},
+            level_of={door.door_id: door.level for door in doors},
+            level_names={number: level.name for number, level in door_map.levels.items()},
             removals={},
         )
 
@@ -105,8 +115,34 @@ class Roster:
             dict(self.added_ns),
             dict(self.removed_ns),
             set(self.used_ids),
-            set(self.levels),
+            dict(self.level_of),
+            dict(self.level_names),
             dict(self.removals),
+        )
+
+    @property
+    def levels(self) -> dict[int, str | None]:
+        """The levels that there are, as `levels.levels_of` says, with their names."""
+        if self._levels is None:
+            numbers = {self.level_of[door] for door, is_placed in self.placed.items() if is_placed}
+            numbers |= self.level_names.keys()
+            self._levels = {n: self.level_names.get(n) for n in sorted(numbers)}
+        return self._levels
+
+    def level_meant(self, level: int | str | None) -> int:
+        """Return the level that somebody means: see `levels`.
+
+        Args:
+            level: Its name or number; None, or `LEVEL_NOT_GIVEN`: not told. Whether there is one
+                of a number, the `Gatekeeper` says.
+
+        Raises:
+            UnknownLevelError: There is none of that name, or there are several and none is told.
+        """
+        if isinstance(level, int) and is_given(level):
+            return level
+        return (
+            level_called(level, self.levels) if isinstance(level, str) else only_level(self.levels)
         )
 
     @property
@@ -145,22 +181,30 @@ class Roster:
 
     def apply(self, event: Event, number: int) -> None:
         """Take in what an event changes; one without a time counts from the end of time."""
+        self._levels = None
         happened_ns = MAX_TIME_NS if event.happened_ns is None else event.happened_ns
         if isinstance(event, DoorAdded):
             self.placed[event.door_id] = not math.isnan(event.x)
+            self.level_of[event.door_id] = event.level
             self.added_ns[event.door_id] = happened_ns
             self.used_ids.add(event.door_id)
         elif isinstance(event, DoorRemoved):
             was_placed = self.placed.pop(event.door_id, False)
+            level = self.level_of.pop(event.door_id, 0)
             self.removed_ns[event.door_id] = happened_ns
-            self.removals[event.door_id] = Removal(number, was_placed)
+            self.removals[event.door_id] = Removal(number, was_placed, level)
         elif isinstance(event, Retracted) and (door_id := self.brought_back(event)) is not None:
-            self.placed[door_id] = self.removals.pop(door_id).was_placed
+            removal = self.removals.pop(door_id)
+            self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level
             self.removed_ns.pop(door_id)
         elif isinstance(event, DoorUpdated) and event.door_id in self.placed:
             self.placed[event.door_id] = True
-        elif isinstance(event, (LevelAdded, FloorMap)):
-            self.levels.add(event.level)
+            if event.changed & Changed.POSE:
+                self.level_of[event.door_id] = event.level
+        elif isinstance(event, LevelAdded):
+            self.level_names[event.level] = event.name
+        elif isinstance(event, FloorMap):
+            self.level_names.setdefault(event.level, None)
 
 
 class Gatekeeper:
@@ -179,16 +223,17 @@ class Gatekeeper:
         self._now_ns = now_ns
         self.roster = roster
         """The roster after the events that passed; the one that was given stays as it was."""
-        self.has_retraction = False
-        """A roster cannot follow a retraction: it must be made anew."""
+        self.is_roster_sure = True
+        """A roster cannot follow a retraction, nor what may have happened before something that
+        it knows: then it must be made anew."""
         self.keeps_names = True
         """Which name means which door is as it was before."""
         self._is_own = False
         self._next_event = next_event
         self._timeless: list[DoorAdded | DoorRemoved] = []
 
-    def check_all(self, events: Sequence[Event | EventBatch]) -> None:
-        """Let these events pass, one after the other.
+    def check_all(self, events: Sequence[Event | EventBatch]) -> Sequence[Event | EventBatch]:
+        """Let these events pass, one after the other; return them, all with their levels.
 
         Raises:
             CommandError: The map forbids one.
@@ -200,21 +245,43 @@ class Gatekeeper:
             break
         else:  # nearly every commit of a patrol: nothing else can be wrong
             self._next_event += len(events)
-            return
+            return events
+        return list(self.checked(events))
+
+    def checked(self, events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
+        """Yield each of the events once it has passed, with its level.
+
+        Raises:
+            CommandError: The map forbids one.
+        """
         for event in events:
             if isinstance(event, EventBatch):
-                self.check_batch(event)
+                yield from self.check_batch(event)
             else:
-                self.check(event)
+                yield self.check(event)
 
-    def check_batch(self, batch: EventBatch) -> None:
+    def check_batch(self, batch: EventBatch) -> Iterator[EventBatch]:
         """Let many events pass, all at once but for those that `check` has more to ask about.
+
+        Yields:
+            Batches of them, in their order, with the levels that they did not tell.
 
         Raises:
             InvalidEventError: A value that no event can have.
             CommandError: As `check`.
         """
         batch.check()
+        for part in batch.parts(ROWS_AT_A_TIME) if _lacks_levels(batch) else [batch]:
+            if _lacks_levels(part) and all(kind in _HARMLESS for kind in _kinds_of(part)):
+                self._check_rows(part)
+                yield self._with_levels(part)
+            elif _lacks_levels(part):
+                yield EventBatch.from_events([self.check(event) for event in part.to_events()])
+            else:
+                self._check_rows(part)
+                yield part
+
+    def _check_rows(self, batch: EventBatch) -> None:
         for part in batch.parts(ROWS_AT_A_TIME):
             first = self._next_event
             asked = self._to_be_asked(part)
@@ -232,7 +299,7 @@ class Gatekeeper:
         None stands for none. Those are the kinds that change the roster, and what is about doors
         that are not in the map or that the batch takes out of it.
         """
-        kinds = [KINDS[kind - 1] for kind in (*batch.columns, *batch.objects)]
+        kinds = _kinds_of(batch)
         about = [batch[kind] for kind in kinds if issubclass(kind, DoorEvent) and kind in _ROWS]
         doors = set().union(*(_distinct(rows["door_id"]) for rows in about))
         is_known = doors <= self.roster.placed.keys()
@@ -249,15 +316,16 @@ class Gatekeeper:
             harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])
         return ~harmless
 
-    def check(self, event: Event) -> None:
-        """Let the event pass.
+    def check(self, event: Event) -> Event:
+        """Let the event pass, and return it with its level.
 
         Raises:
             CommandError: The map forbids it; the message says what is there instead.
         """
         if isinstance(event, _SIGHTINGS) and event.door_id in self.roster.placed:
             self._next_event += 1  # nearly every event of a patrol: nothing else can be wrong
-            return
+            return event
+        event = self.with_level(event)
         if isinstance(event, DoorAdded):
             self._check_new(event)
         elif isinstance(event, DoorEvent):
@@ -268,7 +336,7 @@ class Gatekeeper:
                 self._check_removal(event)
         elif isinstance(event, Retracted):
             self._check_retraction(event)
-            self.has_retraction = True
+            self.is_roster_sure = False
         self.keeps_names &= not isinstance(event, NAMING)
         if self._changes_roster(event):
             if not self._is_own:
@@ -279,7 +347,22 @@ class Gatekeeper:
                 self.roster.added_ns[event.door_id] = min(event.happened_ns, self._now_ns())
             if event.happened_ns is None and isinstance(event, (DoorAdded, DoorRemoved)):
                 self._timeless.append(event)
+            if event.happened_ns is not None and isinstance(event, (DoorUpdated, LevelAdded)):
+                self.is_roster_sure = False
         self._next_event += 1
+        return event
+
+    def with_level(self, event: Event) -> Event:
+        """Return the event with the level that it did not tell: see `levels`.
+
+        Raises:
+            UnknownLevelError: There are several.
+        """
+        if not isinstance(event, ON_A_LEVEL) or is_given(event.level):
+            return event
+        if not isinstance(event, DoorUpdated):
+            return replace(event, level=self.roster.level_meant(event.level))
+        return replace(event, level=self.roster.level_of.get(event.door_id, 0))
 
     def settle(self, commit: Commit) -> None:
         """Give the doors that came and went without a time the one of their commit."""
@@ -289,9 +372,18 @@ class Gatekeeper:
             else:
                 self.roster.removed_ns[event.door_id] = commit.wall_clock_ns
 
+    def _with_levels(self, batch: EventBatch) -> EventBatch:
+        """Return poses, and what else makes no level, with the one that the poses did not tell."""
+        poses = batch[RobotPose].copy()
+        poses["level"][poses["level"] == NO_LEVEL] = only_level(self.roster.levels)
+        return replace(batch, columns={**batch.columns, RobotPose.kind: poses})
+
     def _changes_roster(self, event: Event) -> bool:
         if isinstance(event, DoorUpdated):
-            return bool(self._moves(event)) and not self.roster.placed.get(event.door_id, True)
+            known = self.roster.level_of.get(event.door_id, event.level)
+            goes = Changed.POSE in event.changed and event.level != known
+            places = bool(self._moves(event)) and not self.roster.placed.get(event.door_id, True)
+            return goes or places
         if isinstance(event, Retracted):
             return self.roster.brought_back(event) is not None
         return isinstance(event, (DoorAdded, DoorRemoved, LevelAdded, FloorMap))
@@ -354,9 +446,10 @@ class Gatekeeper:
             )
 
     def _check_level(self, level: int) -> None:
-        if level not in self.roster.levels:
-            known = ", ".join(str(number) for number in sorted(self.roster.levels))
-            raise UnknownLevelError(f"no level {level}; there are: {known}.")
+        if level != 0 and level not in self.roster.level_names:
+            raise UnknownLevelError(
+                f"no level {level}; there are: {told(self.roster.levels) or '0'}."
+            )
 
 
 _SIGHTINGS = (DoorObserved, DoorPassed, DoorRequested)
@@ -364,6 +457,9 @@ _SIGHTINGS = (DoorObserved, DoorPassed, DoorRequested)
 
 _HARMLESS = (*_SIGHTINGS, PatrolStarted, PatrolFinished, RobotPose)
 """Those, and the kinds that are about no door: nothing of a batch of them can be wrong."""
+
+ON_A_LEVEL = (DoorAdded, DoorUpdated, RobotPose, FloorMap)
+"""Kinds that may leave it to the log which level they mean."""
 
 _ROWS = (DoorAdded, DoorUpdated, DoorRemoved, *_SIGHTINGS)
 """Kinds about a door that a batch holds as columns."""
@@ -376,6 +472,19 @@ NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retrac
 
 PLACING = Changed.POSE | Changed.WIDTH
 """What an update must set together to give a door its first place."""
+
+
+def _kinds_of(batch: EventBatch) -> list[type[Event]]:
+    return [KINDS[kind - 1] for kind in (*batch.columns, *batch.objects)]
+
+
+def _lacks_levels(batch: EventBatch) -> bool:
+    """Tell whether some of the events leave it to the log which level they mean."""
+    columns = (batch.columns[kind.kind] for kind in ON_A_LEVEL if kind.kind in batch.columns)
+    if any((rows["level"] == NO_LEVEL).any() for rows in columns):
+        return True
+    maps = batch.objects.get(FloorMap.kind, ())
+    return any(isinstance(event, FloorMap) and not is_given(event.level) for event in maps)
 
 
 def _distinct(ids: NDArray[np.uint32]) -> set[int]:
@@ -417,32 +526,6 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
     if str(text).isdecimal():
         raise UnknownDoorError(f"door {text} is not in the map.")
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
-
-
-def resolve_level(text: str | int | None, door_map: DoorMap) -> int:
-    """Return the level that a person means by a number or a name.
-
-    Args:
-        text: None means the only level there is, or level 0 where there is none.
-        door_map: The map as it is.
-
-    Raises:
-        UnknownLevelError: No such level, or several and none was named.
-    """
-    levels = door_map.levels
-    known = ", ".join(
-        f"{n} ({level.name})" if level.name else str(n) for n, level in levels.items()
-    )
-    if text is None:
-        if len(levels) > 1:
-            raise UnknownLevelError(f"there are several levels; say which: {known}.")
-        return next(iter(levels), 0)
-    for number, level in levels.items():
-        if text in (number, level.name, str(number)):
-            return number
-    if text in (0, "0"):
-        return 0
-    raise UnknownLevelError(f"no level {text!r}; there are: {known or '0'}.")
 
 
 def _similar(text: str, door_map: DoorMap) -> str:

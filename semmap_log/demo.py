@@ -11,6 +11,7 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.beliefs.beliefs import DoorBelief, probabilities
+from semmap_log.command_lines import command_line
 from semmap_log.commits import Note
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.door_log import DoorLog
@@ -64,7 +65,8 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LogExistsError(
-            f"{folder}: there is something here already; name another folder: semmap-log demo OTHER"
+            f"{folder}: there is something here already; name another folder: "
+            f"{command_line('demo', 'OTHER')}"
         )
     source = sl.read(shipped_recording(RECORDING))
     history = [entry for entry in source.history() if not _is_of_that_log_only(entry)]

@@ -25,6 +25,7 @@ from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import DoorAdded, DoorAnnotated, Event, FloorMap
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live import LiveState, fold_live
+from semmap_log.levels import resolve_level
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
@@ -416,9 +417,18 @@ class DoorLog:
         event = self.event(moment.event)
         return min(event.happened_ns, event.recorded_ns)
 
-    def floor_map(self, level: int = 0, at: Time = None) -> FloorMap | None:
-        """Return a level's floor plan; None if it has none."""
-        return self.floor_of(self.replay(at=at), level)
+    def floor_map(self, level: int | str | None = None, at: Time = None) -> FloorMap | None:
+        """Return a level's floor plan; None if it has none.
+
+        Args:
+            level: Its number or name; None: the only one.
+            at: What was true then.
+
+        Raises:
+            UnknownLevelError: There is no such level, or there are several and none is told.
+        """
+        doors = self.replay(at=at)
+        return self.floor_of(doors, resolve_level(level, doors))
 
     def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
         """Return the floor plan that a level has in a door map of this log; None: it has none."""

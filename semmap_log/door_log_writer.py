@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 from semmap_log.appendable_log import AppendableLog, Appended
 from semmap_log.command_content import content_of
+from semmap_log.command_lines import command_line
 from semmap_log.commits import Note
 from semmap_log.door_log import Time
 from semmap_log.doors import NAN, DoorId, DoorState
@@ -61,7 +62,7 @@ class DoorLogWriter(AppendableLog):
         y: float = NAN,
         theta: float = NAN,
         width: float = NAN,
-        level: int = 0,
+        level: int | str | None = None,
         state: DoorState | str = DoorState.UNKNOWN,
         prob_open: float = NAN,
         prob_closed: float = NAN,
@@ -71,19 +72,22 @@ class DoorLogWriter(AppendableLog):
     ) -> DoorId:
         """Add a door and return its id: the next free one, unless given.
 
-        Without x, y, theta and width it is an unplaced door: a sensor without geometry.
+        Without x, y, theta and width it is an unplaced door: a sensor without geometry. Its level
+        is told by number or name; None: the only one there is.
 
         Raises:
             DoorExistsError, DoorRemovedError: The id is taken, or was.
+            UnknownLevelError: There is no such level, or there are several and none is told.
             InvalidEventError: A value that no door can have.
         """
 
         def events() -> list[Event]:
             given = self.roster.next_free_id if door_id is None else door_id
             happened_ns = self._happened(about)
+            meant = self.level_meant(level)
             added = DoorAdded(
                 door_id=given,
-                level=level,
+                level=meant,
                 x=x,
                 y=y,
                 theta=theta,
@@ -95,11 +99,11 @@ class DoorLogWriter(AppendableLog):
             )
             if not name:
                 return [added]
-            self._check_unused(name, level)
+            self._check_unused(name, meant)
             named = DoorAnnotated(door_id=given, key="name", value=name, happened_ns=happened_ns)
             return [added, named]
 
-        asked = ("add_door", door_id, level, x, y, theta, width, _state(state), prob_open,
+        asked = ("add_door", door_id, level or 0, x, y, theta, width, _state(state), prob_open,
                  prob_closed, name)  # fmt: skip
         _, added = self._commit(events, about, DoorAdded, asked)
         return added.door_id
@@ -111,7 +115,7 @@ class DoorLogWriter(AppendableLog):
         x: float | None = None,
         y: float | None = None,
         theta: float | None = None,
-        level: int | None = None,
+        level: int | str | None = None,
         width: float | None = None,
         state: DoorState | str | None = None,
         prob_open: float | None = None,
@@ -122,6 +126,7 @@ class DoorLogWriter(AppendableLog):
 
         Raises:
             UnknownDoorError, DoorRemovedError: There is no such door.
+            UnknownLevelError: There is no level of that number or name.
             InvalidEventError: Nothing is given, or a value that no door can have.
         """
 
@@ -144,7 +149,7 @@ class DoorLogWriter(AppendableLog):
             return DoorUpdated(
                 door_id=known.door_id,
                 changed=changed,
-                level=known.level if level is None else level,
+                level=known.level if level is None else self.level_meant(level),
                 x=(known.x if x is None else x) if moved else NAN,
                 y=(known.y if y is None else y) if moved else NAN,
                 theta=(known.theta if theta is None else theta) if moved else NAN,
@@ -293,7 +298,8 @@ class DoorLogWriter(AppendableLog):
         def events() -> list[Event]:
             number = self._last_patrol(PatrolStarted)
             if number <= self._last_patrol(PatrolFinished):
-                raise CommandError("no patrol round is under way; first: patrol LOG start.")
+                line = command_line("patrol", self.path, "start")
+                raise CommandError(f"no patrol round is under way; to begin one: {line}")
             return [PatrolFinished(patrol=number, happened_ns=self._happened(about))]
 
         appended, finished = self._commit(events, about, PatrolFinished, ("finish_patrol",))

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from types import MappingProxyType
-from typing import NewType
+from typing import Final, NewType
 
 DoorId = NewType("DoorId", int)
 """Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`.
@@ -24,6 +24,19 @@ MAX_LEVEL = 65_000
 """A level's floor map travels on MCAP channel 100 + level, which is a uint16."""
 
 NAN = math.nan
+
+
+class _LevelNotGiven(int):
+    """Level 0, and a mark by which a level that nobody gave is known."""
+
+
+LEVEL_NOT_GIVEN: Final[int] = _LevelNotGiven(0)
+"""Stands for the level of an event on its way into a log: `levels` says which one is meant."""
+
+
+def is_given(level: int) -> bool:
+    """Tell whether a level was given, be it 0."""
+    return not isinstance(level, _LevelNotGiven)
 
 
 class DoorState(IntEnum):

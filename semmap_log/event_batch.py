@@ -17,6 +17,7 @@ from semmap_log.event_columns import (
     check_rows,
     check_times,
     common_length,
+    mark_levels,
     rows_of,
 )
 from semmap_log.events import DOOR_KINDS, KINDS, DoorEvent, Event, event_of
@@ -124,8 +125,9 @@ class EventBatch:
             if kind in OBJECT_KINDS:
                 objects[kind] = chosen
             else:
-                data = b"".join([encode(event, 0) for event in chosen])
+                data = bytearray().join([encode(event, 0) for event in chosen])
                 columns[kind] = np.frombuffer(data, fixed_layout(kind).dtype)
+                mark_levels(columns[kind], chosen)
         happened = [NO_TIME if e.happened_ns is None else e.happened_ns for e in listed]
         return cls._of_rows(columns, objects, kinds, np.array(happened, np.int64))
 

@@ -6,20 +6,21 @@ same rules, and the first that breaks one is named.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import MAX_LEVEL, DoorState
+from semmap_log.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, DoorState, is_given
 from semmap_log.errors import InvalidEventError
 from semmap_log.events import (
     ALL_CHANGED,
     KINDS,
     MAX_EVENT,
     MAX_TIME_NS,
+    NO_LEVEL,
     Changed,
     DoorAdded,
     DoorUpdated,
@@ -97,6 +98,16 @@ class _Range(NamedTuple):
         return bool(least >= self.low and greatest <= self.high)
 
 
+class _Levels(_Range):
+    """Those that there can be, or `NO_LEVEL`."""
+
+    def outside(self, values: Any) -> Any:
+        return super().outside(values) & (values != NO_LEVEL)
+
+    def holds(self, values: NDArray[Any]) -> bool:
+        return super().holds(values) or not self.outside(values).any()
+
+
 _GREATEST = float(np.finfo(np.float64).max)
 _FINITE = _Range(-_GREATEST, _GREATEST)
 _SHARE = _Range(0, 1, or_nan=True)
@@ -104,7 +115,7 @@ _AT_LEAST_0 = _Range(0, _GREATEST, or_nan=True)
 
 _RANGES: Mapping[str, _Range] = {
     "door_id": _Range(0, 2**32 - 1),
-    "level": _Range(0, MAX_LEVEL),
+    "level": _Levels(0, MAX_LEVEL),
     "state": _Range(0, max(DoorState)),
     "changed": _Range(1, int(ALL_CHANGED)),
     "prob_open": _SHARE,
@@ -145,6 +156,8 @@ def rows_of(kind: type[Event], fields: Mapping[str, NDArray[Any]], count: int) -
     rows = np.zeros(count, dtype)
     for name, column in {**defaults, **fields}.items():
         rows[name] = as_type(f"{kind.__name__}.{name}", column, dtype[name])
+    if "level" in defaults.keys() - fields.keys():
+        _mark_levels(rows, np.ones(count, np.bool_))
     check_rows(kind, rows)
     return rows
 
@@ -156,6 +169,20 @@ def _defaults(kind: int) -> tuple[dict[str, NDArray[Any]], frozenset[str]]:
     defaults = defaults_of(KINDS[kind - 1])
     known = {name: np.array(value, dtype[name]) for name, value in defaults.items()}
     return known, frozenset(dtype.names or ())
+
+
+def mark_levels(rows: Rows, events: Sequence[Event]) -> None:
+    """Write `NO_LEVEL` into the rows of events whose level was not given."""
+    if "level" in (rows.dtype.names or ()):
+        given = [is_given(event.level) for event in events]  # type: ignore[attr-defined]
+        _mark_levels(rows, ~np.array(given, np.bool_))
+
+
+def _mark_levels(rows: Rows, lacking: NDArray[np.bool_]) -> None:
+    """Write `NO_LEVEL` into some rows, where they say a level at all."""
+    if "changed" in (rows.dtype.names or ()):
+        lacking = lacking & ((rows["changed"] & int(Changed.POSE)) != 0)
+    rows["level"][lacking] = NO_LEVEL
 
 
 def common_length(where: str, columns: Mapping[str, NDArray[Any]]) -> int:
@@ -238,6 +265,8 @@ def event_of_row(kind: type[Event], row: Any, happened_ns: int | None) -> Event:
         values["state"] = DoorState(state)
     if "changed" in values:
         values["changed"] = Changed(values["changed"])
+    if values.get("level") == NO_LEVEL:
+        values["level"] = LEVEL_NOT_GIVEN
     return kind(happened_ns=happened_ns, **values)
 
 

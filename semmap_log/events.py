@@ -17,12 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.commits import check_text
-from semmap_log.doors import MAX_DOOR_ID, MAX_LEVEL, NAN, DoorId, DoorState
+from semmap_log.doors import (
+    LEVEL_NOT_GIVEN,
+    MAX_DOOR_ID,
+    MAX_LEVEL,
+    NAN,
+    DoorId,
+    DoorState,
+)
 from semmap_log.errors import InvalidEventError
 
 MAX_EVENT = 2**63 - 1
 MAX_TIME_NS = 2**63 - 1
 """Times are stored as MCAP's uint64 and handled as int64: good until the year 2262."""
+NO_LEVEL = 2**16 - 1
+"""Stands in a column of levels, a uint16, for one that was not given: `LEVEL_NOT_GIVEN`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +101,8 @@ def _check_place(event: DoorAdded | DoorUpdated) -> None:
 class DoorAdded(DoorEvent):
     """A door came into the map (thesis: AddDoor). x, y, theta and width NaN: an unplaced door."""
 
-    level: int = 0
+    level: int = LEVEL_NOT_GIVEN
+    """Not given: the log's only one; see `levels`."""
     x: float = NAN
     y: float = NAN
     theta: float = NAN
@@ -133,7 +143,8 @@ class DoorUpdated(DoorEvent):
     """Some fields of a door were set (thesis: UpdateDoor); those not in `changed` mean nothing."""
 
     changed: Changed
-    level: int = 0
+    level: int = LEVEL_NOT_GIVEN
+    """Not given: the one that the door is on."""
     x: float = NAN
     y: float = NAN
     theta: float = NAN
@@ -230,7 +241,8 @@ class PatrolFinished(Event):
 class RobotPose(Event):
     """Where the robot was, frame `map`; logged when it moved and at sightings."""
 
-    level: int = 0
+    level: int = LEVEL_NOT_GIVEN
+    """Not given: the log's only one."""
     x: float
     y: float
     theta: float
@@ -300,7 +312,8 @@ class LevelAdded(Event):
 class FloorMap(Event):
     """A level's floor plan, as nav_msgs/OccupancyGrid."""
 
-    level: int = 0
+    level: int = LEVEL_NOT_GIVEN
+    """Not given: the log's only one."""
     resolution: float
     """Metres a cell, float32 as in nav_msgs/MapMetaData."""
     origin_x: float
@@ -378,6 +391,8 @@ def event_of(kind: int, values: Mapping[str, Any], happened_ns: int | None) -> E
     known = dict(values)
     if "state" in known:
         known["state"] = DoorState.of(known["state"])
+    if known.get("level") == NO_LEVEL:
+        known["level"] = LEVEL_NOT_GIVEN
     if "changed" in known:
         known["changed"] = Changed(known["changed"])
     return cls(happened_ns=happened_ns, **known)

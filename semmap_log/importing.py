@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.bag_importing import plan_bag
-from semmap_log.commands import resolve_level
+from semmap_log.command_content import are_same
 from semmap_log.commits import NO_CONTENT, Note
+from semmap_log.costmap.map_rules import RulesName
 from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorId
@@ -24,15 +25,17 @@ from semmap_log.formats.files import open_regular
 from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
+from semmap_log.formats.map_server import DEFAULT_RULES, is_map, picture_of, read_map
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.levels import resolve_level
 from semmap_log.log.disk import utf8_name
 from semmap_log.log.reading.passage import Progress
 from semmap_log.ros_mapping.mapping import WELL_KNOWN
 from semmap_log.ros_mapping.mapping_file import read_mapping
 
 READABLE = (
-    "*.building.yaml (Open-RMF), .yaml (the thesis's), .csv, .csv.gz, .jsonl, .jsonl.gz, "
-    f"{READABLE_BAGS}"
+    "*.building.yaml (Open-RMF), .yaml (the thesis's, or a map_server map), .csv, .csv.gz, .jsonl, "
+    f".jsonl.gz, {READABLE_BAGS}"
 )
 
 TOLD_EVERY = 1000
@@ -44,7 +47,8 @@ class ImportOptions:
     """How a file is to be taken."""
 
     level: str | None = None
-    """Building: only this level. Other files: the level of their doors; None: the only one."""
+    """Building: only this level. Other files: the level of their doors, or of the map; None: the
+    only one."""
     windows: Path | None = None
     """CSV: when the states are known at all."""
     tz: str | None = None
@@ -55,6 +59,8 @@ class ImportOptions:
     """When it happened, where the file does not say; None: when it is recorded."""
     mapping: Path | None = None
     """Bags: how their topics are read; None: the well-known ones."""
+    map_rules: RulesName | None = None
+    """Maps: the server whose cells the picture's pixels become; None: nav2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +97,8 @@ def import_file(
     """
     if options.mapping is not None and not is_bag(path):
         raise CommandError(f"{path}: a mapping (--mapping) says how bags are read; this is none.")
+    if options.map_rules is not None and not is_map(path):
+        raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
     plan_of = _planner(path, progress)
     command_id = None
     if not (options.update or options.renumber):
@@ -140,7 +148,7 @@ def _planner(path: Path, progress: Progress | None) -> Planner:
     if name.endswith((".building.yaml", ".building.yml")):
         return _plan_building
     if name.endswith((".yaml", ".yml")):
-        return plan_thesis_yaml
+        return _plan_map if is_map(path) else plan_thesis_yaml
     if name.endswith(".csv"):
         return _plan_csv
     if name.endswith((".jsonl", ".ndjson")):
@@ -151,6 +159,19 @@ def _planner(path: Path, progress: Progress | None) -> Planner:
 def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
     table = read_building(path, level=options.level)
     return _plan_table(_present(log), table, options)
+
+
+def _plan_map(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    """Return the floor plan that a map is, unless the level has it already."""
+    level = log.level_meant(options.level)
+    found = read_map(path, level=level, rules=options.map_rules or DEFAULT_RULES)
+    there = log.floor_of(log.door_map(), level)
+    if there is not None and are_same([found], [there]):
+        return ImportPlan((), 0)
+    height, width = found.cells.shape
+    name = log.door_map().level_name(level)
+    said = f"floor plan of level {name}: {width} x {height} cells of {found.resolution:.3g} m"
+    return ImportPlan((replace(found, happened_ns=options.at_ns),), 1, summary=(said,))
 
 
 def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
@@ -208,13 +229,18 @@ def _present(log: DoorLogWriter) -> Present:
     used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
     removed = {i: found for i in used if (found := log.state.removed_door(i))}
     next_event = log.state.event + 1
-    return Present(door_map, used, maps, removed, next_event, log.roster)
+    return Present(door_map, used, maps, removed, next_event, log.roster, log.path)
 
 
 def command_id_of(path: Path, options: ImportOptions) -> bytes:
     """Return the id of an import's commit: the same for the same bytes taken in the same way."""
     whole = hashlib.sha256(f"import {options.level} {options.tz} {options.at_ns}".encode())
-    for file in (path, options.windows, options.mapping):
+    if options.map_rules is not None:
+        whole.update(options.map_rules.encode())
+    picture = picture_of(path) if is_map(path) else None
+    if picture is not None and not picture.is_file():
+        picture = None  # who reads the map says so
+    for file in (path, options.windows, options.mapping, picture):
         for part in [] if file is None else files_of(file):
             whole.update(_digest(part))
     return whole.digest()[:16]

@@ -12,7 +12,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "semmap_log"
 
 ORDER = [
-    {"errors", "computed_once"},
+    {"errors", "computed_once", "command_lines"},
     {"doors"},
     {"commits"},
     {"events"},
@@ -22,6 +22,7 @@ ORDER = [
     {"event_batch"},
     {"costmap"},
     {"moments", "projections"},
+    {"levels"},
     {"probabilities"},
     {"log"},
     {"replay", "commands", "command_content"},

@@ -51,7 +51,6 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.states import state_of
-    from semmap_log.commands import resolve_level
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
@@ -65,7 +64,7 @@ def run(
             y=given[1],
             theta=given[2],
             width=given[3],
-            level=resolve_level(level, opened.state.door_map()),
+            level=level,
             name=name,
             state=state_of(state),
             prob_open=math.nan if prob_open is None else prob_open,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from itertools import count
 from pathlib import Path
 from shutil import which
@@ -11,6 +12,7 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import console, say
+from semmap_log.command_lines import PROGRAM, command_line
 
 
 def run(
@@ -55,16 +57,18 @@ def run(
     if made.rrd_problem:
         say(made.rrd_problem)
     noon = format_local(end_ns - 8 * 3600 * 10**9, tz)[:16]
-    program = "semmap-log" if which("semmap-log") else sys.argv[0]
+    line = partial(command_line, program=PROGRAM if which(PROGRAM) else sys.argv[0])
     typer.echo(
-        "\nWhat to type next:\n"
-        f"  {program} history {made.log} -n 10\n"
-        f'  {program} replay {made.log} --at "{noon}"\n'
-        f'  {program} diff {made.log} "2h ago" now\n'
-        f"  {program} probabilities {made.log} --horizon 1h\n"
-        f"  {program} costmap {made.log} now.png --inflate 0.5\n"
-        f"  {program} view {made.log}"
-    )
+        "\n  ".join([
+            "\nWhat to type next:",
+            line("history", made.log, "-n", "10"),
+            line("replay", made.log, "--at", noon),
+            line("diff", made.log, "2h ago", "now"),
+            line("probabilities", made.log, "--horizon", "1h"),
+            line("costmap", made.log, "now.png", "--inflate", "0.5"),
+            line("view", made.log),
+        ])
+    )  # fmt: skip
 
 
 def _free_folder() -> Path:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, print_json, progress, say
+from semmap_log.cli.common import AsJson, LogPath, MapServer, print_json, progress, say
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, tell_plan
 
 
@@ -17,7 +17,10 @@ def run(
     *,
     level: Annotated[
         str | None,
-        typer.Option(help="Building: only this level. Others: the level of their doors."),
+        typer.Option(
+            help="By number or name. Building: only this level. Others: where their doors are, or "
+            "which level a map shows; needed if there are several."
+        ),
     ] = None,
     windows: Annotated[
         Path | None,
@@ -48,6 +51,10 @@ def run(
         typer.Option("--at", metavar="TIME", help="When it happened, if the file does not say."),
     ] = None,
     mapping: MappingFile = None,
+    map_rules: Annotated[
+        MapServer | None,
+        typer.Option("--map-rules", help="As which map_server to read a map; nav2."),
+    ] = None,
     dry_run: DryRun = False,
     actor: Annotated[str, typer.Option("--actor", help="Who did it.")] = "",
     reason: Annotated[str, typer.Option("--reason", help="Why.")] = "",
@@ -60,7 +67,8 @@ def run(
     \b
     Known by their names:
       *.building.yaml    Open-RMF building: doors, levels, walls as floor plan
-      *.yaml             the thesis's door database
+      *.yaml             the thesis's door database; a map_server map (image, resolution,
+                         origin), whose picture lies beside it, as floor plan
       *.csv, *.csv.gz    timestamp,door,state[,accuracy]
       *.jsonl, .jsonl.gz events as `record` takes them
       *.bag              bag of ROS 1
@@ -69,6 +77,7 @@ def run(
     \b
     Examples:
       semmap-log import office office.building.yaml
+      semmap-log import office map.yaml --level L1
       semmap-log import lab doors.csv.gz --windows obs_windows.csv --tz Europe/Oslo
       semmap-log import office doors.yaml --update --reason "survey of May"
       semmap-log import office monday.bag --mapping robot.yaml --dry-run | head
@@ -82,7 +91,10 @@ def run(
     results = []
     with sl.append(log) as opened:
         at_ns = opened.moment(at).ns
-        options = ImportOptions(level, windows, tz, update, renumber, at_ns, mapping)
+        options = ImportOptions(
+            level, windows, tz, update, renumber, at_ns, mapping,
+            None if map_rules is None else map_rules.value,
+        )  # fmt: skip
         note = sl.Note(actor=actor, reason=reason)
         for file in files:
             with progress(f"Importing {file.name}", unit="entries") as told:

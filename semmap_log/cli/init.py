@@ -46,11 +46,13 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.formats.map_server import read_map
+    from semmap_log.importing import ImportOptions, import_file
 
+    # Read before anything is made: a map that is none must not leave half a log.
     floor = None if floor_map is None else read_map(floor_map, rules=map_rules.value)
     with sl.create(log, tz=tz, building=building, robot=robot) as made:
         if floor is not None and floor_map is not None:
-            made.append([floor], note=sl.Note(source=floor_map.name))
+            import_file(made, floor_map, ImportOptions(map_rules=map_rules.value))
         said = "as asked" if tz else "the machine's zone; another: --tz ZONE"
         say(f"{log}: a new log; times are in {made.info.timezone} ({said}).")
         if floor is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -30,8 +31,9 @@ def run(
 
     package, is_new = write_ros_package(folder)
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
-    say(f"  ROS 1: cd {folder.absolute().parent} && catkin_make && . devel/setup.sh")
-    say(f"  ROS 2: cd {folder.absolute().parent} && colcon build --packages-select {NAME} && "
+    workspace = shlex.quote(str(folder.absolute().parent))
+    say(f"  ROS 1: cd {workspace} && catkin_make && . devel/setup.sh")
+    say(f"  ROS 2: cd {workspace} && colcon build --packages-select {NAME} && "
         ". install/setup.sh")  # fmt: skip
     say(f"Then: ROS 1 roslaunch {NAME} server.launch log:=LOG; "
         f"ROS 2 ros2 launch {NAME} server.launch.py log:=LOG")  # fmt: skip

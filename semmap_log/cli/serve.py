@@ -205,8 +205,8 @@ def _floors(
     Raises:
         UnknownLevelError: The level is not there: better told now than to who adds a door.
     """
-    from semmap_log.commands import resolve_level
     from semmap_log.formats.map_server import read_map
+    from semmap_log.levels import resolve_level
 
     if level is None and floor_map is None:
         return {}

@@ -44,7 +44,6 @@ def run(
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
     from semmap_log.cli.states import state_of
-    from semmap_log.commands import resolve_level
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
@@ -58,7 +57,7 @@ def run(
             y=line.y,
             theta=line.theta,
             width=line.width,
-            level=None if level is None else resolve_level(level, opened.state.door_map()),
+            level=level,
             state=None if state is None else state_of(state),
             prob_open=prob_open,
             prob_closed=prob_closed,

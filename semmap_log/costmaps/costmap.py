@@ -9,7 +9,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from semmap_log.commands import resolve_level
 from semmap_log.costmap.costs import static_costs
 from semmap_log.costmap.door_layer import DoorLayer, DoorLine
 from semmap_log.costmap.grid import GridGeometry, Window
@@ -21,6 +20,7 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CostmapError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import FloorMap
+from semmap_log.levels import level_shown, resolve_level
 from semmap_log.projections.door_layer import By, DoorLayerProjection, door_lines
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.replay import replay
@@ -38,7 +38,7 @@ class CostmapOptions:
     """How a costmap is made; names and defaults of ROS's parameters in brackets."""
 
     level: int | str | None = None
-    """Number or name; None: the only one there is."""
+    """Number or name; None: the only one there is, or of several the only one with doors."""
     by: By = "state"
     inflate_m: float = 0.0
     """How far costs reach around walls and closed doors (inflation_radius); 0: not at all."""
@@ -145,10 +145,19 @@ def costmap_at(
     """
     state = replay(log.reader, log.scope(at, known_at, event))
     doors = state.door_map()
-    level = resolve_level(options.level, doors)
+    level = level_drawn(options, doors)
     floor = floor or log.floor_of(doors, level)
     geometry = geometry_of(floor, ends_of(doors, level), level, options)
     return Costmap(state, geometry, floor, level, options)
+
+
+def level_drawn(options: CostmapOptions, doors: DoorMap) -> int:
+    """Return the level of which a costmap is asked.
+
+    Raises:
+        UnknownLevelError: No such level, or several have doors and none was named.
+    """
+    return level_shown(doors) if options.level is None else resolve_level(options.level, doors)
 
 
 def geometry_of(

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.commands import resolve_level
 from semmap_log.costmap.grid import Window
 from semmap_log.costmaps.costmap import (
     Costmap,
@@ -17,6 +16,7 @@ from semmap_log.costmaps.costmap import (
     costmap_at,
     ends_of,
     geometry_of,
+    level_drawn,
 )
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorMap
@@ -78,7 +78,7 @@ def costmap_frames(
     end_ns = log.end_ns() if end_ns is None else end_ns
     state = replay(log.reader, log.scope(at=first_ns))
     doors = log.replay(at=end_ns)
-    level = resolve_level(options.level, doors)
+    level = level_drawn(options, doors)
     floor = floor or log.floor_of(doors, level)
     later = list(log.batches(first_ns + 1, end_ns + 1, kinds=_DRAWN))
     points = [*ends_of(state.door_map(), level), *_places(later, level, state.door_map())]

@@ -19,6 +19,7 @@ from semmap_log.events import (
     DoorUpdated,
     Event,
     FloorMap,
+    RobotPose,
     field_names,
 )
 from semmap_log.formats.event_json import CHANGED_FIELDS, FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
@@ -37,6 +38,8 @@ class DoorLookup:
     """The id for a DoorAdded without one."""
     level_of: Callable[[DoorId], int]
     """The door's level: where a new position without a level lies."""
+    level: Callable[[str | None], int]
+    """The level of that name; None: the one that is meant where none is told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +139,8 @@ class _LineReader:
             values["changed"] = self.changed()
             if Changed.POSE in values["changed"] and "level" not in self.left:
                 values["level"] = self.lookup.level_of(values["door_id"])
+        if kind in (DoorAdded, DoorUpdated, RobotPose) and "level" not in values:
+            values |= self.level(kind)
         if kind is DoorObserved and "accuracy" in self.left:
             if {"accuracy_open", "accuracy_closed"} & set(self.left):
                 raise _WrongError(
@@ -151,6 +156,14 @@ class _LineReader:
         if missing:
             raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
         return values
+
+    def level(self, kind: type[Event]) -> dict[str, int]:
+        """Return the level: told by number or name, or not told."""
+        if isinstance(self.left.get("level"), str):
+            return {"level": self.lookup.level(self.text("level"))}
+        if "level" in self.left:
+            return {"level": self.whole("level")}
+        return {} if kind is DoorUpdated else {"level": self.lookup.level(None)}
 
     def value(self, key: str) -> Any:
         if key == "state":
@@ -203,20 +216,22 @@ class _LineReader:
         return bits
 
     def floor_map(self) -> dict[str, Any]:
-        missing = [key for key in FLOOR_MAP_KEYS if key not in self.left and key != "origin_theta"]
+        may_lack = ("level", "origin_theta")
+        missing = [key for key in FLOOR_MAP_KEYS if key not in {*self.left, *may_lack}]
         if missing:
             raise _WrongError(f"FloorMap: expected the key {missing[0]}, got none")
-        numbers = {
+        numbers: dict[str, Any] = {
             key: self.number(key)
             for key in FLOOR_MAP_KEYS
             if key.startswith(("resolution", "origin")) and key in self.left
         }
-        level, width, height = (self.whole(key) for key in ("level", "width", "height"))
+        numbers |= self.level(FloorMap)
+        width, height = (self.whole(key) for key in ("width", "height"))
         try:
             cells = unpack_cells(self.text("cells_zlib_base64"), width=width, height=height)
         except ValueError as error:
             raise _WrongError(f"cells_zlib_base64: {error}") from None
-        return {"level": level, "cells": cells, **numbers}
+        return {"cells": cells, **numbers}
 
     # One value each
 

@@ -11,7 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
+from semmap_log.command_lines import command_line
 from semmap_log.commands import Roster
 from semmap_log.doors import (
     MAX_DOOR_ID,
@@ -52,6 +54,8 @@ class Present:
     """The number that the log will give next."""
     roster: Roster | None = None
     """What commands are checked against; None: what the door map alone tells."""
+    log: Path = Path("LOG")
+    """Where the log is, for messages."""
 
     @property
     def next_id(self) -> DoorId:
@@ -185,9 +189,12 @@ class _DoorPlanner:
         level, name = self.level_of.get(door.level, door.level), door.annotations.get("name")
         found = [other for other in doors.values() if (other.level, other.name) == (level, name)]
         if len(found) > 1:
+            line = command_line(
+                "annotate", self.present.log, str(found[-1].door_id), "name", "NEW_NAME"
+            )
             raise CommandError(
                 f"{self.where(door)}: the log has {len(found)} doors called {name!r} "
-                "on that level; rename all but one with: annotate LOG DOOR name …"
+                f"on that level; rename all but one, such as the last: {line}"
             )
         return found[0] if found else None
 

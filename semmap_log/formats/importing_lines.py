@@ -79,7 +79,7 @@ class _LinePlanner:
         self.path = path
         self.tz = tz
         self.problems = Problems(path)
-        self.lookup = DoorLookup(self.resolve, self.next_id, self.level_of)
+        self.lookup = DoorLookup(self.resolve, self.next_id, self.level_of, self.level)
         self.count = 0
         self.left_out: list[str] = []
         self.noted = 0
@@ -174,3 +174,6 @@ class _LinePlanner:
 
     def level_of(self, door_id: DoorId) -> int:
         return self.levels.get(door_id, 0)
+
+    def level(self, text: str | None) -> int:
+        return self.gatekeeper.roster.level_meant(text)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import MAX_DOOR_ID, DoorId
-from semmap_log.errors import CommandError, UnknownDoorError
+from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap
+from semmap_log.errors import CommandError, UnknownDoorError, UnknownLevelError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
@@ -20,7 +20,9 @@ from semmap_log.events import (
     DoorUpdated,
 )
 from semmap_log.formats.importing import ImportPlan, Present
+from semmap_log.formats.problems import shown
 from semmap_log.formats.sightings import Rows, Sightings
+from semmap_log.levels import resolve_level
 
 
 def plan_sightings(
@@ -35,10 +37,11 @@ def plan_sightings(
         sightings: What was read from the file.
         present: What the log holds.
         level: Only doors of that level are meant, and new ones are added there; None: of any
-            level, and new ones have level 0.
+            level, and new ones are on the one that is meant where none is told.
 
     Raises:
         UnknownDoorError: A name that several doors bear.
+        UnknownLevelError: Doors are new, there are several levels, and none is told.
         CommandError: Ids have run out.
     """
     known = _names(present, level)
@@ -57,7 +60,9 @@ def plan_sightings(
         next_id = next_id if found else DoorId(next_id + 1)
     if next_id > MAX_DOOR_ID + 1:
         raise CommandError(f"{sightings.path}: no id is free any more (at most {MAX_DOOR_ID}).")
-    events = _SightingEvents(sightings, tuple(ids), tuple(new), level or 0)
+    if level is None:
+        level = _level_of_new(sightings, new, present.door_map) if any(new) else 0
+    events = _SightingEvents(sightings, tuple(ids), tuple(new), level)
     added = sum(new)
     extra = len(sightings) - sightings.rows_in_file
     return ImportPlan(
@@ -70,6 +75,22 @@ def plan_sightings(
         ),
         warnings=sightings.warnings,
     )
+
+
+def _level_of_new(sightings: Sightings, new: list[bool], door_map: DoorMap) -> int:
+    try:
+        return resolve_level(None, door_map)
+    except UnknownLevelError as error:
+        names = [shown(name) for name, is_new in zip(sightings.doors, new, strict=True) if is_new]
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        raise UnknownLevelError(
+            f"{sightings.path}: no door is called {', '.join(names[:MOST_NAMED])}{more}, so they "
+            f"would be new; {error}"
+        ) from None
+
+
+MOST_NAMED = 3
+"""So many of the doors that would be new are named."""
 
 
 @dataclass(frozen=True, slots=True)

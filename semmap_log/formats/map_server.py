@@ -25,10 +25,12 @@ from semmap_log.events import FloorMap
 from semmap_log.formats.files import open_regular
 from semmap_log.formats.map_picture import Picture, read_picture
 from semmap_log.formats.problems import Problems
-from semmap_log.formats.strict_yaml import Scalar, load_yaml
+from semmap_log.formats.strict_yaml import Mapping, Scalar, load_yaml
 from semmap_log.formats.yaml_values import Fields, mapping_of
 
 DEFAULT_RULES: RulesName = "nav2"
+LONGEST_HEADER = 2**16
+"""Bytes; a `.yaml` that is longer is no map."""
 
 
 def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) -> FloorMap:
@@ -52,6 +54,29 @@ def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) ->
         origin_x=x, origin_y=y, origin_theta=theta,
         cells=cells,
     )  # fmt: skip
+
+
+def is_map(path: Path) -> bool:
+    """Tell whether a file is the `.yaml` of a map: it says where its picture is, and how large.
+
+    What cannot be read is none: who reads it as something else says why.
+    """
+    try:
+        if path.suffix.lower() not in (".yaml", ".yml") or path.stat().st_size > LONGEST_HEADER:
+            return False
+        root = load_yaml(path)
+    except (OSError, FormatError):
+        return False
+    return isinstance(root, Mapping) and {"image", "resolution"} <= root.entries.keys()
+
+
+def picture_of(path: Path) -> Path:
+    """Return where a map's picture is.
+
+    Raises:
+        FormatError: The file is not such a map.
+    """
+    return path.parent / _read_header(path, DEFAULT_RULES).image
 
 
 def _cells(picture: Picture, meaning: MapRules) -> NDArray[np.int8]:

@@ -10,6 +10,7 @@ from struct import Struct, unpack_from
 from typing import Any, BinaryIO
 from zlib import crc32
 
+from semmap_log.command_lines import command_line
 from semmap_log.errors import FormatError
 from semmap_log.formats.bag_reading import BagChannel, BagMessage
 from semmap_log.formats.damage import reason_of
@@ -257,10 +258,11 @@ def in_order(messages: Iterator[BagMessage], path: Path) -> Iterator[BagMessage]
 
 def own_log(path: Path) -> FormatError:
     """Return the error that says that it is no bag but a log of ours."""
+    log = path if path.is_dir() else path.parent
     return FormatError(
         path,
         "this is a log of semmap-log, or a part of one, no bag; to take its events into another "
-        "log: semmap-log export LOG events.jsonl, then import that",
+        f"log: {command_line('export', log, 'events.jsonl')}, then import that",
     )
 
 

@@ -145,6 +145,7 @@ class LineRecorder:
             resolve=self.log.resolve,
             next_id=lambda: self.log.roster.next_free_id,
             level_of=self.log.level_of,
+            level=self.log.level_meant,
         )
         parsed = parse_event_line(
             text, tz=self.log.info.timezone, lookup=lookup, path="line", line=self._line

@@ -14,6 +14,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass
 
+from semmap_log.command_lines import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.commits import HASH_BYTES
 from semmap_log.log.folder import LogFolder
@@ -76,7 +77,7 @@ def read_mark(folder: LogFolder) -> ClosedMark | None:
 
 def _damaged(folder: LogFolder, problem: str) -> CorruptLogError:
     unknown = "whether the log is as long as it was cannot be told"
-    problem = f"{problem}: {unknown}. To take it as it is: semmap-log recover LOG"
+    problem = f"{problem}: {unknown}. To take it as it is: {command_line('recover', folder.path)}"
     return CorruptLogError(folder / CLOSED_MARK_NAME, None, problem)
 
 

@@ -130,9 +130,14 @@ class DoorMapState:
         row = self._row_of.get(door_id)
         return row is not None and not np.isnan(self._columns["x"][row])
 
-    def known_levels(self) -> set[int]:
-        """Return the numbers of the levels that have a name or a floor map."""
-        return set(self._levels) | set(self._floor_maps)
+    def level_of(self, door_id: int) -> int:
+        """Return the level that a door was put on last; 0 for one that nobody knows."""
+        row = self._row_of.get(door_id)
+        return 0 if row is None else int(self._columns["level"][row])
+
+    def level_names(self) -> dict[int, str | None]:
+        """Return the levels that have a name or a floor map, numbers ascending, with the names."""
+        return {number: level.name for number, level in self._level_map().items()}
 
     def names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, removed doors too."""

@@ -58,7 +58,7 @@ class DoorMaps:
         self._topic = topic
         self._rule = rule
         self._context = context
-        self._level = context.known.level(rule.level)
+        self._level = context.level(rule.level)
         self._key = f"id in {topic}"
         """Of the annotation that holds the server's number of a door."""
         self._door_of: dict[int, DoorId] | None = None

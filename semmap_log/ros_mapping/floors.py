@@ -70,4 +70,4 @@ def _level(text: str | None, context: Context) -> int:
     """
     if text is not None and _NEW_LEVEL.fullmatch(text) and int(text) <= MAX_LEVEL:
         return int(text)
-    return context.known.level(text)
+    return context.level(text)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from semmap_log.appendable_log import AppendableLog
-from semmap_log.commands import resolve_level
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import CommandError, UnknownDoorError
@@ -26,6 +25,7 @@ from semmap_log.events import (
     PatrolFinished,
     PatrolStarted,
 )
+from semmap_log.levels import resolve_level
 from semmap_log.replay import replay
 
 
@@ -76,6 +76,12 @@ class Known:
         for door in door_map.doors.values():
             known._put(door)
         return known
+
+    @classmethod
+    def of_levels(cls, other: Known) -> Known:
+        """Return what is known of levels, to stay as it is now."""
+        doors = {i: door for i, door in other.doors.items() if door.is_placed}
+        return cls(doors=doors, level_names=dict(other.level_names))
 
     @property
     def next_id(self) -> DoorId:
@@ -128,7 +134,9 @@ class Known:
         Raises:
             UnknownLevelError: There is none, or there are several.
         """
-        return resolve_level(text, self._levels())
+        levels = {n: Level(n, name or None) for n, name in sorted(self.level_names.items())}
+        doors = {DoorId(door_id): door for door_id, door in self.doors.items()}
+        return resolve_level(text, DoorMap(doors, levels))
 
     def apply(self, event: Event) -> None:
         """Take in what an event changes."""
@@ -191,10 +199,6 @@ class Known:
 
     def _names_of(self, level: int) -> tuple[str, str]:
         return str(level), self.level_names.get(level) or str(level)
-
-    def _levels(self) -> DoorMap:
-        levels = {n: Level(n, name or None) for n, name in sorted(self.level_names.items())}
-        return DoorMap({}, levels)
 
 
 def _updated(door: Door, event: DoorUpdated) -> Door:

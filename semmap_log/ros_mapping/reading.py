@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from semmap_log.doors import DoorId
@@ -35,6 +35,21 @@ class Context:
     mapping: RosMapping
     known: Known
     complaints: Complaints
+    _levels: Known = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._levels = Known.of_levels(self.known)
+
+    def level(self, text: str | None) -> int:
+        """Return the level of that number or name; None: the one that is meant where none is told.
+
+        Of the levels that the log had when the reading began: which topic is seen first does not
+        count.
+
+        Raises:
+            UnknownLevelError: There is none, or there are several.
+        """
+        return self._levels.level(text)
 
     def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int | None:
         """Return when what a message tells happened: see `stamps`."""
@@ -62,7 +77,7 @@ class DoorsByName:
         self._topic = topic
         self._context = context
         self._unknown = unknown
-        self._level = context.known.level(level)
+        self._level = context.level(level)
 
     def find(
         self, name: str, happened_ns: int | None, *, or_id: bool = True
@@ -97,7 +112,7 @@ class DoorsByName:
         level, _, plain = name.partition("/")
         if level and plain:
             with suppress(UnknownLevelError):
-                return self._context.known.level(level), plain
+                return self._context.level(level), plain
         return self._level, name
 
 

@@ -55,7 +55,7 @@ class Poses:
 
     def __init__(self, topic: str, rule: ReadPose, context: Context, track: Track) -> None:
         self._topic = topic
-        self._level = context.known.level(rule.level)
+        self._level = context.level(rule.level)
         self._context = context
         self._track = track
 
@@ -95,7 +95,7 @@ class Transforms:
     def __init__(
         self, rule: ReadTransforms, context: Context, track: Track, tree: TransformTree
     ) -> None:
-        self._level = context.known.level(rule.level)
+        self._level = context.level(rule.level)
         self._context = context
         self._track = track
         self._tree = tree

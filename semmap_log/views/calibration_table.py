@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 
 from rich.console import Group, RenderableType
@@ -10,8 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from semmap_log.beliefs.calibration import Calibration, DoorCalibration, Hits
+from semmap_log.command_lines import command_line
 from semmap_log.doors import DoorId
 from semmap_log.views.event_words import printable
+from semmap_log.views.health import pasteable, plain_lines
 from semmap_log.views.tables import ABSENT
 
 NAME_WIDTH = 14
@@ -19,13 +22,17 @@ TOGETHER = "together"
 
 
 def calibration_table(
-    calibration: Calibration, *, names: Mapping[DoorId, str] = MappingProxyType({})
+    calibration: Calibration,
+    *,
+    names: Mapping[DoorId, str] = MappingProxyType({}),
+    log: Path = Path("LOG"),
 ) -> RenderableType:
     """Return the accuracies with their 90 % intervals, in 80 columns.
 
     Args:
         calibration: What was found.
         names: What the doors are called.
+        log: Where the log is, for the line to type.
     """
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("door", min_width=NAME_WIDTH, overflow="fold")
@@ -39,7 +46,8 @@ def calibration_table(
     if calibration.unseen:
         unseen = ", ".join(printable(names.get(d, str(d))) for d in calibration.unseen)
         lines.append(f"not seen while its state was known: {unseen}")
-    return Group(table, Text("\n".join(lines), style="dim"), Text(), Text(_to_type(calibration)))
+    to_type = pasteable(plain_lines(_to_type(calibration, log)))
+    return Group(table, Text("\n".join(lines), style="dim"), Text(), to_type)
 
 
 def _cells(door: DoorCalibration) -> tuple[str, str, str, str]:
@@ -56,18 +64,19 @@ def _accuracy(hits: Hits) -> str:
     return f"{hits.accuracy:.3f} [{low:.3f}, {high:.3f}]"
 
 
-def _to_type(calibration: Calibration) -> str:
+def _to_type(calibration: Calibration, log: Path) -> str:
     """Return the options with which to record sightings of that sensor from now on."""
     found = calibration.together
     options = [
-        f"{option} {hits.declared:.3f}"
+        word
         for option, hits in (
             ("--accuracy-open", found.when_open),
             ("--accuracy-closed", found.when_closed),
         )
         if hits.visits
+        for word in (option, f"{hits.declared:.3f}")
     ]
-    said = f"type: semmap-log observe LOG DOOR STATE {' '.join(options)}"
+    said = f"type: {command_line('observe', log, 'DOOR', 'STATE', *options)}"
     missing = [
         state
         for state, hits in (("open", found.when_open), ("closed", found.when_closed))

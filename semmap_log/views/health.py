@@ -8,10 +8,13 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
+from semmap_log.command_lines import command_line
 from semmap_log.log.verification.findings import Finding, Severity, Verification
 from semmap_log.moments import format_local
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from semmap_log.log.salvage import Loss, Recovered, Survey
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
@@ -55,16 +58,23 @@ def verification_report(found: Verification) -> RenderableType:
         parts.append(Text(f"… and {notes - MOST_NOTES} more notes (all: --json)", style="dim"))
     parts.append(Text(f"head {found.head.hex()}"))
     if found.exit_code == 0 and since is None:
-        parts.append(head_hint(str(found.path)))
+        parts.append(head_hint(found.path))
     if todo := _what_to_do(found):
-        parts.append(Text(todo))
+        parts.append(pasteable(plain_lines(todo)))
     return Group(*parts)
 
 
-def head_hint(log: str) -> Text:
+def head_hint(log: Path) -> Text:
     """Return what a log's head is good for."""
     hint = Text("Keep the head elsewhere; a cut tail then shows:\n", style="dim")
-    return hint.append_text(plain_text(f"  semmap-log verify {log} --head HASH"))
+    line = command_line("verify", log, "--head", "HASH")
+    return pasteable(hint.append_text(plain_text(f"  {line}")))
+
+
+def pasteable(text: Text) -> Text:
+    """Return text whose lines are never broken: one of them is to be pasted. Print it uncropped."""
+    text.no_wrap, text.overflow = True, "ignore"
+    return text
 
 
 def count(number: int, what: str) -> str:
@@ -85,6 +95,11 @@ def plain_text(text: str, *, style: str = "") -> Text:
     return Text("".join(c if c.isprintable() else repr(c)[1:-1] for c in text), style=style)
 
 
+def plain_lines(text: str) -> Text:
+    """Return the same of several lines."""
+    return Text("\n").join(map(plain_text, text.split("\n")))
+
+
 def _finding(finding: Finding) -> list[RenderableType]:
     """Return where it is in one line, and below what it is."""
     name = finding.severity.name
@@ -102,7 +117,7 @@ def _what_to_do(found: Verification) -> str:
     if found.exit_code == 4:
         return (
             "To do: take the folder from a backup if there is one. What can be saved shows:\n"
-            "  semmap-log recover LOG"
+            f"  {command_line('recover', found.path)}"
         )
     if found.exit_code == 3:
         return (

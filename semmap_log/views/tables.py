@@ -18,6 +18,7 @@ from rich.text import Text
 from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.formats.event_json import CHANGED_FIELDS
+from semmap_log.levels import levels_of
 from semmap_log.moments import format_local
 from semmap_log.views.event_words import printable, words_of
 
@@ -61,6 +62,7 @@ def door_table(door_map: DoorMap, *, tz: str, width: int | None = None) -> Rende
     """
     doors = list(door_map.doors.values())
     levels = any(level.name for level in door_map.levels.values())
+    known = levels_of(door_map)
     named, placed = any(door.name for door in doors), any(door.is_placed for door in doors)
     open_given, closed_given = (
         any(not math.isnan(getattr(door, name)) for door in doors)
@@ -82,7 +84,8 @@ def door_table(door_map: DoorMap, *, tz: str, width: int | None = None) -> Rende
     for door in doors:
         cells: list[RenderableType] = [str(door.door_id)]
         cells += [_text(door.name or ABSENT)] * named
-        cells += [_text(door_map.level_name(door.level))] * levels
+        level = door_map.level_name(door.level) if door.level in known else ABSENT
+        cells += [_text(level)] * levels
         cells += [_number(getattr(door, n)) for n in ("x", "y", "theta", "width")] * placed
         cells.append(_state(door.state))
         cells += [_number(door.prob_open)] * open_given + [_number(door.prob_closed)] * closed_given

@@ -72,7 +72,7 @@ def test_damage_says_where_what_and_what_to_do(log: Path, capsys) -> None:
     assert "log: damaged" in out
     assert f"damage  log_000001.mcap, byte {chunk.offset}, event 6 lost" in out
     assert "its CRC says" in out
-    assert "semmap-log recover LOG" in out
+    assert "semmap-log recover log" in out
     assert all(len(line) <= 80 for line in out.splitlines())
 
 

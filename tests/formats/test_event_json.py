@@ -47,6 +47,7 @@ LOOKUP = DoorLookup(
     resolve=lambda text: DoorId(7) if text == "front" else no_door(text),
     next_id=lambda: DoorId(42),
     level_of=lambda door_id: 2 if door_id == 7 else 0,
+    level=lambda text: 0 if text is None else {"Ground": 2}[text],
 )
 
 

@@ -66,7 +66,7 @@ def test_a_new_name_is_a_new_unplaced_door(tmp_path):
         ("back", 1, 2),
         ("front", 2, 6),
         ("4", None, 4),
-        ("1", None, 6),
+        ("1", 1, 6),
         ("L2/front", None, 5),
     ],
 )

@@ -65,7 +65,7 @@ def test_any_bytes_are_read_or_refused(folder, monkeypatch, name, data):
     assert found is not None
 
 
-LOOKUP = DoorLookup(lambda _: DoorId(1), lambda: DoorId(2), lambda _: 0)
+LOOKUP = DoorLookup(lambda _: DoorId(1), lambda: DoorId(2), lambda _: 0, lambda _: 0)
 KEYS = sorted({name for kind in KIND_BY_NAME.values() for name in field_names(kind)}
               | {"happened", "door", "accuracy", "at", "event", "recorded", "actor", "command_id",
                  "cells_zlib_base64", "height"})  # fmt: skip

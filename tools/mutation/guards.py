@@ -12,6 +12,7 @@ from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
+from mutation.level_guards import LEVELS
 from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
@@ -303,9 +304,10 @@ PLANNED = "tests/formats/test_importing.py"
 
 BROUGHT_BACK = (
     Mutant("brought back: in the map within the commit", COMMANDS,
-           "self.placed[door_id] = self.removals.pop(door_id).was_placed", "pass", (RETRACTING,)),
+           "self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level",
+           "pass", (RETRACTING,)),
     Mutant("brought back: without a place as before", COMMANDS,
-           "self.removals.pop(door_id).was_placed", "bool(self.removals.pop(door_id))",
+           "= removal.was_placed, removal.level", "= True, removal.level",
            (RETRACTING,)),
     Mutant("brought back: not where its adding may be gone", COMMANDS,
            "if removal.event == event.first_event)",
@@ -328,5 +330,5 @@ GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS,
 )  # fmt: skip

@@ -157,7 +157,7 @@ REPORTS = (
     _report("the page ends before `until`", "report.py",
             "        end_ms = min(end_ms, last_ns // MS_NS)\n", "        pass\n", REPORT),
     _report("doors as they were before `since`", "report.py",
-            "stories(found, excerpt.before().doors,", "stories(found, {},", REPORT),
+            "brought_by(found, excerpt.before().doors,", "brought_by(found, {},", REPORT),
     _axis("a day begins at its first moment, though midnight comes twice", "time_axis.py",
           "return next(at_ms for", "return max(at_ms for", AXIS),
     _axis("the hour that comes a second time says so", "time_axis.py",

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semmap_log.command_content import content_of
-from semmap_log.commands import resolve_level
 from semmap_log.commits import Note
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import Door, DoorId, DoorMap
@@ -36,6 +35,7 @@ from semmap_log.events import (
     FloorMap,
     LogExported,
 )
+from semmap_log.levels import resolve_level
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_goals import AddAsk, Ask, RemoveAsk, SaveAsk, UpdateAsk, read_goal
 from semmap_log.live.serving.saving import DoorSaver

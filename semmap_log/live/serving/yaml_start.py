@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from semmap_log.command_lines import command_line
 from semmap_log.commits import Note
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import Door, DoorId, DoorMap
@@ -60,10 +61,11 @@ def start_with_yaml(
     if _is_known(log, table, level, default_prob):
         told = "the log has this file already and has gone on since, so the log counts"
         return [f"{path}: {told}. --yaml-replace takes the file's instead: {_shown(found)}"]
+    export = command_line("export", log.path, "FILE.yaml")
     raise CommandError(
         f"{path} and the log differ: {_shown(found)}\nNothing was written. To take the file's "
-        "doors: --yaml-replace; to take the log's: semmap-log export LOG FILE.yaml (what was "
-        "written with --default-prob P is to be read with it, too)."
+        f"doors: --yaml-replace; to take the log's: {export} (what was written with "
+        "--default-prob P is to be read with it, too)."
     )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semmap_log.command_lines import command_line
 from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
 from semmap_log.log.file_calls import read_into, read_page_into
 from semmap_log.log.folder import LogFolder
@@ -104,7 +105,7 @@ class MappedFile:
             try:
                 got = _read_some(fd, target[done:], start + done)
             except OSError as error:
-                raise self._unreadable(start + done, f"{error.strerror}; {_TO_DO}") from error
+                raise self._unreadable(start + done, f"{error.strerror}; {self._to_do}") from error
             if not got:
                 now = os.fstat(fd).st_size
                 problem = f"the file had {self.size} bytes when it was opened; it was cut to {now}"
@@ -123,6 +124,12 @@ class MappedFile:
             problem = "the disk refuses it, or the file was cut; another file has its name now"
             raise self._unreadable(start + copied, problem)
 
+    @property
+    def _to_do(self) -> str:
+        log = self.path.parent
+        verify, recover = (command_line(verb, log) for verb in ("verify", "recover"))
+        return f"all such places: {verify}; to save the rest: {recover}"
+
     def _unreadable(self, at: int, problem: str) -> UnreadableLogError:
         return UnreadableLogError(self.path, at, problem)
 
@@ -132,9 +139,6 @@ def _read_some(fd: int, target: memoryview, at: int) -> int:
         return read_into(fd, target, at)
     except OSError:
         return read_page_into(fd, target, at)
-
-
-_TO_DO = "semmap-log verify LOG names all such places, recover saves the rest"
 
 
 def map_file(path: Path, folder: LogFolder | None = None) -> MappedFile:

@@ -14,6 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Metadata, Statistics
 from numpy.typing import NDArray
 
+from semmap_log.command_lines import command_line
 from semmap_log.computed_once import computed_once
 from semmap_log.errors import CorruptLogError, NotALogError
 from semmap_log.log import records as mcap
@@ -302,9 +303,10 @@ def read_head(
             else None
         )
         if profile != PROFILE or metadata is None or metadata.name != LOG_METADATA:
+            line = command_line("import", "LOG", path)
             raise NotALogError(
                 f"{path}: an MCAP file, but not of a semmap log. "
-                "To take its doors into a log: semmap-log import LOG FILE."
+                f"To take its doors into a log: {line}"
             )
         return SegmentHeader.from_metadata(metadata), second[1] + second[2]
     except ValueError as error:

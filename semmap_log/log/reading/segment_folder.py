@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from semmap_log.command_lines import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.log.bag_metadata import listed_names
 from semmap_log.log.closed_mark import ClosedMark, read_mark
@@ -178,7 +179,8 @@ def list_segments(folder: LogFolder) -> Listing:
     try:
         found = [(name, inode) for name, inode in folder.files() if name.endswith(".mcap")]
     except FileNotFoundError:
-        message = f"{folder.path}: no such log. To make one: semmap-log init {folder.path}"
+        line = command_line("init", folder.path)
+        message = f"{folder.path}: no such log. To make one: {line}"
         raise NotALogError(message) from None
     except NotADirectoryError:
         raise NotALogError(f"{folder.path}: a log is a folder, this is a file.") from None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+from semmap_log.command_lines import command_line
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.closed_mark import ClosedMark
@@ -131,10 +132,11 @@ def check_reaches(mark: ClosedMark, path: Path, segments: Sequence[Segment]) -> 
     else:
         return
     known = f"{path.name} tells that the closed segments ended before event {mark.next_event}"
-    raise CorruptLogError(where, None, f"{problem}; {known}. {_TO_GO_ON}")
+    raise CorruptLogError(where, None, f"{problem}; {known}. {_to_go_on(path.parent)}")
 
 
-_TO_GO_ON = "To go on with what is there: semmap-log recover LOG"
+def _to_go_on(log: Path) -> str:
+    return f"To go on with what is there: {command_line('recover', log)}"
 
 
 def check_listed(names: Sequence[str], path: Path, segments: Sequence[Segment]) -> None:
@@ -148,13 +150,13 @@ def check_listed(names: Sequence[str], path: Path, segments: Sequence[Segment]) 
     Raises:
         CorruptLogError: One was cut, or is missing.
     """
-    last = segments[-1]
+    last, to_go_on = segments[-1], _to_go_on(path.parent)
     if not last.closed and last.path.name in names:
-        problem = f"{path.name} lists it as closed, but no footer ends it: it was cut. {_TO_GO_ON}"
+        problem = f"{path.name} lists it as closed, but no footer ends it: it was cut. {to_go_on}"
         raise CorruptLogError(last.path, last.whole_end, problem)
     numbers = [number for name in names if (number := number_in(name)) is not None]
     if numbers and max(numbers) > last.header.last_number:
-        problem = f"segment {max(numbers)}, its last, is missing; {path.name} lists it. {_TO_GO_ON}"
+        problem = f"segment {max(numbers)}, its last, is missing; {path.name} lists it. {to_go_on}"
         raise CorruptLogError(path.parent, None, problem)
 
 

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from semmap_log.command_lines import command_line
 from semmap_log.errors import LogAccessError
 from semmap_log.log.disk import sync_folder
 from semmap_log.log.folder import LogFolder
@@ -77,7 +78,7 @@ def take_place(log: Path, old: LogFolder) -> None:
     except OSError as error:
         raise LogAccessError(
             f"{log}: cannot be swapped with a new folder here: {error.strerror}. "
-            "Recover into another place: semmap-log recover LOG --out NEW --yes."
+            f"Recover into another place: {command_line('recover', log, '--out', 'NEW', '--yes')}"
         ) from error
     sync_folder(log.parent)
 

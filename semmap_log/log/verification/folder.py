@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from semmap_log.command_lines import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.log.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
 from semmap_log.log.closed_mark import ClosedMark, read_mark
@@ -224,7 +225,8 @@ def _notes(names: list[Path]) -> list[Finding]:
         elif path.name.startswith(".") and path.name.endswith(TEMPORARY_SUFFIX):
             text = "a file that a writer did not finish; the next one removes it"
         elif path.name == RECOVERING_NAME:
-            text = "a recovery was interrupted at its last step: semmap-log recover finishes it"
+            line = command_line("recover", path.parent)
+            text = f"a recovery was interrupted at its last step; to finish it: {line}"
         else:
             continue
         findings.append(Finding("leftover", Severity.NOTE, path, None, None, text))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.doors import Door, DoorId, DoorState
-from semmap_log.events import DoorAdded, DoorRemoved
+from semmap_log.events import Changed, DoorAdded, DoorRemoved
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
@@ -60,8 +60,8 @@ class DoorStory:
         return int(places["level"][-1]) if len(places) else 0
 
 
-def stories(found: Gathered, before: Mapping[DoorId, Door], since_ns: int) -> list[DoorStory]:
-    """Return the doors that are in the map at some time, ids ascending.
+def brought_by(found: Gathered, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
+    """Return what brings, places or removes doors, also those that are there when it begins.
 
     Args:
         found: The events.
@@ -69,7 +69,29 @@ def stories(found: Gathered, before: Mapping[DoorId, Door], since_ns: int) -> li
         since_ns: When that is.
     """
     opening = opening_changes(before.values(), Edge(since_ns, -1, -1))
-    rest = np.concatenate([opening, found.rest])
+    return np.concatenate([opening, found.rest])
+
+
+def placed_on(rest: Changes) -> set[int]:
+    """Return the levels on which doors get a place."""
+    sets_pose = (rest["sets"] & int(Changed.POSE)) != 0
+    return set(np.unique(rest["level"][sets_pose & np.isfinite(rest["x"])]).tolist())
+
+
+def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
+    """Put what is said of level 0 where that is shown: see `excerpt.levels`."""
+    for rows in (rest, poses):
+        rows["level"][rows["level"] == 0] = home or 0
+
+
+def stories(found: Gathered, rest: Changes, before: Mapping[DoorId, Door]) -> list[DoorStory]:
+    """Return the doors that are in the map at some time, ids ascending.
+
+    Args:
+        found: The events.
+        rest: What brings, places or removes doors: `brought_by`.
+        before: The doors just before the first of them.
+    """
     told = [
         _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.words)
         for mine in by_door(rest)

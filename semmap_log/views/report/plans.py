@@ -29,8 +29,8 @@ FLOOR_INK, WALL_INK = 14, 190
 OCCUPIED = 100
 
 
-def levels_of(
-    excerpt: Excerpt, now: DoorMap, told: Sequence[DoorStory], poses: Rows
+def shown_levels(
+    excerpt: Excerpt, now: DoorMap, told: Sequence[DoorStory], poses: Rows, home: int | None
 ) -> list[dict[str, Any]]:
     """Return the levels with something on them, numbers ascending; at least one.
 
@@ -39,11 +39,14 @@ def levels_of(
         now: The map at its end.
         told: Its doors.
         poses: Where the robot was.
+        home: Where level 0 is shown, and what is said of it is already; None: nowhere.
     """
     used = {int(n) for story in told for n in np.unique(story.picture.placements["level"])}
     used |= set(np.unique(poses["level"]).tolist())
     if excerpt.doors is None:
         used |= {n for n, level in now.levels.items() if level.floor_map_event is not None}
+    if home is None:
+        used.discard(0)
     return [
         _level(number, now, excerpt.log.floor_of(now, number), _bounds(number, told, poses))
         for number in sorted(used) or [0]

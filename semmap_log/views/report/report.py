@@ -7,22 +7,32 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from semmap_log.doors import DoorId, DoorMap, DoorState
+from semmap_log.levels import levels_of
 from semmap_log.log.disk import utf8_name
 from semmap_log.moments import zone
 from semmap_log.replay import Scope, replay
 from semmap_log.summary import summarize
 from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.levels import home_of_0
 from semmap_log.views.how_to_begin import how_to_begin
 from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.beliefs import beliefs_of
 from semmap_log.views.report.changes import changes_of
-from semmap_log.views.report.doors import DoorStory, coded_life, coded_words, stories
+from semmap_log.views.report.doors import (
+    DoorStory,
+    bring_home,
+    brought_by,
+    coded_life,
+    coded_words,
+    placed_on,
+    stories,
+)
 from semmap_log.views.report.gathering import Gathered, gather
 from semmap_log.views.report.health import health_of
 from semmap_log.views.report.page import filled, hex_of
 from semmap_log.views.report.patrols import rounds_of
-from semmap_log.views.report.plans import levels_of
+from semmap_log.views.report.plans import shown_levels
 from semmap_log.views.report.times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
 from semmap_log.views.report.track import track_of
 from semmap_log.views.week_shades import shade
@@ -90,13 +100,16 @@ def report_data(
     said; lengths metres, frame `map`.
     """
     log = excerpt.log
+    now = log.replay(at=excerpt.last_ns())
     found = gather(excerpt, progress)
     span = _span(excerpt, found)
-    told = stories(found, excerpt.before().doors, excerpt.since_ns or 0)
-    now = log.replay(at=excerpt.last_ns())
+    rest = brought_by(found, excerpt.before().doors, excerpt.since_ns or 0)
+    home = home_of_0(levels_of(now).keys() | placed_on(rest))
+    bring_home(rest, found.poses, home)
+    told = stories(found, rest, excerpt.before().doors)
     words, lag_ms = coded_words(told, span)
     beliefs = beliefs_of(excerpt, tz, {story.door_id for story in told})
-    levels = levels_of(excerpt, now, told, found.poses)
+    levels = shown_levels(excerpt, now, told, found.poses, home)
     said = _annotations(excerpt, now)
     track = track_of(found.poses, span)
     return {

@@ -69,7 +69,7 @@ def layout(
         scene: What the recording shows.
         palette: Its colours.
         chosen: Doors that were asked for; None: those that change most get the curves.
-        level: The level whose plan is in front; None: the one with most doors.
+        level: The level whose plan is in front, if it has doors; else the one with most.
         costmap: Each level's costmap has a tab behind the plans.
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
         rounds: Lanes over those of the doors.
@@ -110,9 +110,9 @@ def _plans(scene: Scene, palette: Palette, level: int | None, *, costmap: bool) 
     levels = [each for each in scene.levels.values() if not each.is_empty]
     if not levels:
         return None
-    numbers = [each.level for each in levels]
-    busiest = max(levels, key=lambda each: each.doors).level
-    front = numbers.index(level if level in numbers else busiest)
+    busiest = max(levels, key=lambda each: each.doors)
+    wanted = next((each for each in levels if each.level == level), busiest)
+    front = levels.index(wanted if wanted.doors or not busiest.doors else busiest)
     plans = [_plan(each, palette) for each in levels]
     if costmap:
         plans += [_costmap(each, palette) for each in levels if has_costmap(scene, each)]

@@ -56,11 +56,11 @@ def with_room(scene: Scene) -> Scene:
     return replace(scene, levels=levels)
 
 
-def _look(scene: Scene) -> tuple[list[SceneDoor], list[SceneLevel]]:
+def _look(scene: Scene) -> tuple[list[SceneDoor], list[SceneLevel], int | None]:
     """Return all of a scene that is drawn once; not how much happened, nor how far it reaches."""
     doors = [replace(door, state_changes=0) for door in scene.doors.values()]
     levels = [replace(level, floor=None, bounds=Bounds()) for level in scene.levels.values()]
-    return doors, levels
+    return doors, levels, scene.home_of_0
 
 
 def _is_inside(inner: Scene, outer: Scene) -> bool:
@@ -73,7 +73,10 @@ def _is_inside(inner: Scene, outer: Scene) -> bool:
 def _is_robot_inside(batch: EventBatch, scene: Scene) -> bool:
     poses = batch[RobotPose]
     for n in np.unique(poses["level"]).tolist():
-        level = scene.levels.get(n)
+        shown = scene.home_of_0 if n == 0 else n
+        if shown is None:
+            continue
+        level = scene.levels.get(shown)
         here = poses[poses["level"] == n]
         if level is None or not level.has_robot:
             return False

@@ -125,7 +125,10 @@ def _front_level(
             levels = [n for n, path in scene.doors[door_id].lines.items()
                       if path == scene.doors[door_id].path]  # fmt: skip
             return levels[0]
-    return scene.robot_level if at is None else _robot_level(log, at)
+    if at is None:
+        return scene.robot_level
+    level = _robot_level(log, at)
+    return scene.home_of_0 if level == 0 else level
 
 
 def _robot_level(log: DoorLog, at: Time) -> int | None:

@@ -42,6 +42,7 @@ class RobotWriter:
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
         self._writer = writer
+        self._home_of_0 = scene.home_of_0 or 0
         self._levels = [level for level in scene.levels.values() if level.has_robot]
         self._waiting: list[Poses] = []
         self._rows_waiting = 0
@@ -57,7 +58,9 @@ class RobotWriter:
     def take(self, batch: EventBatch) -> None:
         """Take the poses of the next batch, in order of their numbers."""
         if RobotPose in batch:
-            self._waiting.append(_poses_of(batch))
+            poses = _poses_of(batch)
+            poses["level"][poses["level"] == 0] = self._home_of_0
+            self._waiting.append(poses)
             self._rows_waiting += len(self._waiting[-1])
         if self._rows_waiting >= MOST_ROWS:
             self.finish()

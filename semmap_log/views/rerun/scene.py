@@ -71,8 +71,10 @@ class Scene:
 
     doors: Mapping[DoorId, SceneDoor]
     levels: Mapping[int, SceneLevel]
+    home_of_0: int | None
+    """Where poses of level 0 are drawn: see `excerpt.levels`."""
     robot_level: int | None
-    """Where the robot is at the end; None: it never told."""
+    """Where the robot is at the end; None: it never told, or nobody knows on which level."""
     events: int
     """That stand on any of its timelines."""
     commits: NDArray[np.int64]

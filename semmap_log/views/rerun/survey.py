@@ -13,9 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId
+from semmap_log.doors import Door, DoorId, DoorMap
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import Changed, DoorAdded, DoorAnnotated, RobotPose
+from semmap_log.levels import levels_of
 from semmap_log.log.reading.state import state_at
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
@@ -33,6 +34,7 @@ from semmap_log.views.excerpt.door_rows import (
     strips_of,
 )
 from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.levels import home_of_0
 from semmap_log.views.label_places import without_level
 from semmap_log.views.rerun.drawable import drawable_name, free_part, unique_parts
 from semmap_log.views.rerun.knowledge import Known
@@ -77,11 +79,16 @@ class Survey:
             self._is_whole = True  # behind this, nothing is taken back any more
             for one in taken_back(self._excerpt):
                 pass_.take_back(one)
-        levels = _levels(self._excerpt, pass_)
+        doors = self._excerpt.log.replay(at=self._excerpt.last_ns())
+        placed = {n for door in pass_.doors.values() if door.is_ever_there for n in door.placed_on}
+        home = home_of_0(placed | levels_of(doors).keys())
+        robot_level = pass_.robot_last[1]
+        levels = _levels(self._excerpt, doors, pass_, home)
         return Scene(
-            doors=_doors(pass_, levels),
+            doors=_doors(pass_, levels, home),
             levels=levels,
-            robot_level=pass_.robot_last[1],
+            home_of_0=home,
+            robot_level=home if robot_level == 0 else robot_level,
             events=pass_.events,
             commits=np.concatenate([np.empty(0, np.int64), *pass_.commits]),
             begin=pass_.begin,
@@ -102,6 +109,8 @@ class _Found:
     name_stamp: Stamp = ALWAYS
     levels: dict[int, Stamp] = field(default_factory=dict)
     """Level -> when the door was last put there."""
+    placed_on: set[int] = field(default_factory=set)
+    """Levels on which it had a place."""
     state: int | None = None
     state_changes: int = 0
     has_probabilities: bool = False
@@ -130,6 +139,7 @@ class _Found:
         placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
         for level, stamp in zip(placed["level"].tolist(), _stamps(placed), strict=True):
             self.levels[level] = max(stamp, self.levels.get(level, ALWAYS))
+        self.placed_on.update(placed["level"][np.isfinite(placed["x"])].tolist())
         given = changes[(changes["sets"] & GIVEN) != 0]
         self.has_probabilities |= bool(
             np.isfinite(given["prob_open"]).any() or np.isfinite(given["prob_closed"]).any()
@@ -143,6 +153,7 @@ class _Found:
         self.is_ever_there |= known.is_there
         if known.is_placed:
             self.levels.setdefault(known.level, ALWAYS)
+            self.placed_on.add(known.level)
 
     def _live(self, changes: Changes) -> None:
         for kind, stamp in zip(changes["kind"].tolist(), _stamps(changes), strict=True):
@@ -193,7 +204,9 @@ class _Pass:
         self._excerpt = excerpt
         self.doors: dict[DoorId, _Found] = {}
         self.bounds: dict[int, Bounds] = {}
-        self.robot_levels: set[int] = set()
+        """Of the doors, by the level."""
+        self.robot_bounds: dict[int, Bounds] = {}
+        """Of the robot's ways; level 0 is not yet where it is shown."""
         self.robot_last: tuple[int, int | None] = (-1, None)
         """Happened time and level of the robot's latest pose."""
         self.events = 0
@@ -283,7 +296,7 @@ class _Pass:
         for level in np.unique(placed["level"]).tolist():
             # Where only the pose is set, the width is not at hand: its end may lie in the margin.
             strips = strips_of(placed[placed["level"] == level]).reshape(-1, 2)
-            self._stretch(level, strips[:, 0], strips[:, 1])
+            _stretch(self.bounds, level, strips[:, 0], strips[:, 1])
 
     def _take_poses(self, batch: EventBatch, happened: NDArray[np.bool_]) -> None:
         if RobotPose not in batch:
@@ -294,9 +307,8 @@ class _Pass:
             latest = int(np.flatnonzero(folds_ns == folds_ns.max())[-1])
             self.robot_last = int(folds_ns[latest]), int(poses["level"][latest])
         for level in np.unique(poses["level"]).tolist():
-            self.robot_levels.add(level)
             here = poses[poses["level"] == level]
-            self._stretch(level, here["x"], here["y"])
+            _stretch(self.robot_bounds, level, here["x"], here["y"])
 
     def _take_names(self, batch: EventBatch, happened: NDArray[np.bool_]) -> None:
         if DoorAnnotated not in batch:
@@ -310,25 +322,36 @@ class _Pass:
             if counts and event.key == "name" and stamp > door.name_stamp:
                 door.name, door.name_stamp = event.value, stamp
 
-    def _stretch(self, level: int, x: np.ndarray, y: np.ndarray) -> None:
-        self.bounds[level] = self.bounds.get(level, Bounds()).around(x, y)
+
+def _stretch(bounds: dict[int, Bounds], level: int, x: np.ndarray, y: np.ndarray) -> None:
+    bounds[level] = bounds.get(level, Bounds()).around(x, y)
 
 
-def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
-    """Return the levels with something on them; where there is one, its path is just `/map`."""
-    doors = excerpt.log.replay(at=excerpt.last_ns())
+def _levels(
+    excerpt: Excerpt, doors: DoorMap, pass_: _Pass, home: int | None
+) -> dict[int, SceneLevel]:
+    """Return the levels with something on them; where there is one, its path is just `/map`.
+
+    Args:
+        excerpt: The part of the log.
+        doors: The map at its end.
+        pass_: What was found.
+        home: Where level 0 is shown; None: doors without a place may still be there.
+    """
     known = doors.levels
     there = [door for door in pass_.doors.values() if door.is_ever_there]
-    used = {level for door in there for level in door.levels} | pass_.robot_levels
+    robot = {n or home: bounds for n, bounds in pass_.robot_bounds.items() if n or home is not None}
+    used = {n or home or 0 for door in there for n in door.ever_on} | {n or 0 for n in robot}
     if excerpt.doors is None:
         used |= {n for n, level in known.items() if level.floor_map_event is not None}
     numbers = sorted(used) or [0]
     names = {n: level.name or "" for n, level in known.items()}
+    names |= {0: "No level"} if home is None else {}
     parts = unique_parts(((n, names.get(n) or str(n)) for n in numbers), "level")
     levels = {}
     for n in numbers:
         floor = excerpt.log.floor_of(doors, n)
-        bounds = pass_.bounds.get(n, Bounds())
+        bounds = pass_.bounds.get(n, Bounds()).including(robot.get(n, Bounds()))
         if floor is not None:
             bounds = bounds.including(bounds_of_floor(floor))
         levels[n] = SceneLevel(
@@ -338,24 +361,30 @@ def _levels(excerpt: Excerpt, pass_: _Pass) -> dict[int, SceneLevel]:
             floor=floor,
             bounds=bounds.framed(),
             is_empty=bounds.is_empty,
-            doors=sum(door.last_level == n for door in there),
-            has_robot=n in pass_.robot_levels,
+            doors=sum((door.last_level or home or 0) == n for door in there),
+            has_robot=n in robot,
         )
     return levels
 
 
-def _doors(pass_: _Pass, levels: Mapping[int, SceneLevel]) -> dict[DoorId, SceneDoor]:
+def _doors(
+    pass_: _Pass, levels: Mapping[int, SceneLevel], home: int | None
+) -> dict[DoorId, SceneDoor]:
     """Return the doors that are in the map at some time on some timeline, ids ascending."""
     there = {i: door for i, door in sorted(pass_.doors.items()) if door.is_ever_there}
-    short = {i: without_level(door.name, levels[door.last_level].name) for i, door in there.items()}
+    last = {i: door.last_level or home or 0 for i, door in there.items()}
+    short = {i: without_level(door.name, levels[last[i]].name) for i, door in there.items()}
     parts = _parts(there, short)
     return {
         door_id: SceneDoor(
             door_id=door_id,
             label=_label(door_id, found.name),
             short_label=_label(door_id, short[door_id]),
-            path=(*levels[found.last_level].path, "doors", parts[door_id]),
-            lines={n: (*levels[n].path, "doors", parts[door_id]) for n in found.ever_on},
+            path=(*levels[last[door_id]].path, "doors", parts[door_id]),
+            lines={
+                n: (*levels[n].path, "doors", parts[door_id])
+                for n in sorted({n or home or 0 for n in found.ever_on})
+            },
             life=found.life,
             before=found.before,
             known=found.known,

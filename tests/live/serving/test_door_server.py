@@ -296,7 +296,7 @@ def test_with_several_levels_it_must_be_said_where_new_doors_are(path: Path) -> 
     added = server.run(goal_of("AddDoor", "a", **DOOR))
 
     assert (False, {"door_id": 0}) == (refused.succeeded, refused.result)
-    assert "say which: 1 (ground), 2 (first)" in refused.text
+    assert "several levels: 1 (ground), 2 (first); say which" in refused.text
     assert (True, 2) == (added.succeeded, server.door_map().doors[DoorId(1)].level)
     server.close()
 

@@ -107,7 +107,7 @@ def restless_log(path: Path, *, seed: int, events: int = 300, doors: int = 6) ->
 
 def _new_door(rng: random.Random, door_id: int) -> Event:
     if rng.random() < 0.3:
-        return DoorAdded(door_id=DoorId(door_id))
+        return DoorAdded(door_id=DoorId(door_id), level=0)
     return DoorAdded(
         door_id=DoorId(door_id), level=rng.choice([1, 2]), x=rng.uniform(-5, 5),
         y=rng.uniform(-4, 4), theta=rng.uniform(-3, 3), width=rng.uniform(0.5, 2),

@@ -46,7 +46,7 @@ function whereaboutsText(t) {
   const robot = robotAt(t), round = roundAt(t);
   if (round) said.push(`Under way: ${roundText(round)}.`);
   if (robot) {
-    const level = panels.length > 1 ? `${levelNames.get(robot.level)}, ` : "";
+    const level = panels.length > 1 ? `${levelNames.get(robot.level) || "level not told"}, ` : "";
     const old = t - robot.told > 10 * MINUTE ? `, standing since ${shortTime(robot.told)}` : "";
     said.push(`Robot: ${level}${metres(robot.x)},\u00a0${metres(robot.y)}\u00a0m${old}.`);
   } else if (runs.length) {

@@ -47,6 +47,8 @@ class Door {
 const doors = data.doors.map((raw) => new Door(raw));
 const doorOf = new Map(doors.map((door) => [door.id, door]));
 const levelNames = new Map(data.levels.map((level) => [level.level, level.name]));
+/** A level in words; of several, 0 is none of them where it has no name. */
+const levelName = (level) => levelNames.get(level) || (level === 0 ? "No level" : `Level ${level}`);
 
 /** All moments at which a door becomes another, ascending, each once. */
 const momentsOfChange = (() => {

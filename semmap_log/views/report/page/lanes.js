@@ -47,7 +47,7 @@ function withLevels(all) {
   return all.flatMap((lane) => {
     if (!lane.door || levelOf(lane.door) === level) return [lane.element];
     level = levelOf(lane.door);
-    return [el("h3", { class: "lane-level" }, quoted(levelNames.get(level) || `Level ${level}`)), lane.element];
+    return [el("h3", { class: "lane-level" }, quoted(levelName(level))), lane.element];
   });
 }
 

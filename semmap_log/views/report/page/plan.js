@@ -182,7 +182,7 @@ class LevelPanel {
   /** Sensors without geometry are on no plan: they stand below it. */
   showUnplaced(t, chosen) {
     const found = doors.map((door) => [door, door.at(t)])
-      .filter(([, now]) => now && !now.place && now.level === this.level);
+      .filter(([, now]) => now && !now.place && (now.level === this.level || !levelNames.has(now.level)));
     const key = found.map(([door, now]) => `${door.id}:${now.state}`).join() + chosen;
     if (key === this.unplacedThen) return;
     this.unplacedThen = key;
@@ -280,11 +280,12 @@ function setUpPlan() {
   });
 }
 
-/** The level where the robot is, or the one with most doors. */
+/** The level where the robot is, if it has doors, or the one with most. */
 function mostOfInterest() {
   const robot = robotAt(clock.t);
   const withRobot = panels.find((panel) => robot && panel.level === robot.level);
-  return withRobot || panels.reduce((best, panel) => (panel.marks.length > best.marks.length ? panel : best));
+  const withMost = panels.reduce((best, panel) => (panel.marks.length > best.marks.length ? panel : best));
+  return withRobot && (withRobot.marks.length || !withMost.marks.length) ? withRobot : withMost;
 }
 
 function bringToFront(panel, withFocus = false) {

@@ -22,7 +22,7 @@ function setUpWeeks() {
       levels.get(levelOf(door)).push(door);
     }
     for (const [level, here] of levels) {
-      if (panels.length > 1) place.append(el("h3", {}, quoted(levelNames.get(level) || `Level ${level}`)));
+      if (panels.length > 1) place.append(el("h3", {}, quoted(levelName(level))));
       place.append(el("div", { class: "weeks" }, here.map(weekOf)));
     }
     place.append(el("p", { class: "aside" }, `Rows are days, Monday on top; columns hours, ${data.log.tz}. As known at the end, ${dateText(END)}.`));
