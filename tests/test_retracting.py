@@ -252,7 +252,7 @@ def test_a_removal_that_is_taken_back_brings_the_door_back(tmp_path: Path) -> No
         assert ("front", 0.8, DoorState.CLOSED) == (after.name, after.width, after.state)
         assert repr(log.state.door(door)) == repr(after)
         with pytest.raises(DoorExistsError):
-            log.add_door(door_id=door)
+            log.add_door(door_id=door, level=2)
 
 
 def test_an_unplaced_door_comes_back_unplaced(tmp_path: Path) -> None:
