@@ -62,7 +62,8 @@ def run(
     one commit, messages that wait share a sync, and what was received when it is told to stop is
     written. What cannot be (NaN, another frame, unknown values) is told once, and counted. Times
     are the messages' own stamps where those lie in the minute before they came, else when they
-    came, by ROS's time.
+    came, by ROS's time. Exit code 2: it would never start like this (no log, a wrong option or
+    mapping).
 
     \b
     Durability, when a line is answered:
