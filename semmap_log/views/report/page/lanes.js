@@ -3,7 +3,7 @@
 const LANE_HEIGHT = 14;
 const HEIGHTS = { open: 1, closed: 0.5, unknown: 0.2 }; // a state is told without colours, too
 const LETTER_PX = 6.7, NARROW_PX = 500;
-const LONGEST_NAME = 20, LANES_ON_A_PAGE = 100;
+const LONGEST_NAME = 20, LANES_ON_A_PAGE = 150, LANES_BELOW_AN_AXIS = 30;
 const IS_PHONE = innerWidth < 600; // there is room for the id, and where a name begins
 
 const view = { name: "all", from: 0, till: Math.max(END, 1) };
@@ -150,6 +150,20 @@ function spanText(door) {
   });
   const share = known ? `open ${Math.round((100 * open) / known)} % of the time in which that was known` : "never known";
   return `${door.name}: ${share}, ${count(door.changes, "change")}`;
+}
+
+/** Write the times above every so many lanes, so that each sheet of paper has them. */
+function repeatAxis() {
+  const axis = document.querySelector(".axis");
+  for (let i = LANES_BELOW_AN_AXIS; i < lanes.length; i += LANES_BELOW_AN_AXIS) {
+    const again = axis.cloneNode(true);
+    again.classList.add("again");
+    for (const part of again.querySelectorAll("[id]")) {
+      part.classList.add(part.id);
+      part.removeAttribute("id");
+    }
+    lanes[i].element.before(again);
+  }
 }
 
 function redrawLanes(all = false) {

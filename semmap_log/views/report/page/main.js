@@ -23,8 +23,14 @@ function start() {
   });
   if (location.hash) clock.recall();
   else clock.tell();
-  addEventListener("beforeprint", () => redrawLanes(true));
-  addEventListener("afterprint", () => lanes.forEach((lane) => lane.see(lane.isSeen)));
+  addEventListener("beforeprint", () => {
+    redrawLanes(true);
+    repeatAxis();
+  });
+  addEventListener("afterprint", () => {
+    lanes.forEach((lane) => lane.see(lane.isSeen));
+    for (const axis of document.querySelectorAll(".axis.again")) axis.remove();
+  });
 }
 
 /** Bring the level of a door to the front, and its lane and row into their boxes. */
