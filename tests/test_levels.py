@@ -202,6 +202,8 @@ def test_doors_with_a_place_make_a_level(tmp_path: Path) -> None:
         assert 1 == log.door_map()[sensor].level
 
         placed = log.add_door(**PLACE, level=0)
+        assert [0, 1] == list(levels_of(log.door_map()))
+        assert 0 == resolve_level("0", log.door_map())
         with pytest.raises(UnknownLevelError, match=r"several levels: 0, 1 \(L1\)"):
             log.add_door()
         log.remove_door(placed)
