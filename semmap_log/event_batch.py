@@ -215,8 +215,8 @@ class EventBatch:
             if issubclass(KINDS[kind - 1], DoorEvent):
                 ids[self.places_of(kind)] = self.columns[kind]["door_id"]
         for kind, events in self.objects.items():
-            if issubclass(KINDS[kind - 1], DoorEvent):
-                ids[self.places_of(kind)] = [e.door_id for e in events if isinstance(e, DoorEvent)]
+            about = [e.door_id if isinstance(e, DoorEvent) else 0 for e in events]
+            ids[self.places_of(kind)] = about
         return ids
 
     def sources(self, kind: type[Event]) -> tuple[NDArray[np.intp], Sequence[str]]:
