@@ -247,9 +247,10 @@ class _Guarded:
         Raises:
             LogError: They are more than any list of files should have.
         """
-        if not 0 <= size <= MOST_LIST_BYTES:
+        data = self._file.read(min(size, MOST_LIST_BYTES + 1) if size >= 0 else MOST_LIST_BYTES + 1)
+        if len(data) > MOST_LIST_BYTES:
             raise LogError(
                 f"{self._path}: refused: expected a list of files of at most "
-                f"{MOST_LIST_BYTES:,} bytes, got {size:,}."
+                f"{MOST_LIST_BYTES:,} bytes, got more."
             )
-        return self._file.read(size)
+        return data
