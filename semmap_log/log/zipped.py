@@ -53,7 +53,7 @@ class UnpackedLog:
             LogError: It cannot be unpacked.
             LogAccessError: It cannot be read, or there is no room for its files.
         """
-        self._folder = tempfile.TemporaryDirectory(prefix="semmap-log-")
+        self._folder = tempfile.TemporaryDirectory(prefix="semmap-log-unzipped-")
         self.path = Path(self._folder.name)
         try:
             _unpack(path, self.path)

@@ -13,6 +13,7 @@ import errno
 import mmap
 import os
 import select
+import shutil
 import signal
 import subprocess  # noqa: F401 - what the standard library brings is not ours to test
 import sys
@@ -43,6 +44,7 @@ def _take_away(system: str) -> None:
     for name in ("fcntl", "pwd", "grp", "resource", "termios", "tty"):
         sys.modules[name] = None  # type: ignore[assignment]
     os.supports_dir_fd = os.supports_fd = set()
+    shutil._use_fd_functions = False  # type: ignore[attr-defined]  # as it would have found out
     for name in TAKES_NO_FOLDER:
         setattr(os, name, _without_folders(getattr(os, name)))
     os.scandir = _by_path(os.scandir)  # type: ignore[assignment]

@@ -75,7 +75,7 @@ def test_files_come_out_the_same(tmp_path: Path, system: str, ending: str) -> No
     assert made[system] == made["linux"]
 
 
-def test_a_zip_is_read_there_too(tmp_path: Path) -> None:
+def test_a_zip_is_read_there_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """
     Unpacked, read, and removed.
     """
@@ -84,9 +84,14 @@ def test_a_zip_is_read_there_too(tmp_path: Path) -> None:
         for one in RECORDING.iterdir():
             packed.write(one, f"office/{one.name}")
 
+    folder = tmp_path / "unpacked"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+
     done = _run("windows", "replay", path, "--json")
 
     assert done.stdout == _run("linux", "replay", RECORDING, "--json").stdout
+    assert list(folder.iterdir()) == []
 
 
 @pytest.mark.parametrize("system", ["windows", "macos"])
