@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.errors import NewerLogError, NewerLogWarning
+from semmap_log.errors import InvalidEventError, NewerLogError, NewerLogWarning
 from semmap_log.events import DoorObserved, RobotPose, UnknownEvent
 from semmap_log.log.reading.newer_events import NewerEvents
 from semmap_log.projections.door_map import DoorMapState
 from tests.newer.logs import UNKNOWN, NewerLogs
 
-pytestmark = pytest.mark.filterwarnings("default::semmap_log.errors.NewerLogWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::semmap_log.errors.NewerLogWarning")
 
 
 class Count:
@@ -152,3 +152,19 @@ def test_a_log_of_our_own_has_none(tmp_path: Path) -> None:
 
     assert sl.read(tmp_path / "office").reader.newer_events == NewerEvents({})
     assert DoorMapState().event == -1
+
+
+@pytest.mark.parametrize("as_batch", [False, True])
+def test_what_is_not_understood_is_not_written_elsewhere(
+    newer: NewerLogs, tmp_path: Path, *, as_batch: bool
+) -> None:
+    """
+    In another log nothing would tell what it is: neither its Channel nor its Schema is there.
+    """
+    log = sl.read(newer.log("weighed", tmp_path))
+    (commit,) = (c for c in log.follow(2, stop=lambda: True, with_newer=True) if c.batch.objects)
+
+    with sl.create(tmp_path / "other", tz="UTC") as other:
+        with pytest.raises(InvalidEventError):
+            other.append(commit.batch if as_batch else [log.event(UNKNOWN).event])
+        assert other.state.event == -1
