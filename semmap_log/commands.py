@@ -18,6 +18,7 @@ from semmap_log.errors import (
     CommandError,
     DoorExistsError,
     DoorRemovedError,
+    InvalidEventError,
     UnknownDoorError,
     UnknownLevelError,
 )
@@ -42,6 +43,7 @@ from semmap_log.events import (
     PatrolStarted,
     Retracted,
     RobotPose,
+    UnknownEvent,
 )
 from semmap_log.levels import level_called, only_level, told
 from semmap_log.projections.door_map import DoorMapState
@@ -320,6 +322,7 @@ class Gatekeeper:
         """Let the event pass, and return it with its level.
 
         Raises:
+            InvalidEventError: It is of a kind that a later version has added.
             CommandError: The map forbids it; the message says what is there instead.
         """
         if isinstance(event, _SIGHTINGS) and event.door_id in self.roster.placed:
@@ -337,6 +340,9 @@ class Gatekeeper:
         elif isinstance(event, Retracted):
             self._check_retraction(event)
             self.is_roster_sure = False
+        elif isinstance(event, UnknownEvent):
+            expected = "an event of a kind that this version knows"
+            raise InvalidEventError("event", expected, type(event).__name__)
         self.keeps_names &= not isinstance(event, NAMING)
         if self._changes_roster(event):
             if not self._is_own:

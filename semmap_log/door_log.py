@@ -22,7 +22,7 @@ from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import LogError, MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import DoorAdded, DoorAnnotated, Event, FloorMap
+from semmap_log.events import KINDS, DoorAdded, DoorAnnotated, Event, FloorMap
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live import LiveState, fold_live
 from semmap_log.levels import resolve_level
@@ -62,6 +62,9 @@ class DoorLog:
     def __init__(self, path: str | Path | LogFolder) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
 
+        A log in a zip file is unpacked among the machine's temporary files for as long as it is
+        read.
+
         A relative path is that of the moment: `os.chdir` leads nobody to another log.
 
         Raises:
@@ -69,7 +72,7 @@ class DoorLog:
             CorruptLogError: It is damaged.
         """
         self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
-        self.path = self._reader.log_folder.absolute
+        self.path = self._reader.log_folder.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
@@ -212,7 +215,8 @@ class DoorLog:
         """
         reader = self.reader
         window = self.window(since, until, recorded=recorded, kinds=kinds)
-        retractions = Retractions() if retracted else reader.retractions()
+        known = reader.retractions()
+        retractions = Retractions() if retracted else known
         for batch in reader.batches(window, progress=progress):
             chosen = about(retractions.visible(batch), doors)
             if len(chosen):
@@ -255,6 +259,7 @@ class DoorLog:
         *,
         poll_s: float = 0.1,
         stop: Callable[[], bool] | None = None,
+        with_newer: bool = False,
     ) -> Iterator[FollowedCommit]:
         """Yield commits as they are written, each with its events: no gap, no repeat.
 
@@ -266,15 +271,18 @@ class DoorLog:
                 None: from its end, as it was opened.
             poll_s: How long to wait before looking again.
             stop: Asked before each look; once it says yes, what is there then is the end.
+            with_newer: Yield events of kinds that a later version has added, too.
 
         Raises:
+            NewerLogError: A commit has an event of such a kind that may change others.
             CorruptLogError: The log is damaged, or was exchanged for another state of itself.
             LogError: Another log lies there now.
         """
         if after is None:
             last = self.reader.last_commit()
             after = -1 if last is None else last.last_event
-        return follow(LogReader(self._reader.log_folder), after, poll_s=poll_s, stop=stop)
+        reader = LogReader(self._reader.log_folder)
+        return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
 
     def event(self, number: int) -> RecordedEvent:
         """Return the event of that number.
@@ -295,8 +303,11 @@ class DoorLog:
     ) -> Iterator[HistoryEntry]:
         """Yield events with who did it and why, retracted ones marked; since <= happened < until.
 
+        Those of kinds that a later version has added are `UnknownEvent`s. What they may have
+        changed of others (a door's state, or that an event counts) is not told.
+
         Args:
-            door: Only events about it; default: all events.
+            door: Only events about it, and those unknown here; default: all events.
             since: From then on.
             until: Before then.
             recorded: The range is of recorded time.
@@ -327,11 +338,15 @@ class DoorLog:
         if _comes_after(start, end):
             raise MomentError("the first moment lies after the second; swap them.")
         before, after = self.replay(at=start), self.replay(at=end)
-        entries = self._entries(_between(start, end))
+        entries = self._entries(_between(start, end), with_newer=False)
         return diff(before, after, [entry for entry in entries if not entry.retracted])
 
     def _entries(
-        self, window: Window, doors: Collection[DoorId] | None = None
+        self,
+        window: Window,
+        doors: Collection[DoorId] | None = None,
+        *,
+        with_newer: bool = True,
     ) -> Iterator[HistoryEntry]:
         """Yield the events of a window with who and why, retracted ones marked."""
         reader = self.reader
@@ -341,8 +356,10 @@ class DoorLog:
             finder.look_at(segment, page)
             changes.look_at(segment, page)
 
-        batches = (about(b, doors) for b in reader.batches(window, on_page=look_at))
-        return history(batches, finder.commit_at, reader.retractions(), changes.changes_in)
+        found = reader.batches(window, on_page=look_at, with_newer=with_newer)
+        batches = (about(batch, doors, with_newer=with_newer) for batch in found)
+        retractions = reader.retractions(with_newer=with_newer)
+        return history(batches, finder.commit_at, retractions, changes.changes_in)
 
     def timeline(
         self,
@@ -442,7 +459,7 @@ class DoorLog:
     def end_ns(self) -> int:
         """Return the log's end: the latest happened time in it; 0 for a log without events."""
         if self._end_ns is None:
-            self._end_ns = replay(self.reader).latest_happened_ns
+            self._end_ns = replay(self.reader, with_newer=True).latest_happened_ns
         return self._end_ns
 
     def resolve(self, door: str | int) -> DoorId:
@@ -454,8 +471,11 @@ class DoorLog:
         return resolve_door(door, self.replay())
 
     def door_names(self) -> dict[DoorId, str]:
-        """Return the latest name of every door that has one, removed doors too."""
-        return replay(self.reader).names()
+        """Return the latest name of every door that has one, removed doors too.
+
+        As far as this program knows, where a later one has written to the log.
+        """
+        return replay(self.reader, with_newer=True).names()
 
     def resolve_ever(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
@@ -463,7 +483,7 @@ class DoorLog:
         Raises:
             UnknownDoorError: There is none, and never was.
         """
-        state = replay(self.reader)
+        state = replay(self.reader, with_newer=True)
         try:
             return resolve_door(door, state.door_map())
         except UnknownDoorError:
@@ -478,7 +498,7 @@ class DoorLog:
     def _ever_said(self) -> DoorMapState:
         """Return all doors and names that ever were, as if nothing had been retracted."""
         state = DoorMapState()
-        for batch in self.batches(kinds=[DoorAdded, DoorAnnotated], retracted=True):
+        for batch in self.reader.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorAnnotated]))):
             state.apply(batch)
         return state
 
@@ -560,6 +580,19 @@ def _next(number: int | None) -> int | None:
     return None if number is None else number + 1
 
 
-def about(batch: EventBatch, doors: Collection[DoorId] | None) -> EventBatch:
-    """Return the events of a batch that are about some doors; None: all."""
-    return batch if doors is None else batch.select(batch.of_doors(doors))
+def about(
+    batch: EventBatch, doors: Collection[DoorId] | None, *, with_newer: bool = False
+) -> EventBatch:
+    """Return the events of a batch that are about some doors; None: all.
+
+    Args:
+        batch: The events.
+        doors: The doors.
+        with_newer: And those of kinds unknown here, which may be about any.
+    """
+    if doors is None:
+        return batch
+    chosen = batch.of_doors(doors)
+    if with_newer:
+        chosen |= batch.kind > len(KINDS)
+    return batch.select(chosen)

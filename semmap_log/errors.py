@@ -16,6 +16,7 @@
     │   ├── LogLockedError          another process is writing
     │   ├── LogAccessError          the file system says no
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
+    │   ├── NewerLogError           a later version of this program has written what is asked for
     │   └── CorruptLogError         damage, with file and offset
     │       └── UnreadableLogError  bytes that the disk refuses, or that were cut off meanwhile
     ├── FormatError                 a foreign file that cannot be read, with file and line
@@ -26,9 +27,10 @@
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
-and one warning:
+and two warnings:
 
     KeyframeWarning                 a cache in the log cannot be used; answers only take longer
+    NewerLogWarning                 events of a later version are left out; they change no answer
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
 """
@@ -127,6 +129,13 @@ class LogPoisonedError(LogError):
         again, are stored once. Empty where no append was under way."""
 
 
+class NewerLogError(LogError):
+    """A later version of this program has written what would be needed for an answer.
+
+    Nothing is damaged: a program of that version reads it.
+    """
+
+
 class CorruptLogError(LogError):
     """The bytes of a segment are not what was written."""
 
@@ -194,6 +203,10 @@ class MissingExtraError(SemmapError, ImportError):
 
 MOST_PROBLEMS_SHOWN = 20
 """So that a wrong file of a million lines does not scroll the terminal away."""
+
+
+class NewerLogWarning(UserWarning):
+    """Events of kinds that a later version has added are left out: they change no answer."""
 
 
 class KeyframeWarning(UserWarning):

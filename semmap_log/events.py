@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import IntFlag
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -43,6 +44,10 @@ class Event:
 
     kind: ClassVar[int]
     """Its number among `KINDS`, which is also its MCAP channel id: never changes."""
+
+    changes_nothing: ClassVar[bool] = False
+    """Of a kind that was added to the format later: programs that do not know it may leave it out,
+    since no answer about other events depends on it. `log.form` tells what that promises."""
 
     def __post_init__(self) -> None:
         if self.happened_ns is not None:
@@ -358,6 +363,23 @@ class LogExported(Event):
         _check_text(self, "format", "file_name")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnknownEvent(Event):
+    """An event of a kind that a later version of this program has added: bytes, no meaning."""
+
+    data: bytes = field(repr=False)
+    """As they lie in the log."""
+
+
+UnknownEvent.kind = 255
+
+
+@cache
+def unknown_kind(kind: int, name: str) -> type[UnknownEvent]:
+    """Return the class of a later version's kind, by its number and its name."""
+    return type(name, (UnknownEvent,), {"kind": kind, "__slots__": ()})
+
+
 KINDS: tuple[type[Event], ...] = (
     DoorAdded,
     DoorUpdated,
@@ -374,7 +396,8 @@ KINDS: tuple[type[Event], ...] = (
     FloorMap,
     LogExported,
 )
-"""Every kind of event; the kind number is the place in this list, from 1 on. Only ever grows."""
+"""Every kind of event; the kind number is the place in this list, from 1 on. Only ever grows, and
+with it the format's minor version: `log.form.KINDS_OF_MINOR`."""
 
 for _number, _kind in enumerate(KINDS, start=1):
     _kind.kind = _number

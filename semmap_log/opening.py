@@ -99,6 +99,9 @@ def append(
 def read(path: str | Path) -> DoorLog:
     """Open a log for reading.
 
+    Args:
+        path: Its folder, or a zip file with one log in it.
+
     Raises:
         NotALogError: There is none at that path.
     """

@@ -33,10 +33,30 @@ class Scope:
 
 
 def replay(
-    reader: LogReader, scope: Scope = Scope(), *, progress: Progress | None = None
+    reader: LogReader,
+    scope: Scope = Scope(),
+    *,
+    progress: Progress | None = None,
+    with_newer: bool = False,
 ) -> DoorMapState:
-    """Return the door map of a scope, from the nearest keyframe."""
-    return state_at(reader, at_ns=scope.at_ns, limit=scope.limit(reader), progress=progress)
+    """Return the door map of a scope, from the nearest keyframe.
+
+    Args:
+        reader: Of the log.
+        scope: Which events count.
+        progress: Told how far the reading is.
+        with_newer: Even where an event of an unknown kind may have changed it.
+
+    Raises:
+        NewerLogError: There is such an event.
+    """
+    return state_at(
+        reader,
+        at_ns=scope.at_ns,
+        limit=scope.limit(reader),
+        progress=progress,
+        with_newer=with_newer,
+    )
 
 
 def visible_batches(

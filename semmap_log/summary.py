@@ -31,7 +31,7 @@ class LogSummary:
     events: int
     commits: int
     counts: dict[str, int]
-    """Kind -> events, kinds in their own order."""
+    """Kind -> events, kinds in their own order; those of a later version come last."""
     happened_ns: tuple[int, int] | None
     """Least and greatest; None: no events."""
     recorded_ns: tuple[int, int] | None
@@ -44,6 +44,8 @@ class LogSummary:
     door_map: DoorMap
     warnings: list[str]
     """What else looks wrong."""
+    is_understood: bool = True
+    """Whether this program knows all that may have changed a door."""
 
     @property
     def bytes(self) -> int:
@@ -69,8 +71,9 @@ class _Tally:
 
 def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSummary:
     """Return a log's summary; reads all of it."""
-    tally, state, retractions = _Tally(), _state_before(reader), reader.retractions()
-    for batch in reader.batches(progress=progress):
+    tally, state = _Tally(), _state_before(reader)
+    retractions = reader.retractions(with_newer=True)
+    for batch in reader.batches(progress=progress, with_newer=True):
         tally.apply(batch)
         state.apply(retractions.visible(batch))
     promised: Counter[Durability] = Counter()
@@ -86,7 +89,10 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
         segments=tuple(reader.segments),
         events=tally.counts.total(),
         commits=promised.total(),
-        counts={cls.__name__: tally.counts[cls.kind] for cls in KINDS if tally.counts[cls.kind]},
+        counts={
+            **{cls.__name__: tally.counts[cls.kind] for cls in KINDS if tally.counts[cls.kind]},
+            **reader.newer_events.counts,
+        },
         happened_ns=tally.happened,
         recorded_ns=tally.recorded,
         head=head,
@@ -94,6 +100,7 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
         suspects=suspects,
         door_map=door_map,
         warnings=_warnings(reader, tally, door_map),
+        is_understood=reader.newer_events.first is None,
     )
 
 
@@ -111,6 +118,17 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
         for segment in reader.segments
         if segment.torn_bytes
     ]
+    newer = reader.newer_events
+    if newer.first is not None:
+        warnings.append(
+            f"a newer version of semmap-log has written {newer.in_words()}, from event "
+            f"{newer.first} on: unknown here, and the doors may have changed since"
+        )
+    elif newer.counts:
+        warnings.append(
+            f"a newer version of semmap-log has written {newer.in_words()}: unknown here; they "
+            "change nothing else"
+        )
     if tally.late_clock:
         warnings.append(
             f"{tally.late_clock} events say that they happened after they were recorded; "

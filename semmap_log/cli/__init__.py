@@ -65,7 +65,7 @@ def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
     usual = (signal.SIG_DFL, signal.default_int_handler)
     before = {}
     if threading.current_thread() is threading.main_thread():  # no other may set them
-        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for each in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
             if signal.getsignal(each) in usual:  # `nohup` ignores one: so do we
                 before[each] = signal.signal(each, end)
     try:

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
 
-LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")]
+LogPath = Annotated[
+    Path, typer.Argument(metavar="LOG", help="The log's folder; to read, a zip of it, too.")
+]
 DoorName = Annotated[
     str, typer.Argument(metavar="DOOR", help="A door's id, its name, or level/name.")
 ]

@@ -70,7 +70,7 @@ def run(
       semmap-log history office --since yesterday --plot lanes.svg
     """
     import semmap_log as sl
-    from semmap_log.events import KIND_BY_NAME, KINDS, RobotPose
+    from semmap_log.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
     from semmap_log.formats.door_json import entry_to_json
     from semmap_log.views.tables import history_pages
 
@@ -97,7 +97,7 @@ def run(
             lanes = Lanes.of(opened, doors, start, end, progress=told)
         _draw(lanes, plot, palette)
         return
-    kinds = [KIND_BY_NAME[name] for name in kind] if kind else list(KINDS)
+    kinds = [KIND_BY_NAME[name] for name in kind] if kind else [*KINDS, UnknownEvent]
     if not (kind or poses or as_json):
         kinds.remove(RobotPose)
     entries = opened.history(

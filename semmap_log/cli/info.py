@@ -50,7 +50,8 @@ def run(
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)
     # A single file knows no day: what the files before it told is not there.
-    drawn = day_of_doors(sl.read(log), day) if log.is_dir() and summary.events else None
+    has_days = log.suffix != ".mcap" and summary.events and summary.is_understood
+    drawn = day_of_doors(sl.read(log), day) if has_days else None
     if as_json:
         print_json({**_to_json(summary), "day": None if drawn is None else day_to_json(drawn)})
         return

@@ -72,11 +72,12 @@ def run(
     known = -1 if after is None else after
     try:
         if last is None and after is not None:
-            _print(_events(commits_after(opened.reader, known), wanted), show)
+            _print(_events(commits_after(opened.reader, known, with_newer=True), wanted), show)
         else:
             _print(_last(opened, LAST if last is None else last, known, wanted), show)
         if follow:
-            for commit in opened.follow(max(known, _end(opened)), stop=_is_nobody_reading):
+            last_known = max(known, _end(opened))
+            for commit in opened.follow(last_known, stop=_is_nobody_reading, with_newer=True):
                 _print(_events([commit], wanted), show)
     except KeyboardInterrupt:
         return  # the way to end it
@@ -84,11 +85,14 @@ def run(
 
 def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[RecordedEvent], bool]:
     """Return what tells which events are shown."""
-    from semmap_log.events import DoorEvent, RobotPose
+    from semmap_log.events import DoorEvent, RobotPose, UnknownEvent
 
     if door is not None:
         door_id = opened.resolve_ever(door)
-        return lambda one: isinstance(one.event, DoorEvent) and one.event.door_id == door_id
+        return lambda one: (
+            isinstance(one.event, UnknownEvent)  # it may be about any door
+            or (isinstance(one.event, DoorEvent) and one.event.door_id == door_id)
+        )
     return lambda one: poses or not isinstance(one.event, RobotPose)
 
 
@@ -107,7 +111,8 @@ def _last(
     end, back = _end(opened), count
     while count:
         start = max(after, end - back)
-        found = deque(_events(commits_after(opened.reader, start), wanted), maxlen=count)
+        commits = commits_after(opened.reader, start, with_newer=True)
+        found = deque(_events(commits, wanted), maxlen=count)
         if len(found) == count or start == after:
             return found
         back *= BACK_FACTOR
@@ -159,6 +164,8 @@ def _is_nobody_reading() -> bool:
         output = sys.stdout.fileno()
     except (OSError, ValueError):
         return False  # not a file, as in tests
+    if not hasattr(select, "poll"):
+        return False  # Windows: the next line that is written says so
     poll = select.poll()
     poll.register(output, 0)
     return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

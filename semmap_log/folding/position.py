@@ -68,7 +68,12 @@ class Position:
 def retractions_behind(
     reader: LogReader, event: int, limit: int | None = None
 ) -> tuple[Retraction, ...]:
-    """Return the retractions with numbers behind `event`, and up to `limit`."""
+    """Return the retractions with numbers behind `event`, and up to `limit`.
+
+    Raises:
+        NewerLogError: An event of an unknown kind may have taken back others, too.
+    """
+    reader.check_known(limit)
     found = Retractions()
     for batch in reader.batches(_behind(event, limit, bits_of_kinds([Retracted]))):
         found.apply(batch)

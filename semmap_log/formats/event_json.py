@@ -4,7 +4,8 @@
      "happened": "2026-03-01T12:00:00.000000000Z"}
 
 Keys are the event's fields; states and changed fields by name, absent numbers null, times ISO-8601
-(`happened_ns` is `happened`). A salt is never shown.
+(`happened_ns` is `happened`). A salt is never shown. An event of a kind that a later version has
+added has `newer` and its bytes, `cdr_base64`, instead of fields; such a line is not read.
 """
 
 from __future__ import annotations
@@ -20,7 +21,15 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
 from semmap_log.event_batch import RecordedEvent
-from semmap_log.events import Changed, DoorObserved, DoorUpdated, Event, FloorMap, field_names
+from semmap_log.events import (
+    Changed,
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    UnknownEvent,
+    field_names,
+)
 from semmap_log.moments import format_utc
 
 CHANGED_FIELDS: Mapping[Changed, tuple[str, ...]] = {
@@ -54,6 +63,8 @@ def event_to_json(
 def _fields(event: Event) -> dict[str, Any]:
     if isinstance(event, FloorMap):
         return _floor_map_fields(event)
+    if isinstance(event, UnknownEvent):
+        return {"newer": True, "cdr_base64": base64.b64encode(event.data).decode()}
     values = {name: getattr(event, name) for name in field_names(type(event)) if name != "salt"}
     if isinstance(event, DoorUpdated):
         bits = [bit for bit in CHANGED_FIELDS if bit in event.changed]

@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 from semmap_log.errors import FormatError
 from semmap_log.log.disk import kind_of
+from semmap_log.log.file_calls import open_plainly
 
 MIB = 2**20
 GZIP_MAGIC = b"\x1f\x8b"
@@ -43,7 +44,7 @@ def open_regular(path: Path) -> BinaryIO:
         FormatError: It is missing, unreadable, or a folder, pipe, socket or device.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        descriptor = open_plainly(path)
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
     mode = os.fstat(descriptor).st_mode

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +16,13 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import (
     BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
-    Topic,
+    FORMAT_MINOR,
     floor_map_topic,
     offered_qos,
     topics,
 )
+from semmap_log.log.header import SegmentHeader
+from semmap_log.log.newer import NOTHING_NEWER, Newer, is_later_kind
 from semmap_log.messages import type_hash
 
 
@@ -33,16 +35,28 @@ class ClosedSegment:
     end_ns: int
     counts: dict[int, int]
     """Channel id -> messages."""
+    minor: int = 0
+    """Of its format's version."""
+    newer: Newer = NOTHING_NEWER
+    """Its topics that a later version has added."""
 
     @classmethod
-    def of(cls, path: Path, said: Statistics) -> ClosedSegment:
-        """Return what a segment's Statistics say."""
+    def of(cls, path: Path, said: Statistics, header: SegmentHeader) -> ClosedSegment:
+        """Return what a segment's Statistics and its full header say."""
+        counts = said.channel_message_counts
         return cls(
             path.name,
             said.message_start_time,
             said.message_end_time,
-            said.channel_message_counts,
+            counts,
+            header.minor,
+            header.newer if tells_of_newer(header, counts) else NOTHING_NEWER,
         )
+
+
+def tells_of_newer(header: SegmentHeader, counts: Mapping[int, int]) -> bool:
+    """Tell whether a segment's head is looked at for topics that a later version has added."""
+    return header.minor > FORMAT_MINOR or any(map(is_later_kind, counts))
 
 
 def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> None:
@@ -99,7 +113,7 @@ def bag_metadata_text(segments: list[ClosedSegment]) -> str:
         f"    nanoseconds_since_epoch: {start}",
         f"  message_count: {counts.total()}",
         "  topics_with_message_count:",
-        *(line for topic in _topics(counts) for line in _topic(topic, counts[topic.channel_id])),
+        *_topics(segments, counts),
         '  compression_format: ""',
         '  compression_mode: ""',
         "  relative_file_paths:",
@@ -112,21 +126,35 @@ def bag_metadata_text(segments: list[ClosedSegment]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _topics(counts: Counter[int]) -> list[Topic]:
-    """Return all fixed topics, with or without messages, and the floor maps that there are."""
-    levels = sorted(c - FLOOR_MAP_CHANNEL for c in counts if c > FLOOR_MAP_CHANNEL)
-    return [*topics(), *(floor_map_topic(level) for level in levels)]
+def _topics(segments: list[ClosedSegment], counts: Counter[int]) -> Iterator[str]:
+    """Yield all fixed topics, with or without messages, and the floor maps that there are."""
+    minor = max(segment.minor for segment in segments)
+    levels = (c - FLOOR_MAP_CHANNEL for c in counts if c > FLOOR_MAP_CHANNEL)
+    fixed = [topic for topic in topics() if topic.since_minor <= minor]
+    known = [*fixed, *map(floor_map_topic, levels)]
+    told = {
+        topic.channel_id: (
+            topic.topic,
+            topic.ros_type,
+            offered_qos(topic.durability),
+            type_hash(topic.ros_type),
+        )
+        for topic in known
+    }
+    told |= Newer.all_of(segment.newer for segment in segments).topics
+    for channel, texts in sorted(told.items()):
+        yield from _topic(*texts, counts[channel])
 
 
-def _topic(topic: Topic, count: int) -> list[str]:
+def _topic(name: str, ros_type: str, qos: str, hashed: str, count: int) -> list[str]:
     return [
         "    - topic_metadata:",
-        f"        name: {topic.topic}",
-        f"        type: {topic.ros_type}",
+        f"        name: {name}",
+        f"        type: {ros_type}",
         "        serialization_format: cdr",
         "        offered_qos_profiles:",
-        f"          {offered_qos(topic.durability)}",
-        f"        type_description_hash: {type_hash(topic.ros_type)}",
+        f"          {qos}",
+        f"        type_description_hash: {hashed}",
         f"      message_count: {count}",
     ]
 

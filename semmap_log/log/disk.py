@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from semmap_log.errors import OutputError
+from semmap_log.log.file_calls import CAN_OPEN_FOLDERS, FOLDER, NO_LINK, PLAIN
 from semmap_log.log.form import TEMPORARY_SUFFIX
 
 TOKEN_BYTES = 8
@@ -41,7 +42,7 @@ def write_all(fd: int, data: bytes | memoryview) -> None:
 
 def sync_file(path: Path) -> None:
     """Make what was written to a file, by whomever, survive a power cut."""
-    fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    fd = os.open(path, os.O_RDWR | PLAIN if os.name == "nt" else os.O_RDONLY | PLAIN)
     try:
         os.fsync(fd)
     finally:
@@ -50,7 +51,9 @@ def sync_file(path: Path) -> None:
 
 def sync_folder(folder: Path) -> None:
     """Make the folder's entries (new names, renames) survive a power cut."""
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    if not CAN_OPEN_FOLDERS:
+        return  # Windows: nothing that one could do
+    fd = os.open(folder, os.O_RDONLY | FOLDER)
     try:
         os.fsync(fd)
     finally:
@@ -176,7 +179,7 @@ def read_own(path: Path) -> bytes:
     """
     if not stat.S_ISREG(mode := path.lstat().st_mode):
         raise NotOursError(mode)
-    fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    fd = os.open(path, os.O_RDONLY | NO_LINK | PLAIN)
     with os.fdopen(fd, "rb") as file:
         if not stat.S_ISREG(mode := os.fstat(fd).st_mode):
             raise NotOursError(mode)
@@ -227,7 +230,7 @@ def _made_beside(path: Path, make: Callable[[Path], None]) -> Path:
 
 
 def _make_file(path: Path) -> None:
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_LINK | PLAIN
     os.close(os.open(path, flags, 0o666))
 
 
@@ -245,7 +248,7 @@ def _stem(path: Path) -> str:
 
 def _new_file(path: Path) -> BinaryIO:
     """Open the file that `whole_file` made."""
-    return os.fdopen(os.open(path, os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "wb")
+    return os.fdopen(os.open(path, os.O_WRONLY | NO_LINK | PLAIN), "wb")
 
 
 def _sync_tree(folder: Path) -> None:
@@ -262,6 +265,8 @@ def _give_name(temporary: Path, path: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
+    if os.name == "nt":
+        return True  # there the call that asks would end it
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -23,14 +23,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from semmap_log.errors import LogAccessError
+from semmap_log.log.file_calls import FOLDER, NO_LINK, PLAIN, check_can_write
 from semmap_log.log.form import LOCK_NAME, TEMPORARY_SUFFIX, is_temporary
+from semmap_log.log.zipped import is_zip, refuse_zip, unpacked
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
 
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL
-_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
-_SAFE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 _MODE = 0o644
 
 _CANNOT_LINK = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
@@ -50,11 +50,18 @@ class LogFolder:
     """A folder in which a log lies, or will."""
 
     def __init__(self, path: Path, fd: int | None = None, name: str = "") -> None:
-        """Name a folder; `held` opens it, too."""
+        """Name a folder, or a zip file with a log in it; `held` opens a folder, too.
+
+        Raises:
+            LogError: There is not one log in the zip file, or it cannot be unpacked.
+        """
         self.path = path
         """As it was given: for messages."""
-        self.absolute = Path(os.path.abspath(path))
+        self.given = Path(os.path.abspath(path))
         """Where it was when it was opened, whatever becomes of the working directory."""
+        self._unpacked = unpacked(path) if fd is None and is_zip(path) else None
+        self.absolute = self.given if self._unpacked is None else self._unpacked.path
+        """Where its files are: elsewhere, if they came in a zip file."""
         self._fd = fd
         self.name = name or path.name
         """The folder's own name when it was opened."""
@@ -66,9 +73,12 @@ class LogFolder:
         """Return a folder that is kept open as long as anybody has it.
 
         Raises:
+            LogAccessError: It is a zip file, or this system lacks what writing needs.
             OSError: As the system says.
         """
-        fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        refuse_zip(path)
+        check_can_write(path)
+        fd = os.open(path, os.O_RDONLY | FOLDER | PLAIN)
         return cls(path, fd, path.resolve().name)
 
     @classmethod
@@ -86,7 +96,7 @@ class LogFolder:
         Raises:
             OSError: As the system says.
         """
-        return os.open(self._at(name), flags | _NO_LINK | _SAFE, mode, dir_fd=self._fd)
+        return os.open(self._at(name), flags | NO_LINK | PLAIN, mode, dir_fd=self._fd)
 
     def open_to_read(self, name: str) -> int:
         """Return a descriptor of a file, or of what it links to, as a person may have set it up.
@@ -94,7 +104,7 @@ class LogFolder:
         Raises:
             OSError: As the system says.
         """
-        return os.open(self._at(name), os.O_RDONLY | _SAFE, dir_fd=self._fd)
+        return os.open(self._at(name), os.O_RDONLY | PLAIN, dir_fd=self._fd)
 
     def open_itself(self) -> int:
         """Return a descriptor of the folder.
@@ -102,7 +112,7 @@ class LogFolder:
         Raises:
             OSError: As the system says.
         """
-        return os.open(self._at("."), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC, dir_fd=self._fd)
+        return os.open(self._at("."), os.O_RDONLY | FOLDER | PLAIN, dir_fd=self._fd)
 
     def files(self) -> list[tuple[str, int]]:
         """Return name and inode of all that is in the folder, by name.

@@ -21,11 +21,31 @@ the log time of the record before. Closing adds
 
 Logs that were closed before there were `head` and `semmap_commands` have neither, and are read
 from their commits.
+
+Versions. `format_version` in `semmap_log` is the major one: a program reads its own and no other.
+`format_minor` (0 where it is missing) counts what was added since. What a later minor version may
+add, and what a program that does not know it does with that:
+
+- Kinds of events, on channels up to 89, with a Schema and a Channel of their own at the head of
+  each segment. They take event numbers, belong to commits and to the hash chain as all others do.
+  A kind that changes no answer about others says so in its Channel's metadata, `semmap_changes:
+  nothing`: it hides no event, and leaves doors, beliefs, levels, floor plans, poses and rounds, and
+  of a keyframe all but its event number and latest time, as they are. Such events are left out, and
+  that is said. An event of any other unknown kind may have changed everything: what counts no event
+  behind the one before it (`--event`, `--known-at`) is answered, what lists events shows it by its
+  name, all else is refused. A changed type is a kind of its own, under a new name.
+- Entries in `semmap_log`. They hold for the whole log.
+- Entries in `semmap_index`, which are a cache; a state version of keyframes, which are one, too.
+
+Who writes segments anew (compaction, recovery, the next segment of a log) keeps all of it byte for
+byte, but for what is a cache. Everything else comes with a new major version: other records in a
+segment, other channels of the log's own (90 to 99), and other values of the fields that there are.
 """
 
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -34,12 +54,18 @@ from semmap_log.events import KINDS, FloorMap
 from semmap_log.messages import ros_type, type_name
 
 FORMAT_VERSION = "3"
+"""The major one."""
+KINDS_OF_MINOR = (14,)
+"""How many of `KINDS` each minor version has: who adds a kind adds a version."""
+FORMAT_MINOR = len(KINDS_OF_MINOR) - 1
 PROFILE = "ros2"
 LIBRARY = "semmap-log"
 
 LOG_METADATA = "semmap_log"
 INDEX_METADATA = "semmap_index"
 COMMAND_ATTACHMENT = "semmap_commands"
+CHANGES_KEY, NOTHING = "semmap_changes", "nothing"
+"""In the metadata of a later kind's Channel: what its events change of the answers about others."""
 DIGEST_KEY = "sha256"
 """Each of our Metadata records carries the sha256 of its other entries under this key."""
 
@@ -71,8 +97,9 @@ ROLL_AGE_NS = 24 * 3600 * 10**9
 CONTINUE_BELOW_BYTES = 2**20
 """A smaller last segment is continued (in a copy), so that a thousand commands make one file."""
 
-LAST_EVENT_CHANNEL = len(KINDS)
-"""A kind's number is its channel; only floor maps have theirs further up."""
+LAST_EVENT_CHANNEL = 89
+"""A kind's number is its channel, that of a later version's kind, too; only floor maps have theirs
+further up."""
 COMMIT_CHANNEL = 90
 NOTE_CHANNEL = 91
 KEYFRAME_CHANNEL = 92
@@ -92,6 +119,10 @@ class Topic:
     ros_type: str
     durability: str = VOLATILE
     """As rosbag2 has it; `transient_local`: who subscribes late gets the latest."""
+    since_minor: int = 0
+    """The first minor version that has it."""
+    changes_nothing: bool = False
+    """As its kind says: `Event.changes_nothing`."""
 
 
 def snake_case(name: str) -> str:
@@ -111,7 +142,14 @@ def floor_map_topic(level: int) -> Topic:
 def topics() -> tuple[Topic, ...]:
     """Return the channels that stand at the head of every segment, ids ascending."""
     events = [
-        Topic(cls.kind, cls.kind, f"/semmap/{snake_case(cls.__name__)}", ros_type(cls.kind))
+        Topic(
+            cls.kind,
+            cls.kind,
+            f"/semmap/{snake_case(cls.__name__)}",
+            ros_type(cls.kind),
+            since_minor=bisect_left(KINDS_OF_MINOR, cls.kind),
+            changes_nothing=cls.changes_nothing,
+        )
         for cls in KINDS
         if cls is not FloorMap
     ]
@@ -127,7 +165,10 @@ def topics() -> tuple[Topic, ...]:
 
 
 def kind_of_channel(channel_id: int) -> int | None:
-    """Return the kind of event on that channel; None: Commit, CommitNote, Keyframe or foreign."""
+    """Return the kind of event on that channel; None: Commit, CommitNote, Keyframe or foreign.
+
+    A number beyond those of `KINDS` is that of a later version's kind.
+    """
     if channel_id >= FLOOR_MAP_CHANNEL:
         return FloorMap.kind
     return channel_id if 1 <= channel_id <= LAST_EVENT_CHANNEL else None

@@ -6,13 +6,32 @@ import base64
 import hashlib
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from semmap_log.log.form import DIGEST_KEY, FORMAT_VERSION, INDEX_METADATA, LOG_METADATA
+from semmap_log.log.form import (
+    DIGEST_KEY,
+    FORMAT_MINOR,
+    FORMAT_VERSION,
+    INDEX_METADATA,
+    LOG_METADATA,
+)
+from semmap_log.log.newer import NOTHING_NEWER, Newer
+
+
+class OtherVersionError(ValueError):
+    """A segment is of another major version of the format."""
+
+    def __init__(self, version: str) -> None:
+        self.is_newer = version not in ("", "1", "2")  # never released
+        wanted = "a newer semmap-log" if self.is_newer else "the semmap-log that made it"
+        super().__init__(
+            f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
+            f"install {wanted}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +57,13 @@ class SegmentHeader:
     """Hash of the commit before this segment's first; zeros in the first segment."""
     last_number: int = -1
     """Of the segments that were merged into this one, the last; its own where none was."""
+    minor: int = FORMAT_MINOR
+    """Of the format's version."""
+    others: tuple[tuple[str, str], ...] = ()
+    """Entries that a later version has added."""
+    newer: Newer = NOTHING_NEWER
+    """What else it has put at the head; of a segment that is read it is there once it is asked
+    for: `Segment.full_header`."""
 
     def __post_init__(self) -> None:
         if self.last_number < 0:
@@ -45,10 +71,27 @@ class SegmentHeader:
 
     def next(self, first_event: int, hash_so_far: bytes) -> SegmentHeader:
         """Return the header of the segment that follows."""
-        return SegmentHeader(self.info, self.last_number + 1, first_event, hash_so_far)
+        number = self.last_number + 1
+        return replace(
+            self,
+            number=number,
+            last_number=number,
+            first_event=first_event,
+            hash_so_far=hash_so_far,
+        )
+
+    def as_written(self) -> SegmentHeader:
+        """Return the header of this program's copy of the segment: with all that it knows."""
+        return replace(self, minor=max(self.minor, FORMAT_MINOR))
+
+    @property
+    def is_newer(self) -> bool:
+        """Whether a later minor version has written it."""
+        return self.minor > FORMAT_MINOR or bool(self.others or self.newer)
 
     def to_metadata(self) -> Metadata:
         """Return the MCAP record."""
+        minor = {_MINOR_KEY: str(self.minor)} if self.minor else {}
         return _signed(
             LOG_METADATA,
             {
@@ -61,6 +104,8 @@ class SegmentHeader:
                 "last_segment": str(self.last_number),
                 "first_event": str(self.first_event),
                 "hash_so_far": self.hash_so_far.hex(),
+                **minor,
+                **dict(self.others),
             },
         )
 
@@ -69,30 +114,38 @@ class SegmentHeader:
         """Read the MCAP record.
 
         Raises:
-            ValueError: It is damaged, or of a newer format.
+            OtherVersionError: It is of another major version.
+            ValueError: It is damaged.
         """
         entries = _checked(metadata)
-        version = entries.get("format_version", "")
+        version = entries.pop("format_version", "")
         if version != FORMAT_VERSION:
-            older = version in ("1", "2")  # never released
-            wanted = "the semmap-log that made it" if older else "a newer semmap-log"
-            raise ValueError(
-                f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
-                f"install {wanted}"
-            )
+            raise OtherVersionError(version)
         try:
             info = LogInfo(
-                entries["log_id"], entries["timezone"], entries["building"], entries["robot"]
+                *(entries.pop(name) for name in ("log_id", "timezone", "building", "robot"))
             )
-            return cls(
-                info,
-                int(entries["segment"]),
-                int(entries["first_event"]),
-                bytes.fromhex(entries["hash_so_far"]),
-                int(entries["last_segment"]),
+            number, first, last = (
+                int(entries.pop(name)) for name in ("segment", "first_event", "last_segment")
             )
+            head = bytes.fromhex(entries.pop("hash_so_far"))
+            minor = int(entries.pop(_MINOR_KEY, "0"))
+            return cls(info, number, first, head, last, minor, tuple(entries.items()))
         except KeyError as error:
             raise ValueError(f"its entry {error} is missing") from None
+
+
+_MINOR_KEY = "format_minor"
+
+
+def with_all_of(headers: Sequence[SegmentHeader]) -> SegmentHeader:
+    """Return the first of some segments' headers with what later versions added to any of them."""
+    return replace(
+        headers[0],
+        minor=max(header.minor for header in headers),
+        others=tuple(dict(entry for header in headers for entry in header.others).items()),
+        newer=Newer.all_of(header.newer for header in headers),
+    )
 
 
 def index_metadata(

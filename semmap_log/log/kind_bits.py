@@ -1,6 +1,7 @@
 """Which kinds of record a chunk holds, as bits: so that a question reads only what it wants.
 
-Bit k stands for the kind of event with that number; the others are of the log itself.
+Bit k stands for the kind of event with that number, one for all kinds of later versions; the others
+are of the log itself.
 """
 
 from __future__ import annotations
@@ -19,19 +20,25 @@ from semmap_log.log.form import (
     kind_of_channel,
 )
 
+UNKNOWN_BIT = 1 << 27
+"""Kinds of events that a later version has added."""
 FOREIGN_BIT = 1 << 28
 COMMIT_BIT = 1 << 29
 NOTE_BIT = 1 << 30
 KEYFRAME_BIT = 1 << 31
 EVENT_BITS = FOREIGN_BIT - 2
-"""Any kind of event."""
+"""Any kind of event, unknown ones, too."""
 
 _CARE = {COMMIT_CHANNEL: COMMIT_BIT, NOTE_CHANNEL: NOTE_BIT, KEYFRAME_CHANNEL: KEYFRAME_BIT}
 
 
 def _bit_of_channel(channel: int) -> int:
     kind = kind_of_channel(channel)
-    return _CARE.get(channel, FOREIGN_BIT) if kind is None else 1 << kind
+    return _CARE.get(channel, FOREIGN_BIT) if kind is None else _bit_of_kind(kind)
+
+
+def _bit_of_kind(kind: int) -> int:
+    return 1 << kind if kind <= len(KINDS) else UNKNOWN_BIT
 
 
 _BITS = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
@@ -45,6 +52,15 @@ def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
     return bits
 
 
+_BITS_OF_KINDS = np.array([_bit_of_kind(kind) for kind in range(2**8)], np.uint32)
+
+
+def bits_of_kind_numbers(kinds: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """Return the bit of each event, by its kind's number."""
+    bits: NDArray[np.uint32] = _BITS_OF_KINDS.take(kinds)
+    return bits
+
+
 def bits_of_counts(counts: Mapping[int, int]) -> int:
     """Return the bits of all channels that have messages."""
     return sum({_bit_of_channel(channel) for channel, count in counts.items() if count})
@@ -52,9 +68,9 @@ def bits_of_counts(counts: Mapping[int, int]) -> int:
 
 def bits_of_kinds(kinds: Iterable[type[Event]]) -> int:
     """Return the bits of these kinds of events together."""
-    return sum({1 << kind.kind for kind in kinds})
+    return sum({_bit_of_kind(kind.kind) for kind in kinds})
 
 
 def kinds_of_bits(bits: int) -> list[int]:
-    """Return the kinds of events among bits."""
+    """Return the known kinds of events among bits."""
     return [kind.kind for kind in KINDS if bits >> kind.kind & 1]

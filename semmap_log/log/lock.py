@@ -9,14 +9,19 @@ one nor another's second name.
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import stat
 from contextlib import suppress
+from typing import Any
 
 from semmap_log.errors import LogAccessError, LogLockedError
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import LOCK_NAME
+
+try:
+    import fcntl
+except ImportError:  # Windows: nobody writes there, `check_can_write`
+    fcntl: Any = None  # type: ignore[no-redef]
 
 
 class WriterLock:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import starmap
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from semmap_log.computed_once import computed_once
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch, SourcesOf
 from semmap_log.event_columns import LazyColumns
-from semmap_log.events import DOOR_KINDS, Event, FloorMap
+from semmap_log.events import DOOR_KINDS, KINDS, Event, FloorMap, UnknownEvent, unknown_kind
 from semmap_log.log import records as mcap
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
@@ -25,7 +26,8 @@ from semmap_log.log.form import (
     NOTE_CHANNEL,
     kind_of_channel,
 )
-from semmap_log.log.kind_bits import bits_of_channels, kinds_of_bits
+from semmap_log.log.kind_bits import UNKNOWN_BIT, bits_of_channels, kinds_of_bits
+from semmap_log.log.newer import name_of
 from semmap_log.log.walking import ChunkDamage, Walked, gather, heads_of, walk
 from semmap_log.messages import (
     OBJECT_KINDS,
@@ -118,23 +120,27 @@ class Page:
         channels = np.unique(self.heads["channel_id"])
         return set((channels[channels >= FLOOR_MAP_CHANNEL] - FLOOR_MAP_CHANNEL).tolist())
 
-    def events(self, sources_of: SourcesOf | None = None) -> EventBatch:
-        """Return its events as columns.
+    def events(
+        self, sources_of: SourcesOf | None = None, names: Mapping[int, str] = MappingProxyType({})
+    ) -> EventBatch:
+        """Return its events as columns, those of unknown kinds, too.
 
         Args:
             sources_of: Looks up their sources, should somebody ask.
+            names: What a later version calls its kinds, by their numbers.
 
         Raises:
             CorruptLogError: A record's payload is not what its channel carries.
         """
         try:
-            return self._events(sources_of)
+            return self._events(sources_of, names)
         except ValueError as error:
             raise CorruptLogError(self.path, self.offset, str(error)) from None
 
-    def _events(self, sources_of: SourcesOf | None) -> EventBatch:
+    def _events(self, sources_of: SourcesOf | None, names: Mapping[int, str]) -> EventBatch:
         kinds = kinds_of(self.heads["channel_id"])
-        there = kinds_of_bits(int(np.bitwise_or.reduce(self.bits)))
+        bits = int(np.bitwise_or.reduce(self.bits))
+        there = kinds_of_bits(bits)
         self._check_lengths(kinds, there)
         chosen = np.flatnonzero(kinds != 0)
         sequence, happened, recorded, door_ids = (
@@ -164,6 +170,11 @@ class Page:
                 places[kind] = mine
                 if kind not in DOOR_KINDS:
                     door_ids[mine] = 0
+        for kind in np.unique(kinds[kinds > len(KINDS)]).tolist() if bits & UNKNOWN_BIT else ():
+            mine = batch.places_of(kind)
+            cls = unknown_kind(kind, name_of(kind, names))
+            objects[kind] = [self._unknown(cls, i) for i in chosen[mine].tolist()]
+            door_ids[mine] = 0
         return batch
 
     def commits(self) -> list[Commit]:
@@ -254,6 +265,9 @@ class Page:
     def _object(self, kind: int, i: int) -> Event:
         level = max(0, int(self.heads["channel_id"][i]) - FLOOR_MAP_CHANNEL)
         return decode(kind, self._payload(i), int(self.heads["publish_time"][i]), level)
+
+    def _unknown(self, cls: type[UnknownEvent], i: int) -> Event:
+        return cls(happened_ns=int(self.heads["publish_time"][i]), data=self._payload(i))
 
     def _commits(self, places: NDArray[np.intp]) -> list[Commit]:
         """Return the commits whose Commit messages are at these places: `_commit` of many."""

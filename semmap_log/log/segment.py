@@ -9,6 +9,7 @@ import zlib
 from collections import Counter
 from collections.abc import Set as AbstractSet
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -21,7 +22,6 @@ from mcap.records import (
     DataEnd,
     Footer,
     Header,
-    McapRecord,
     MetadataIndex,
     Schema,
     Statistics,
@@ -29,15 +29,19 @@ from mcap.records import (
 )
 
 from semmap_log.log import records as mcap
+from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.chunks import BuiltChunk, ChunkFacts
 from semmap_log.log.command_index import WrittenCommits, attachment
 from semmap_log.log.disk import write_all
 from semmap_log.log.folder import LogFolder, Version, version_of
 from semmap_log.log.form import (
+    CHANGES_KEY,
     COMMIT_CHANNEL,
+    FORMAT_MINOR,
     INDEX_METADATA,
     LIBRARY,
     LOG_METADATA,
+    NOTHING,
     PROFILE,
     Topic,
     count_events,
@@ -58,6 +62,7 @@ def channel_record(topic: Topic) -> Channel:
         metadata={
             "offered_qos_profiles": offered_qos(topic.durability),
             "topic_type_hash": type_hash(topic.ros_type),
+            **({CHANGES_KEY: NOTHING} if topic.changes_nothing else {}),
         },
         schema_id=topic.schema_id,
     )
@@ -76,19 +81,44 @@ def attachment_index(record: Attachment, length: int, offset: int) -> Attachment
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Head:
+    """The Schemas and Channels of every segment of a log, as records; ids ascending."""
+
+    schemas: tuple[bytes, ...]
+    channels: tuple[bytes, ...]
+
+    @classmethod
+    def of(cls, header: SegmentHeader) -> Head:
+        """Return those of a version, and what a later one has added."""
+        schemas, channels = _known_head(min(header.minor, FORMAT_MINOR))
+        return cls(
+            _in_order(schemas, header.newer.schemas), _in_order(channels, header.newer.channels)
+        )
+
+
+def _in_order(
+    known: tuple[tuple[int, bytes], ...], newer: tuple[tuple[int, bytes], ...]
+) -> tuple[bytes, ...]:
+    return tuple(record for _, record in sorted((*known, *newer)))
+
+
 @cache
-def schema_records() -> tuple[Schema, ...]:
-    """Return the Schemas of every segment, ids ascending."""
-    by_id = {topic.schema_id: topic.ros_type for topic in topics()}
-    return tuple(
-        Schema(id=number, name=name, encoding="ros2msg", data=schema_text(name).encode())
-        for number, name in sorted(by_id.items())
+def _known_head(
+    minor: int,
+) -> tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]:
+    """Return id and record of each Schema, and of each Channel, of a minor version."""
+    there = [topic for topic in topics() if topic.since_minor <= minor]
+    schemas = {topic.schema_id: topic.ros_type for topic in there}
+    return (
+        tuple((number, mcap.record(schema_record(number, schemas[number]))) for number in schemas),
+        tuple((topic.channel_id, mcap.record(channel_record(topic))) for topic in there),
     )
 
 
-@cache
-def _schema_and_channel_bytes() -> bytes:
-    return mcap.record(*schema_records(), *(channel_record(topic) for topic in topics()))
+def schema_record(number: int, ros_type: str) -> Schema:
+    """Return the MCAP Schema of a type."""
+    return Schema(id=number, name=ros_type, encoding="ros2msg", data=schema_text(ros_type).encode())
 
 
 MOST_HELD_BACK_BYTES = 2**16
@@ -106,7 +136,8 @@ class SegmentWriter:
         """Begin a segment in a folder: write its head."""
         self.folder = folder
         self.name = name
-        self.header = header
+        self.header = header = header.as_written()
+        self._head = Head.of(header)
         self.size = 0
         """Of the file, with what is held back."""
         self.commits = 0
@@ -133,7 +164,7 @@ class SegmentWriter:
         try:
             self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
             self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
-            self._write(_schema_and_channel_bytes())
+            self._write(b"".join((*self._head.schemas, *self._head.channels)))
         except BaseException:
             self.abandon()
             raise
@@ -330,33 +361,36 @@ class SegmentWriter:
         times = [facts.times for _, facts in self._chunks]
         return Statistics(
             attachment_count=len(self._attachments),
-            channel_count=len(topics()) + len(self.levels - {0}),
+            channel_count=len(self._head.channels) + len(self.levels - {0}),
             channel_message_counts=dict(sorted(counts.items())),
             chunk_count=len(self._chunks),
             message_count=counts.total(),
             message_end_time=max((end for _, end in times), default=0),
             message_start_time=min((start for start, _ in times), default=0),
             metadata_count=len(self._metadata),
-            schema_count=len(schema_records()),
+            schema_count=len(self._head.schemas),
         )
+
+    def closed_segment(self) -> ClosedSegment:
+        """Return what metadata.yaml is to say of it."""
+        return ClosedSegment.of(self.path, self.statistics(), self.header)
 
     def _summary(self) -> bytes:
         """Return what stands between DataEnd and the magic: summary, summary offsets, footer."""
-        channels = [channel_record(topic) for topic in topics()]
-        channels += [channel_record(floor_map_topic(n)) for n in sorted(self.levels - {0})]
-        groups: list[tuple[Opcode, list[McapRecord]]] = [
-            (Opcode.SCHEMA, list(schema_records())),
-            (Opcode.CHANNEL, list(channels)),
-            (Opcode.STATISTICS, [self.statistics()]),
-            (Opcode.CHUNK_INDEX, [facts.index_at(offset) for offset, facts in self._chunks]),
-            (Opcode.ATTACHMENT_INDEX, list(self._attachments)),
-            (Opcode.METADATA_INDEX, list(self._metadata)),
+        maps = [channel_record(floor_map_topic(level)) for level in sorted(self.levels - {0})]
+        indexes = [facts.index_at(offset) for offset, facts in self._chunks]
+        groups = [
+            (Opcode.SCHEMA, b"".join(self._head.schemas)),
+            (Opcode.CHANNEL, b"".join(self._head.channels) + mcap.record(*maps)),
+            (Opcode.STATISTICS, mcap.record(self.statistics())),
+            (Opcode.CHUNK_INDEX, mcap.record(*indexes)),
+            (Opcode.ATTACHMENT_INDEX, mcap.record(*self._attachments)),
+            (Opcode.METADATA_INDEX, mcap.record(*self._metadata)),
         ]
         summary, offsets = b"", b""
-        for opcode, group in groups:
-            if not group:
+        for opcode, data in groups:
+            if not data:
                 continue
-            data = mcap.record(*group)
             offset = SummaryOffset(
                 group_opcode=opcode,
                 group_start=self.size + len(summary),

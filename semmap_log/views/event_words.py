@@ -22,6 +22,7 @@ from semmap_log.events import (
     PatrolStarted,
     Retracted,
     RobotPose,
+    UnknownEvent,
 )
 
 
@@ -61,6 +62,8 @@ def words_of(event: Event) -> str:
             return f"floor plan of level {event.level}: {columns} x {rows} cells"
         case LogExported():
             return f"exported as {event.format}: {event.file_name}"
+        case UnknownEvent():
+            return f"{type(event).__name__}: unknown here, of a newer version"
         case _:
             raise TypeError(f"no words for {type(event).__name__}")
 

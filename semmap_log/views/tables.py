@@ -353,6 +353,8 @@ def _value(value: object) -> RenderableType:
         return _state(value)
     if isinstance(value, float):
         return _number(value)
+    if isinstance(value, bytes):
+        return f"{len(value):,} bytes"
     shape = getattr(value, "shape", None)
     if shape is not None:
         return f"{shape[1]} x {shape[0]} cells"

@@ -18,9 +18,9 @@ def _without(name: str, file: str, snippet: str, *tests: str, put: str = "pass")
 
 FILES = (
     _without("no link is followed where it is written", "folder.py",
-             "flags | _NO_LINK | _SAFE", FOLDER, put="flags | _SAFE"),
-    _without("no pipe is waited for", "folder.py",
-             '_SAFE = getattr(os, "O_NONBLOCK", 0) |', FOLDER, put="_SAFE ="),
+             "flags | NO_LINK | PLAIN", FOLDER, put="flags | PLAIN"),
+    _without("no pipe is waited for", "file_calls.py",
+             'PLAIN = getattr(os, "O_NONBLOCK", 0) |', FOLDER, put="PLAIN ="),
     _without("no pipe is read in a log's folder", "folder.py",
              "if not stat.S_ISREG(os.fstat(fd).st_mode):", FOLDER, put="if False:"),
     _without("a temporary file in a log's folder is new", "folder.py",

@@ -16,6 +16,7 @@ from mutation.level_guards import LEVELS
 from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
+from mutation.newer_guards import NEWER
 from mutation.picture_guards import PICTURES
 from mutation.ros_mapping_guards import ROS_MAPPING
 from mutation.serving_guards import SERVING
@@ -58,10 +59,10 @@ SYNCS = (
     _without("sync of a file before it gets its name", "disk.py",
              "        sync_file(temporary)\n", DISK, put=""),
     _without("a temporary file of nobody else's", "disk.py",
-             "os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW", WHOLE_FILES, put="os.O_CREAT"),
+             "os.O_CREAT | os.O_EXCL | NO_LINK", WHOLE_FILES, put="os.O_CREAT"),
     _without("no link in place of a temporary file", "disk.py",
-             "os.open(path, os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC)", WHOLE_FILES,
-             put="os.open(path, os.O_WRONLY | os.O_CLOEXEC | os.O_CREAT)"),
+             "os.open(path, os.O_WRONLY | NO_LINK | PLAIN)", WHOLE_FILES,
+             put="os.open(path, os.O_WRONLY | PLAIN | os.O_CREAT)"),
     _without("no pipe or device is read back", "disk.py",
              "        raise NotOursError(mode)\n    fd =", WHOLE_FILES,
              put="        pass\n    fd ="),
@@ -70,11 +71,11 @@ SYNCS = (
     _without("sync of the folder after a file got its name", "disk.py",
              "sync_folder(path.parent)", DISK),
     _without("sync of folders altogether", "disk.py",
-             "os.O_DIRECTORY)\n    try:\n        os.fsync(fd)", WRITER, DISK,
-             put="os.O_DIRECTORY)\n    try:\n        pass"),
+             "FOLDER)\n    try:\n        os.fsync(fd)", WRITER, DISK,
+             put="FOLDER)\n    try:\n        pass"),
     _without("sync of whole files altogether", "disk.py",
-             "os.O_RDONLY | os.O_CLOEXEC)\n    try:\n        os.fsync(fd)", DISK,
-             put="os.O_RDONLY | os.O_CLOEXEC)\n    try:\n        pass"),
+             "os.O_RDONLY | PLAIN)\n    try:\n        os.fsync(fd)", DISK,
+             put="os.O_RDONLY | PLAIN)\n    try:\n        pass"),
     _without("sync of the folder in which a log is made", "writing/opening.py",
              "            sync_folder(path.parent)\n            return writer", DISK,
              put="            return writer"),
@@ -330,5 +331,5 @@ GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER,
 )  # fmt: skip

@@ -136,6 +136,6 @@ class BackgroundCompactor:
                 raise _Abandoned
             install_over(copy, replaced)
             try:
-                self._installed(ClosedSegment.of(copy.path, copy.statistics()))
+                self._installed(copy.closed_segment())
             except Exception as error:  # noqa: BLE001 - as above
                 _log.warning("%s: compacted, but not listed: %s", copy.path, error)

@@ -57,7 +57,7 @@ class Step:
         first, *others = (segment.path for segment in self.sources)
         with rechunked(folder, self.sources, pause) as copy:
             listed = {path: said for path, said in listed.items() if path not in others}
-            listed[first] = ClosedSegment.of(first, copy.statistics())
+            listed[first] = copy.closed_segment()
             if others:
                 write_bag_metadata(folder, listed.values())
             copy.install(replacing=self.sources[0].source.identity)

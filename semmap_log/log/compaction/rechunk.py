@@ -23,6 +23,7 @@ from semmap_log.log.chunks import BuiltChunk, build_chunk
 from semmap_log.log.compaction.repaging import Pause, are_pages, no_pause, pages
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
+from semmap_log.log.header import with_all_of
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.grammar import Place, place_behind
 from semmap_log.log.reading.scan import Segment, open_segment
@@ -65,7 +66,8 @@ def rechunked(
 
 def merged_header(sources: Sequence[Segment]) -> SegmentHeader:
     """Return the header of the segment that stands for all of these."""
-    return replace(sources[0].header, last_number=sources[-1].header.last_number)
+    headers = [segment.full_header for segment in sources]
+    return replace(with_all_of(headers), last_number=headers[-1].last_number)
 
 
 def needs_compaction(segment: Segment) -> bool:
@@ -119,7 +121,7 @@ def _compare(
     """Read the copy from its file and compare head, statistics and every record with the old."""
     assert writer.temporary is not None
     copy = open_segment(writer.folder / writer.temporary, folder=writer.folder)
-    if copy.header != writer.header:
+    if copy.full_header != writer.header:
         raise _differs(sources[0].path, "its head")
     said = [statistics_of(segment) for segment in sources]
     if _contents(said) != _contents([statistics_of(copy)]):

@@ -21,6 +21,7 @@ from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_folder import check_is_log
 from semmap_log.log.reading.segment_reading import statistics_of
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.zipped import refuse_zip
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,7 @@ def compact(path: Path, *, merge: bool = True, progress: Progress | None = None)
         LogAccessError: The file system says no; what was done until then stays done.
         CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
     """
+    refuse_zip(path)
     check_is_log(LogFolder(path))
     folder = LogFolder.held(path)
     lock = WriterLock(folder)
@@ -71,6 +73,7 @@ def compact(path: Path, *, merge: bool = True, progress: Progress | None = None)
 
 def plan_compaction(path: Path, *, merge: bool = True) -> Compacted:
     """Return what `compact` would do; needs no lock and no write access."""
+    refuse_zip(path)
     closed = _closed(LogFolder(path))
     steps = plan(closed, merge=merge)
     merged_away = sum(len(step.sources) - 1 for step in steps)

@@ -27,7 +27,7 @@ def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
     Args:
         tasks: Called from other threads; what one raises is raised here, in its place.
     """
-    threads = min(len(os.sched_getaffinity(0)), MOST_THREADS)
+    threads = min(_cores(), MOST_THREADS)
     if threads < 2:
         for task in tasks:
             yield task()
@@ -42,6 +42,13 @@ def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
     finally:
         for begun in running:
             begun.cancel()
+
+
+def _cores() -> int:
+    """Return how many cores this process may use, as far as the system tells."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1  # macOS, Windows
 
 
 class _Begun(Generic[T]):

@@ -63,15 +63,18 @@ class ChangeFinder:
     def _state_before(self, event: int) -> DoorMapState:
         state = self._state
         if state is None or not 0 <= event - self._next <= FAR:
-            return state_at(self._reader, limit=event - 1)
+            return self._state_at(event - 1)
         if event > self._next:
             window = Window(first_event=self._next, before_event=event)
             batches = list(self._reader.batches(window))
             if any(Retracted in batch for batch in batches):
-                return state_at(self._reader, limit=event - 1)
+                return self._state_at(event - 1)
             for batch in batches:
                 state.apply(self._about_doors(batch))
         return state
+
+    def _state_at(self, event: int) -> DoorMapState:
+        return state_at(self._reader, limit=event, with_newer=True)
 
     def _about_doors(self, batch: EventBatch) -> EventBatch:
         if self._doors is None:

@@ -16,6 +16,7 @@ import numpy as np
 from semmap_log.commits import Commit
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.log.pages import Page
+from semmap_log.log.reading.newer_events import unknown_kinds, without_newer
 from semmap_log.log.reading.reader import ChunkPlace, LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import chunk_of
@@ -34,7 +35,12 @@ class FollowedCommit:
 
 
 def follow(
-    reader: LogReader, after: int, *, poll_s: float, stop: Callable[[], bool] | None = None
+    reader: LogReader,
+    after: int,
+    *,
+    poll_s: float,
+    stop: Callable[[], bool] | None = None,
+    with_newer: bool = False,
 ) -> Iterator[FollowedCommit]:
     """Yield every whole commit that has events behind a number, then those that are written.
 
@@ -43,8 +49,10 @@ def follow(
         after: Number of the last event that is not wanted any more; -1: all are.
         poll_s: How long to wait before looking again, when nothing was new.
         stop: Asked before each look; once it says yes, what is there then is the end.
+        with_newer: As for `commits_after`.
 
     Raises:
+        NewerLogError: A commit has an event of an unknown kind that may change others.
         CorruptLogError: The log is damaged; or it is no continuation of what it was.
         LogError: Another log lies there now.
     """
@@ -54,7 +62,7 @@ def follow(
         reader.refresh()
         if not are_same(seen, reader.segments):
             seen = reader.segments
-            for followed in commits_after(reader, after):
+            for followed in commits_after(reader, after, with_newer=with_newer):
                 after = followed.commit.last_event
                 yield followed
         if is_last_look:
@@ -62,14 +70,18 @@ def follow(
         time.sleep(poll_s)
 
 
-def commits_after(reader: LogReader, event: int) -> Iterator[FollowedCommit]:
+def commits_after(
+    reader: LogReader, event: int, *, with_newer: bool = False
+) -> Iterator[FollowedCommit]:
     """Yield the whole commits that a log has behind an event, as it was last refreshed.
 
     Args:
         reader: Of the log.
         event: Its number; a commit that it is in the middle of comes with the rest of its events.
+        with_newer: Yield events of kinds unknown here, too, whatever they may change.
 
     Raises:
+        NewerLogError: A commit has an event of an unknown kind that may change others.
         CorruptLogError: A chunk is not what was written.
     """
     first = max(event + 1, 0)
@@ -80,12 +92,15 @@ def commits_after(reader: LogReader, event: int) -> Iterator[FollowedCommit]:
     chunk = chunk_of(segment, first)
     start = ChunkPlace(place, len(segment.chunks) if chunk is None else chunk)
     parts: list[EventBatch] = []
-    for _, page in reader.pages(start):
-        cutter = _Cutter(page, first)
+    for source, page in reader.pages(start):
+        cutter = _Cutter(source, page, first)
         for commit in page.commits():
             parts.append(cutter.up_to(commit.last_event))
             if commit.last_event >= first:
-                yield FollowedCommit(commit, _joined(parts))
+                batch = _joined(parts)
+                if not with_newer and _may_change_others(batch, source):
+                    raise reader.newer_events.refusal(reader.folder)
+                yield FollowedCommit(commit, batch if with_newer else without_newer(batch))
             parts = []
         parts.append(cutter.rest())
 
@@ -95,12 +110,18 @@ def are_same(some: list[Segment], others: list[Segment]) -> bool:
     return len(some) == len(others) and all(map(operator.is_, some, others))
 
 
+def _may_change_others(batch: EventBatch, segment: Segment) -> bool:
+    """Tell whether there are events of unknown kinds in it that are not marked as harmless."""
+    unknown = unknown_kinds(batch)
+    return bool(unknown) and not unknown <= segment.newer.harmless
+
+
 class _Cutter:
     """Cuts the events of a page into parts that follow each other."""
 
-    def __init__(self, page: Page, first: int) -> None:
-        """Take the events of a page, from a number on."""
-        batch = page.events()
+    def __init__(self, segment: Segment, page: Page, first: int) -> None:
+        """Take the events of a page of a segment, from a number on."""
+        batch = page.events(names=segment.newer.names if segment.has_unknown_events else {})
         self._batch = batch.select(batch.number >= first) if len(batch) else batch
         self._places = {
             kind: np.flatnonzero(self._batch.kind == kind)
@@ -143,7 +164,7 @@ class _Cutter:
 
 def _joined(parts: list[EventBatch]) -> EventBatch:
     """Return batches that follow each other as one."""
-    filled = [part for part in parts if len(part)]
+    filled = [part for part in parts if len(part)] or parts[:1]
     if len(filled) == 1:
         return filled[0]
     kinds = {kind for part in filled for kind in part.columns}

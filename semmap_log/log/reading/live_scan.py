@@ -10,6 +10,7 @@ writer leaves which lost its power: sectors of unsynced commits are missing, in 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -96,16 +97,26 @@ def go_on(earlier: LiveScan, header: SegmentHeader, source: ByteSource) -> LiveS
 
 def _behind_head(source: ByteSource, start: int) -> int:
     """Return where the Schemas and Channels end that begin there."""
+    return start + sum(len(record) for _, record in head_records(source, start))
+
+
+def head_records(source: ByteSource, start: int) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and bytes of the Schemas and Channels that begin there, frames included.
+
+    Raises:
+        UnreadableLogError: They cannot be read.
+    """
     at, room = start, _HEAD_BYTES
     while True:
         window = source.read(at, at + room)
         begin = at
         for opcode, offset, length in frames(window, 0, len(window)):
             if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
-                return at
+                return
+            yield opcode, bytes(window[offset : offset + length])
             at = begin + offset + length
         if begin + len(window) == source.size:
-            return at
+            return
         room = room if at > begin else 2 * room  # of a record that is longer than that
 
 

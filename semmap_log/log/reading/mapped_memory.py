@@ -165,3 +165,13 @@ class _Library:
 @cache
 def _library() -> _Library:
     return _Library()
+
+
+@cache
+def can_map() -> bool:
+    """Tell whether files can be mapped by the C library: not on Windows."""
+    try:
+        _library()
+    except (OSError, TypeError, AttributeError):
+        return False
+    return hasattr(mmap, "MAP_SHARED")

@@ -15,7 +15,7 @@ from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
 from semmap_log.log.file_calls import read_into, read_page_into
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading.byte_source import Identity
-from semmap_log.log.reading.mapped_memory import MappedMemory
+from semmap_log.log.reading.mapped_memory import MappedMemory, can_map
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,8 @@ class MappedFile:
     identity: Identity
     """Device and inode: the same for the same file under any name, another for its successor."""
     memory: MappedMemory | None
-    """None for an empty file."""
+    """None for an empty file, and where files cannot be mapped: then it is read by its name alone,
+    and what another file has taken the name of is gone."""
 
     @property
     def is_guarded(self) -> bool:
@@ -114,8 +115,10 @@ class MappedFile:
 
     def _copy(self, start: int, target: memoryview) -> None:
         """Copy a range from the mapping."""
-        if self.memory is None or not target:
+        if not target:
             return
+        if self.memory is None:  # it cannot be mapped on this system
+            raise self._unreadable(start, "another file has its name now; open the log anew")
         try:
             copied = self.memory.copy(start, target)
         except OSError as error:
@@ -161,7 +164,7 @@ def map_file(path: Path, folder: LogFolder | None = None) -> MappedFile:
         status = os.fstat(fd)
         if not stat.S_ISREG(status.st_mode):
             raise NotALogError(f"{path}: not a regular file.")
-        memory = MappedMemory(fd, status.st_size) if status.st_size else None
+        memory = MappedMemory(fd, status.st_size) if status.st_size and can_map() else None
         return MappedFile(path, folder, status.st_size, (status.st_dev, status.st_ino), memory)
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error

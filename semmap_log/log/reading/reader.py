@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from copy import copy
@@ -20,6 +21,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
+from semmap_log.log.reading.newer_events import NewerEvents, without_newer
 from semmap_log.log.reading.passage import Passage, Progress
 from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_folder import SegmentFolder
@@ -68,6 +70,9 @@ class LogReader:
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
         self._retractions: Retractions | None = None
+        self._newer: NewerEvents | None = None
+        self._has_warned = False
+        """Whether somebody was told that events of a later version are left out."""
         self._latest_ns: NDArray[np.int64] | None = None
         """Of each segment and those before it, the latest happened time."""
         self._is_in_order = False
@@ -100,7 +105,8 @@ class LogReader:
             self._check_same_log(found.segments[0])
             self.segments, self.leftovers = found.segments, found.leftovers
         if self.segments != before:
-            self._retractions, self._latest_ns, self._is_in_order = None, None, False
+            self._retractions, self._newer = None, None
+            self._latest_ns, self._is_in_order = None, False
 
     @property
     def folder(self) -> Path:
@@ -143,16 +149,19 @@ class LogReader:
         start: ChunkPlace = BEGINNING,
         progress: Progress | None = None,
         on_page: OnPage | None = None,
+        with_newer: bool = False,
     ) -> Iterator[EventBatch]:
         """Yield the events of a window, numbers ascending, retracted ones included.
 
-        What cannot hold any is not read.
+        What cannot hold any is not read. Whether events of kinds unknown here touch the question
+        is not asked: `check_known` does.
 
         Args:
             window: Which events.
             start: What comes before is not looked at.
             progress: Told how far the reading is.
             on_page: Called with the records of each batch that follows.
+            with_newer: Yield events of unknown kinds, too.
 
         Raises:
             CorruptLogError: A chunk is not what was written, or events are missing.
@@ -169,7 +178,7 @@ class LogReader:
                 if place == start.segment:
                     chunks = chunks[chunks >= start.chunk]
                 for page, batch in batches_of(segment, chunks):
-                    chosen = window.choose(batch)
+                    chosen = window.choose(batch if with_newer else without_newer(batch))
                     if len(chosen):
                         if on_page is not None:
                             on_page(segment, page)
@@ -228,7 +237,8 @@ class LogReader:
         Raises:
             LogError: There is none.
         """
-        for batch in self.batches(Window(first_event=number, before_event=number + 1)):
+        window = Window(first_event=number, before_event=number + 1)
+        for batch in self.batches(window, with_newer=True):
             (recorded,) = batch
             return recorded
         raise self._no_event(number)
@@ -258,8 +268,43 @@ class LogReader:
         behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
         return behind - 1 if behind else None
 
-    def retractions(self, *, limit: int | None = None) -> Retractions:
-        """Return what was taken back by the events up to the number `limit`."""
+    @property
+    def newer_events(self) -> NewerEvents:
+        """What in the log is of kinds that a later version has added.
+
+        Raises:
+            CorruptLogError: A summary is damaged, or a chunk that holds some.
+        """
+        if self._newer is None:
+            self._newer = NewerEvents.of(self.segments)
+        return self._newer
+
+    def check_known(self, limit: int | None = None) -> None:
+        """Return if no event up to a number, of a kind unknown here, can touch an answer.
+
+        Raises:
+            NewerLogError: One can.
+        """
+        newer = self.newer_events
+        if newer.reach(limit):
+            raise newer.refusal(self.folder)
+        if newer.counts and newer.first is None and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(newer.warning(self.folder), stacklevel=3)
+
+    def retractions(self, *, limit: int | None = None, with_newer: bool = False) -> Retractions:
+        """Return what was taken back by the events up to the number `limit`.
+
+        Args:
+            limit: None: by all.
+            with_newer: Even where an event of an unknown kind may have taken back others: for who
+                shows events as they were recorded.
+
+        Raises:
+            NewerLogError: There is such an event.
+        """
+        if not with_newer:
+            self.check_known(limit)
         if self._retractions is None:
             found = Retractions()
             for batch in self.batches(Window(kinds=bits_of_kinds([Retracted]))):

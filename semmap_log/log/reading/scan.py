@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from semmap_log.command_lines import command_line
 from semmap_log.computed_once import computed_once
-from semmap_log.errors import CorruptLogError, NotALogError
+from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogError
 from semmap_log.log import records as mcap
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import LOG_METADATA, PROFILE
-from semmap_log.log.header import SegmentHeader
+from semmap_log.log.header import OtherVersionError, SegmentHeader
+from semmap_log.log.kind_bits import UNKNOWN_BIT, bits_of_counts
+from semmap_log.log.newer import Newer
 from semmap_log.log.reading.byte_source import ByteSource
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.closed_summary import (
@@ -31,7 +33,7 @@ from semmap_log.log.reading.closed_summary import (
     read_summary,
 )
 from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
-from semmap_log.log.reading.live_scan import LiveScan, go_on, scan_live
+from semmap_log.log.reading.live_scan import LiveScan, go_on, head_records, scan_live
 from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.segment_head import last_commit_in, stored_head
 from semmap_log.log.walking import frames
@@ -58,6 +60,31 @@ class Segment:
     def size(self) -> int:
         """Bytes of the file."""
         return self.source.size
+
+    @computed_once
+    def newer(self) -> Newer:
+        """What a later version has put at its head.
+
+        Raises:
+            UnreadableLogError: It cannot be read.
+        """
+        return Newer.of(head_records(self.source, self.head_end))
+
+    @property
+    def full_header(self) -> SegmentHeader:
+        """Its header with all that whoever writes it anew must keep."""
+        return replace(self.header, newer=self.newer)
+
+    @property
+    def has_unknown_events(self) -> bool:
+        """Whether events of kinds that a later version has added are in it.
+
+        Raises:
+            CorruptLogError: The summary of a closed segment is damaged.
+        """
+        if self.counts is not None:
+            return bool(bits_of_counts(self.counts) & UNKNOWN_BIT)
+        return bool(len(self.chunks.having(UNKNOWN_BIT)))
 
     @property
     def closed(self) -> bool:
@@ -231,6 +258,7 @@ def open_segment(
 
     Raises:
         NotALogError: The file is not a segment of ours.
+        NewerLogError: A later major version has written it.
         CorruptLogError: It was, and is damaged: in its head; a live one, in what was on the disk.
         LogAccessError: It cannot be read.
     """
@@ -283,6 +311,7 @@ def read_head(
 
     Raises:
         NotALogError: Not an MCAP file, or one that somebody else wrote.
+        NewerLogError: A later major version has written it.
         CorruptLogError: The header is damaged.
     """
     file = source.read(0, _USUAL_HEAD_BYTES) if start is None else start
@@ -309,5 +338,7 @@ def read_head(
                 f"To take its doors into a log: {line}"
             )
         return SegmentHeader.from_metadata(metadata), second[1] + second[2]
+    except OtherVersionError as error:
+        raise (NewerLogError if error.is_newer else LogError)(f"{path}: {error}.") from None
     except ValueError as error:
         raise CorruptLogError(path, second[1], str(error)) from None

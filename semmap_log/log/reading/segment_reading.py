@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from semmap_log.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.event_batch import EventBatch
-from semmap_log.log.bag_metadata import ClosedSegment
+from semmap_log.log.bag_metadata import ClosedSegment, tells_of_newer
 from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.form import CHUNK_BYTES, count_events
-from semmap_log.log.kind_bits import COMMIT_BIT
+from semmap_log.log.kind_bits import COMMIT_BIT, UNKNOWN_BIT
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.ahead import ahead
 from semmap_log.log.reading.chunk_table import ChunkTable
@@ -77,6 +77,7 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
     is_worth_it = 2 * len(chunks) > len(firsts) and len(chunks) >= MANY_CHUNKS
     may_trust = is_worth_it and wanted.are_small and segment.source.is_guarded
     is_sound = may_trust and segment.is_sound  # to know it, all is read
+    names = segment.newer.names if len(wanted.having(UNKNOWN_BIT)) else {}
     at = 0
     for group, unpacked in _unpacked(segment, wanted):
         mine = chunks[at : at + len(group)]
@@ -84,7 +85,7 @@ def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Pag
         page = read_page(
             group, segment.header.first_event, unpacked=unpacked, in_place=True, is_sound=is_sound
         )
-        batch = page.events(NoteSources(page, partial(commit_of, segment)))
+        batch = page.events(NoteSources(page, partial(commit_of, segment)), names)
         _check_numbers(page, batch, firsts[mine], ends[mine])
         yield page, batch
 
@@ -157,7 +158,10 @@ def statistics_of(segment: Segment) -> ClosedSegment:
     Raises:
         CorruptLogError: Its summary is damaged.
     """
-    return ClosedSegment.of(segment.path, segment.statistics)
+    said = segment.statistics
+    is_newer = tells_of_newer(segment.header, said.channel_message_counts)
+    header = segment.full_header if is_newer else segment.header
+    return ClosedSegment.of(segment.path, said, header)
 
 
 def last_commit(segment: Segment) -> Commit | None:

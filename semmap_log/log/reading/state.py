@@ -32,6 +32,7 @@ def state_at(
     limit: int | None = None,
     uses_keyframes: bool = True,
     progress: Progress | None = None,
+    with_newer: bool = False,
 ) -> DoorMapState:
     """Return the door map as of a moment; without bounds: now.
 
@@ -41,18 +42,20 @@ def state_at(
         limit: Only events up to that number, and what they retract.
         uses_keyframes: Whether to start at one; else from the beginning, for the same answer.
         progress: Told how far the reading is.
+        with_newer: Even where an event of an unknown kind may have changed it.
 
     Raises:
+        NewerLogError: There is such an event.
         CorruptLogError: What was read is not what was written.
     """
     state, start = DoorMapState(), BEGINNING
     if limit is not None and limit < 0:
         return state
-    retractions = reader.retractions(limit=limit)
+    retractions = reader.retractions(limit=limit, with_newer=with_newer)
     if uses_keyframes:
         state, start = _Search(reader, at_ns, limit, retractions).nearest()
     window = Window.up_to(at_ns=at_ns, event=limit)
-    for batch in reader.batches(window, start=start, progress=progress):
+    for batch in reader.batches(window, start=start, progress=progress, with_newer=True):
         state.note_used_ids(batch)
         state.apply(retractions.visible(batch))
     return state

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.event_batch import EventBatch
-from semmap_log.log.kind_bits import EVENT_BITS, bits_of_counts
+from semmap_log.log.kind_bits import EVENT_BITS, bits_of_counts, bits_of_kind_numbers
 from semmap_log.log.reading.scan import Segment
 
 
@@ -73,7 +73,7 @@ class Window:
         if self.has_happened_bound:
             inside &= _is_within(batch.folds_ns, *self._happened)
         if self.kinds != EVENT_BITS:
-            inside &= (np.uint32(self.kinds) >> batch.kind) & 1 == 1
+            inside &= bits_of_kind_numbers(batch.kind) & np.uint32(self.kinds) != 0
         return batch.select(inside)
 
     @property

@@ -33,6 +33,8 @@ class Rewriter:
         """Log time of the last record."""
         self.dropped: list[int] = []
         """Old numbers of the retractions that were dropped."""
+        self.has_moved = False
+        """Whether an event has got another number."""
 
     def rewrite(self, whole: WholeCommit) -> list[bytes]:
         """Return the records of a commit in its new place; none if no event of it is left."""
@@ -46,6 +48,7 @@ class Rewriter:
                 continue
             is_event = channel != NOTE_CHANNEL
             number = self.numbers.keep(old) if is_event else self.numbers.next_event - 1
+            self.has_moved |= is_event and number != old
             publish_ns = MESSAGE.unpack_from(record)[5] if is_event else time
             records.append(message(channel, number, time, publish_ns, body))
             time += 1

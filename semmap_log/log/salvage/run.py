@@ -9,16 +9,18 @@ from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, LogExistsError
 from semmap_log.log.clock import Clock, SystemClock
+from semmap_log.log.commits import NO_HASH
 from semmap_log.log.disk import sync_folder
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import RECOVERING_NAME
-from semmap_log.log.header import LogInfo
+from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.salvage.survey import Loss, Survey, survey
 from semmap_log.log.salvage.swap import new_folder_beside, put_away, take_place
 from semmap_log.log.salvage.writing import NewLog
 from semmap_log.log.verification import Progress, Verifier, verify
 from semmap_log.log.verification.folder import arrange
+from semmap_log.log.zipped import refuse_zip
 
 MOST_NAMED = 20
 """Losses that the note of the new log's last commit names one by one."""
@@ -63,12 +65,12 @@ def recover(
         found = survey(log, progress)
         if not found.has_to_do:
             return Recovered(found, log if kept else None, kept)
-        info = _info(found, entropy, is_new=not found.keeps_numbers)
+        header = _header(found, entropy, is_new=not found.keeps_numbers)
         with new_folder_beside(log) as folder:
             made = LogFolder.held(folder)
             new_lock = WriterLock(made)
             try:
-                _write(found, NewLog(made, log.name, info), clock or SystemClock(), entropy)
+                _write(found, NewLog(made, log.name, header), clock or SystemClock(), entropy)
                 take_place(log, old)
                 kept = put_away(log)
             finally:
@@ -105,8 +107,8 @@ def recover_into(
         return Recovered(found, None, None)
     try:
         with new_folder_beside(target) as folder:
-            info = _info(found, entropy, is_new=True)
-            made = NewLog(LogFolder.held(folder), target.name, info)
+            header = _header(found, entropy, is_new=True)
+            made = NewLog(LogFolder.held(folder), target.name, header)
             _write(found, made, clock or SystemClock(), entropy)
             (folder / RECOVERING_NAME).unlink()
             folder.rename(target)
@@ -141,16 +143,23 @@ def _range(loss: Loss) -> str:
 
 
 def _check_is_folder(log: Path) -> None:
+    refuse_zip(log)
     if not log.is_dir():
         raise LogError(f"{log}: expected a log's folder.")
     if not arrange(log).segments:
         raise LogError(f"{log}: no segment of a semmap log is in this folder.")
 
 
-def _info(found: Survey, entropy: Entropy, *, is_new: bool) -> LogInfo:
-    if found.info is None:
-        return LogInfo(entropy(16).hex(), "UTC")
-    return replace(found.info, log_id=entropy(16).hex()) if is_new else found.info
+def _header(found: Survey, entropy: Entropy, *, is_new: bool) -> SegmentHeader:
+    """Return the header of the new log's first segment, with a new id where it is another log."""
+    old = found.header
+    info = LogInfo(entropy(16).hex(), "UTC") if old is None else old.info
+    if is_new and old is not None:
+        info = replace(info, log_id=entropy(16).hex())
+    first = SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH)
+    if old is None:
+        return first
+    return replace(first, minor=old.minor, others=old.others, newer=old.newer)
 
 
 def _write(found: Survey, new: NewLog, clock: Clock, entropy: Entropy) -> None:

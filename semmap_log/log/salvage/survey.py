@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.errors import LogError
+from semmap_log.errors import LogError, NewerLogError
 from semmap_log.events import KINDS, DoorAdded, DoorEvent
 from semmap_log.log.form import kind_of_channel
-from semmap_log.log.header import LogInfo
+from semmap_log.log.header import LogInfo, SegmentHeader, with_all_of
 from semmap_log.log.records import MESSAGE
 from semmap_log.log.salvage.rewriting import Rewriter
 from semmap_log.log.verification import Progress, Severity, Verification, Verifier, WholeCommit
 from semmap_log.log.verification.file_bytes import Vanished
+from semmap_log.log.zipped import refuse_zip
 from semmap_log.messages import OBJECT_KINDS, decode, fixed_layout
 
 
@@ -47,8 +49,14 @@ class Survey:
     events: int
     span_ns: tuple[int, int] | None
     """Log times of the first and last event that survive."""
-    info: LogInfo | None
-    """What the log's heads say; None: none of them can be read."""
+    header: SegmentHeader | None
+    """Of the log's first segment, with what later versions have put at any head; None: none of them
+    can be read."""
+
+    @property
+    def info(self) -> LogInfo | None:
+        """What is fixed of the log; None: no head can be read."""
+        return None if self.header is None else self.header.info
 
     @property
     def has_to_do(self) -> bool:
@@ -75,8 +83,10 @@ def survey(path: Path, progress: Progress | None = None) -> Survey:
     """Read a log and return what a recovery would save and lose.
 
     Raises:
+        NewerLogError: It is damaged, and holds what only a later version can take over.
         LogError: It cannot be read, or is no log.
     """
+    refuse_zip(path)
     taken = _Taken()
     verifier = Verifier(path, progress=progress, on_commit=taken.add, keep_parts=True)
     try:
@@ -85,7 +95,14 @@ def survey(path: Path, progress: Progress | None = None) -> Survey:
         raise LogError(f"{path}: somebody is writing to this log; stop that first.") from None
     if not verifier.arrangement.segments:
         raise LogError("\n".join(f"{f.path}: {f.text}" for f in found.findings))
-    headers = [f.header for f in verifier.arrangement.segments if f.header is not None]
+    headers = verifier.headers
+    is_beyond_us = verifier.has_unknown_changes or (verifier.newer and taken.rewriter.has_moved)
+    if is_beyond_us and found.of(Severity.DAMAGE):
+        raise NewerLogError(
+            f"{path}: damaged, and not to be recovered here: a newer version of semmap-log has "
+            f"written {_in_words(verifier.newer)} to it, and only that knows what a new number or "
+            "a keyframe must make of them. Nothing was changed; recover with the newer version."
+        )
     return Survey(
         path=path,
         verification=found,
@@ -95,8 +112,12 @@ def survey(path: Path, progress: Progress | None = None) -> Survey:
         commits=taken.commits,
         events=taken.rewriter.numbers.next_event,
         span_ns=taken.span_ns,
-        info=headers[0].info if headers else None,
+        header=with_all_of(headers) if headers else None,
     )
+
+
+def _in_words(newer: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {kind}" for kind, count in newer.items())
 
 
 class _Taken:
@@ -143,7 +164,7 @@ class _Taken:
         for part in whole.parts:
             for channel, _, _, _, start, end in part.piece.messages[part.first : part.last]:
                 kind = kind_of_channel(channel)
-                if kind is None or not issubclass(KINDS[kind - 1], DoorEvent):
+                if kind is None or kind > len(KINDS) or not issubclass(KINDS[kind - 1], DoorEvent):
                     continue
                 data = bytes(part.piece.records[start + MESSAGE.size : end])
                 door = _door_id(kind, data)

@@ -11,10 +11,10 @@ from semmap_log.log import keyframes
 from semmap_log.log.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.log.clock import Clock
 from semmap_log.log.closed_mark import ClosedMark, write_mark
-from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.commits import CommitBuilder, Stamp
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import FLOOR_MAP_CHANNEL, ROLL_BYTES, ROLL_COMMITS, segment_name
-from semmap_log.log.header import LogInfo, SegmentHeader
+from semmap_log.log.header import SegmentHeader
 from semmap_log.log.salvage.rewriting import Rewriter, chunks_of
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.verification import WholeCommit
@@ -28,18 +28,18 @@ FORMAT = "semmap-log"
 class NewLog:
     """Writes segments into an empty folder; everything is synced once `finish` has returned."""
 
-    def __init__(self, folder: LogFolder, name: str, info: LogInfo) -> None:
+    def __init__(self, folder: LogFolder, name: str, header: SegmentHeader) -> None:
         """Begin a log.
 
         Args:
             folder: Where it is made.
             name: The name that its folder will have: segments are named after it.
-            info: What its heads say.
+            header: Of its first segment.
         """
         self.rewriter = Rewriter()
         self.folder = folder
         self._name = name
-        self._next = SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH)
+        self._next = header
         self._segment: SegmentWriter | None = None
         self._state = WrittenState(folder, DoorMapState(), lambda: None)
         self._closed: list[ClosedSegment] = []
@@ -110,7 +110,7 @@ class NewLog:
         assert segment is not None
         segment.close()
         segment.install()
-        self._closed.append(ClosedSegment.of(segment.path, segment.statistics()))
+        self._closed.append(segment.closed_segment())
         self._next = segment.header.next(self.rewriter.numbers.next_event, self.rewriter.head)
         self._segment = None
 

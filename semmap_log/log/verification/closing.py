@@ -6,6 +6,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,14 +32,13 @@ from semmap_log.log.form import (
     LOG_METADATA,
     count_events,
     floor_map_topic,
-    topics,
 )
-from semmap_log.log.header import SegmentHeader, head_in_index, read_index
-from semmap_log.log.segment import attachment_index, channel_record, schema_records
+from semmap_log.log.header import LogInfo, SegmentHeader, head_in_index, read_index
+from semmap_log.log.segment import Head, attachment_index, channel_record
 from semmap_log.log.verification.file_bytes import FileBytes
 from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
 from semmap_log.log.verification.pieces import Piece
-from semmap_log.log.verification.walk import Flaw, schemas_and_channels
+from semmap_log.log.verification.walk import Flaw, name_of_record
 from semmap_log.messages import layout
 
 SECTOR = 512
@@ -67,8 +67,8 @@ class Contents:
     """Of all commits, one behind the other."""
     first_events: list[int] = field(default_factory=list)
     """Of each commit."""
-    head: bytes = b""
-    """Hash of the last commit; empty where there is none."""
+    head_hash: bytes = b""
+    """Of the last commit; empty where there is none."""
 
     def add(self, piece: Piece) -> None:
         """Take the next chunk in."""
@@ -79,11 +79,17 @@ class Contents:
         for commit in _commits(piece):
             self.command_ids += commit["command_id"]
             self.first_events.append(commit["first_event"])
-            self.head = commit["hash"]
+            self.head_hash = commit["hash"]
 
     def closing_head(self) -> bytes:
         """Return the hash that the closing must tell: of the last commit, or of the one before."""
-        return self.head or (b"" if self.header is None else self.header.hash_so_far)
+        return self.head_hash or (b"" if self.header is None else self.header.hash_so_far)
+
+    @property
+    def head(self) -> Head:
+        """Its Schemas and Channels."""
+        header = self.header or SegmentHeader(LogInfo("", ""), 0, 0, b"")
+        return Head.of(header)
 
     def command_attachment(self) -> Attachment | None:
         """Return the index of its commands; None: it has no commit."""
@@ -97,22 +103,21 @@ class Contents:
         """Return the Statistics of it all."""
         return Statistics(
             attachment_count=attachment_count,
-            channel_count=len(topics()) + len(self.levels),
+            channel_count=len(self.head.channels) + len(self.levels),
             channel_message_counts=dict(sorted(self.counts.items())),
             chunk_count=len(self.chunks),
             message_count=self.counts.total(),
             message_end_time=max((c.message_end_time for c in self.chunks), default=0),
             message_start_time=min((c.message_start_time for c in self.chunks), default=0),
             metadata_count=metadata_count,
-            schema_count=len(schema_records()),
+            schema_count=len(self.head.schemas),
         )
 
     def closed_segment(self, name: str) -> ClosedSegment:
         """Return what metadata.yaml says of it."""
-        said = self.statistics(2)
-        return ClosedSegment(
-            name, said.message_start_time, said.message_end_time, dict(self.counts)
-        )
+        header = self.header
+        assert header is not None, "a segment that is closed, and whole, has one"
+        return ClosedSegment.of(Path(name), self.statistics(2), header)
 
 
 def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:
@@ -248,11 +253,10 @@ def _records_behind(
         MetadataIndex(length=index_length, name=INDEX_METADATA, offset=at),
     ]
     levels = [channel_record(floor_map_topic(level)) for level in sorted(contents.levels)]
-    known = list(schemas_and_channels())
     said = contents.statistics(len(metadata), len(attachments))
     groups: list[tuple[Opcode, list[tuple[str, bytes]]]] = [
-        (Opcode.SCHEMA, known[: len(schema_records())]),
-        (Opcode.CHANNEL, known[len(schema_records()) :] + _named("a Channel", levels)),
+        (Opcode.SCHEMA, _of_head(contents.head.schemas)),
+        (Opcode.CHANNEL, _of_head(contents.head.channels) + _named("a Channel", levels)),
         (Opcode.STATISTICS, _named("the Statistics", [said])),
         (Opcode.CHUNK_INDEX, _named("a ChunkIndex", contents.chunks)),
         (Opcode.ATTACHMENT_INDEX, _named("an AttachmentIndex", attachments)),
@@ -281,6 +285,10 @@ def _commits(piece: Piece) -> Iterator[dict[str, Any]]:
     for channel, _, _, _, start, end in piece.messages:
         if channel == COMMIT_CHANNEL and end - start == mcap.MESSAGE.size + commit.dtype.itemsize:
             yield commit.unpack(piece.records, start + mcap.MESSAGE.size)
+
+
+def _of_head(records: Sequence[bytes]) -> list[tuple[str, bytes]]:
+    return [(name_of_record(record), record) for record in records]
 
 
 def _named(name: str, records: Sequence[McapRecord]) -> list[tuple[str, bytes]]:

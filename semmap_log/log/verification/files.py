@@ -14,8 +14,9 @@ from pathlib import Path
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
-from semmap_log.errors import LogAccessError, LogError
+from semmap_log.errors import LogAccessError, LogError, NewerLogError
 from semmap_log.log import records as mcap
+from semmap_log.log.file_calls import open_plainly
 from semmap_log.log.form import (
     LIBRARY,
     LOG_METADATA,
@@ -24,7 +25,7 @@ from semmap_log.log.form import (
     segment_name,
     stem_of,
 )
-from semmap_log.log.header import SegmentHeader
+from semmap_log.log.header import OtherVersionError, SegmentHeader
 from semmap_log.log.verification.file_bytes import FileBytes, Vanished
 
 HEAD_BYTES = 2**16
@@ -81,7 +82,8 @@ def look_at(path: Path) -> SegmentFile | None:
     Raises:
         LogAccessError: It cannot be opened.
         Vanished: It is gone.
-        LogError: It is of another format version.
+        NewerLogError: A later major version has written it.
+        LogError: It is of an older one.
     """
     with _opened(path) as fd:
         status = os.fstat(fd)
@@ -140,11 +142,12 @@ def _header_of(path: Path, head: bytes) -> tuple[SegmentHeader | None, int, str]
             return None, 0, f"no Metadata {LOG_METADATA} where it must be"
         metadata = mcap.read_record(Metadata, head[start + mcap.FRAME.size : end])
         header = SegmentHeader.from_metadata(metadata)
+    except OtherVersionError as error:
+        raise (NewerLogError if error.is_newer else LogError)(f"{path}: {error}.") from None
     except (ValueError, struct.error) as error:
-        if str(error).startswith("format version"):
-            raise LogError(f"{path}: {error}.") from None
         return None, 0, f"its Metadata {LOG_METADATA}: {error}"
-    expected = mcap.record(header.to_metadata())  # its own length is believed no more
+    # Its own length is believed no more. How a later version orders its entries is not known.
+    expected = mcap.record(metadata if header.others else header.to_metadata())
     if expected != head[start : start + len(expected)]:
         problem = f"its Metadata {LOG_METADATA} is not as it is written"
     return header, start + len(expected), problem
@@ -159,7 +162,7 @@ def _ends_in_footer(foot: bytes) -> bool:
 @contextmanager
 def _opened(path: Path) -> Iterator[int]:
     try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        fd = open_plainly(path)
     except FileNotFoundError:
         raise Vanished(path) from None
     except OSError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from pathlib import Path
 
@@ -77,6 +77,14 @@ class Verification:
         """Return 0 good, 3 torn tail and nothing else, 4 damage, 5 not a log."""
         worst = max((finding.severity for finding in self.findings), default=Severity.NOTE)
         return _EXIT_CODES.get(worst, EXIT_GOOD)
+
+    def moved(self, source: Path, target: Path) -> Verification:
+        """Return the same of a folder that people know by another path."""
+        findings = tuple(
+            replace(finding, path=target / finding.path.relative_to(source))
+            for finding in self.findings
+        )
+        return replace(self, path=target, findings=findings)
 
     def of(self, *severities: Severity) -> list[Finding]:
         """Return the findings of these severities."""

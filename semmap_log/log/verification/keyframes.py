@@ -52,6 +52,7 @@ class KeyframeCheck:
         """The event of each keyframe that was right, and where it lies."""
         self._waiting: list[bytes | memoryview] = []
         self._waiting_size = 0
+        self._has_given_up = False
         self._base = self._seen = 0
         self._path = Path()
 
@@ -63,6 +64,11 @@ class KeyframeCheck:
         """Events are missing: no state is known until the next keyframe."""
         self._state, self._is_stale = None, False
         self._retractions, self._good, self._waiting, self._waiting_size = [], [], [], 0
+
+    def give_up(self) -> None:
+        """Compare no more: events that nobody here understands may have changed the state."""
+        self.forget()
+        self._has_given_up = True
 
     def add(self, path: Path, piece: Piece, place: Place, next_event: int) -> None:
         """Take the next chunk, of which `next_event` is the first event, or comes before it."""
@@ -127,6 +133,8 @@ class KeyframeCheck:
 
     def _keyframe(self, data: bytes, place: Place) -> None:
         self._fold()
+        if self._has_given_up:
+            return
         version = keyframes.version_of(data)
         if version is None:
             self._wrong("keyframe", place.offset, "a keyframe that is cut")

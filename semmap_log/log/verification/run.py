@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -12,6 +13,10 @@ from mcap.opcode import Opcode
 from semmap_log.errors import LogError
 from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.commits import NO_HASH
+from semmap_log.log.form import FORMAT_MINOR, FORMAT_VERSION
+from semmap_log.log.header import SegmentHeader
+from semmap_log.log.newer import NOTHING_NEWER, is_later_kind
+from semmap_log.log.newer import name_of as name_of_kind
 from semmap_log.log.suspicion import ClockCheck
 from semmap_log.log.verification.chain import Chain, OnCommit, WholeCommit
 from semmap_log.log.verification.closing import (
@@ -33,6 +38,7 @@ from semmap_log.log.verification.folder import (
 from semmap_log.log.verification.keyframes import KeyframeCheck, Place
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, Gap, SegmentWalk
+from semmap_log.log.zipped import is_zip, unpacked
 
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in all)."""
@@ -51,7 +57,7 @@ def verify(path: Path, head: bytes | None = None, progress: Progress | None = No
     written looks like a torn tail.
 
     Args:
-        path: The log's folder, or one .mcap file.
+        path: The log's folder, one .mcap file, or a zip file with a log in it.
         head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
             cut off since.
         progress: Told how many bytes are read.
@@ -60,6 +66,9 @@ def verify(path: Path, head: bytes | None = None, progress: Progress | None = No
         LogAccessError: The file system does not let us read it.
         LogError: It is of another format version.
     """
+    if is_zip(path):
+        files = unpacked(path)
+        return verify(files.path, head, progress).moved(files.path, path)
     for _ in range(_ATTEMPTS):
         with suppress(Vanished):
             return Verifier(path, head, progress).run()
@@ -103,6 +112,12 @@ class Verifier:
         """Last event of a leftover -> its file, and the hash of that event's commit."""
         self._closed: list[ClosedSegment] = []
         self._current = Path()
+        self.headers: list[SegmentHeader] = []
+        """Of the segments so far, with what later versions have put there."""
+        self.newer: Counter[str] = Counter()
+        """How many events there are of each kind that is unknown here."""
+        self.has_unknown_changes = False
+        """Whether some of them may have changed more than themselves."""
         self._marked: bytes | None = None
         """Hash of the commit that ends where closed.json says that the log ended once."""
 
@@ -122,6 +137,8 @@ class Verifier:
         if found.folder.is_dir():
             self._folder(found)
         self._check_head()
+        if self.newer or any(header.minor > FORMAT_MINOR for header in self.headers):
+            self.findings.append(self._newer_finding())
         return self._result(found)
 
     def _begin(self, first: SegmentFile) -> None:
@@ -141,8 +158,12 @@ class Verifier:
         with bytes_of(file) as data:
             self._bytes += len(data)
             data.try_all()
-            walk = SegmentWalk(data, file.header_end)
-            if self._chunks(i, walk, contents, is_live=is_live):
+            walk = SegmentWalk(data, file.header_end, file.header)
+            is_whole = self._chunks(i, walk, contents, is_live=is_live)
+            contents.header = walk.header
+            if walk.header is not None:
+                self.headers.append(walk.header)
+            if is_whole:
                 self._end_of_segment(file, walk, contents, is_live=is_live)
             for start, end in data.unreadable:
                 self._damage("unreadable", start, f"the disk does not give bytes {start}..{end}")
@@ -173,6 +194,7 @@ class Verifier:
         chain, path = self.chain, self._current
         for item in walk:
             if isinstance(item, Piece):
+                self._note_newer(item, walk)
                 self._piece(item, Place(i, item.stored.offset))
                 if is_live and not item.is_compressed_as_usual(walk.file):
                     self._report(_unusual(path, item.stored.offset))
@@ -202,6 +224,16 @@ class Verifier:
             self._keyframes.forget()
         else:
             self._keyframes.add(self._current, piece, place, expected)
+
+    def _note_newer(self, piece: Piece, walk: SegmentWalk) -> None:
+        """Count events of kinds unknown here; no keyframe can be folded behind some of them."""
+        unknown = {c: n for c, n in piece.counts.items() if is_later_kind(c)}
+        if unknown:
+            newer = walk.header.newer if walk.header is not None else NOTHING_NEWER
+            self.newer.update({name_of_kind(c, newer.names): n for c, n in unknown.items()})
+            if not unknown.keys() <= newer.harmless:
+                self.has_unknown_changes = True
+                self._keyframes.give_up()
 
     def _is_torn(self, gap: Gap, walk: SegmentWalk) -> bool:
         """Tell whether a bad place in a live segment can be what a crash left."""
@@ -272,7 +304,7 @@ class Verifier:
             chain.start_at(file.header)
             with bytes_of(file) as data:
                 self._bytes += len(data)
-                for item in SegmentWalk(data, file.header_end):
+                for item in SegmentWalk(data, file.header_end, file.header):
                     if isinstance(item, Piece):
                         chain.add(item)
             if chain.commits:
@@ -328,6 +360,16 @@ class Verifier:
         )
         self.findings.append(Finding("head", Severity.DAMAGE, self.path, None, None, text))
 
+    def _newer_finding(self) -> Finding:
+        minor = max((header.minor for header in self.headers), default=0)
+        text = f"a newer version of semmap-log has written to it (format {FORMAT_VERSION}.{minor})"
+        if self.newer:
+            what = ", ".join(f"{count} {kind}" for kind, count in self.newer.items())
+            text += f"; unknown here: {what}: their bytes and their place were checked, no more"
+        if self.has_unknown_changes:
+            text += "; nor were keyframes behind them"
+        return Finding("newer", Severity.NOTE, self.path, None, None, text)
+
     def _result(self, found: Arrangement) -> Verification:
         chain = self.chain
         header = next((f.header for f in found.segments if f.header is not None), None)
@@ -350,7 +392,7 @@ class Verifier:
         for i in range(place.file, len(self.arrangement.segments)):
             file = self.arrangement.segments[i]
             with bytes_of(file) as data:
-                for item in SegmentWalk(data, file.header_end):
+                for item in SegmentWalk(data, file.header_end, file.header):
                     at_or_behind = i > place.file or (
                         isinstance(item, Piece) and item.stored.offset >= place.offset
                     )

@@ -8,21 +8,23 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 
 from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
 
 from semmap_log.log import records as mcap
-from semmap_log.log.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, floor_map_topic, topics
-from semmap_log.log.segment import channel_record, schema_records
+from semmap_log.log.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, floor_map_topic
+from semmap_log.log.header import SegmentHeader
+from semmap_log.log.newer import Newer, is_later_kind
+from semmap_log.log.segment import Head, channel_record
 from semmap_log.log.verification.file_bytes import FileBytes
 from semmap_log.log.verification.pieces import Piece, examine, find_piece
 from semmap_log.log.walking import ChunkDamage
 from semmap_log.messages import layout
 
-_CHANNEL = struct.Struct("<BQH")
-"""Of a Channel record: opcode, length, channel id."""
+_NUMBERED = struct.Struct("<BQH")
+"""Of a Channel or a Schema: opcode, length, id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +48,11 @@ class Gap:
 class SegmentWalk:
     """What lies in a segment behind its header; iterate once, then look at the rest."""
 
-    def __init__(self, file: FileBytes, header_end: int) -> None:
-        """Begin behind the header; 0: it cannot be read."""
+    def __init__(self, file: FileBytes, header_end: int, header: SegmentHeader | None) -> None:
+        """Begin behind the header; at 0, and without one, where it cannot be read."""
         self.file = file
+        self.header = header
+        """With what a later version has put at the head, once that is walked."""
         self.levels: list[int] = []
         """Levels whose channels stand before chunks, ascending as written."""
         self.head_end = 0
@@ -89,19 +93,39 @@ class SegmentWalk:
         return False
 
     def _schemas_and_channels(self) -> Iterator[Flaw]:
-        """Compare every Schema and Channel with ours, byte for byte."""
-        at = self._header_end
-        for name, data in schemas_and_channels():
+        """Compare every Schema and Channel that we know with ours, byte for byte."""
+        at, newer = self._header_end, list[tuple[int, bytes]]()
+        assert self.header is not None, "it is what ends there"
+        head = Head.of(self.header)
+        for data in (*head.schemas, *head.channels):
+            found = self._newer_before(at, data)
+            newer += found
+            at += sum(len(record) for _, record in found)
             if self.file[at : at + len(data)] != data:
-                yield Flaw("schema", at, f"{name} is not ours")
+                yield Flaw("schema", at, f"{name_of_record(data)} is not ours")
             at += len(data)
         self.head_end = at
+        self.header = replace(self.header, newer=Newer.of(newer))
+
+    def _newer_before(self, at: int, known: bytes) -> list[tuple[int, bytes]]:
+        """Return opcode and bytes of the records of later kinds between a place and a known one."""
+        found: list[tuple[int, bytes]] = []
+        while self.file[at : at + len(known)] != known:
+            if at + _NUMBERED.size > len(self.file):
+                return []
+            opcode, length, number = _NUMBERED.unpack(self.file[at : at + _NUMBERED.size])
+            end = at + mcap.FRAME.size + length
+            if opcode != known[0] or end > len(self.file) or not is_later_kind(number):
+                return []  # what is there is the known one, damaged
+            found.append((opcode, bytes(self.file[at:end])))
+            at = end
+        return found
 
     def _floor_map_channels(self, at: int) -> tuple[list[int], int]:
         """Return whose channels stand at `at`, byte for byte as we write them, and their end."""
         levels: list[int] = []
-        while at + _CHANNEL.size <= len(self.file):
-            opcode, _, channel = _CHANNEL.unpack(self.file[at : at + _CHANNEL.size])
+        while at + _NUMBERED.size <= len(self.file):
+            opcode, _, channel = _NUMBERED.unpack(self.file[at : at + _NUMBERED.size])
             if opcode != Opcode.CHANNEL or channel <= FLOOR_MAP_CHANNEL:
                 break
             data = mcap.record(channel_record(floor_map_topic(channel - FLOOR_MAP_CHANNEL)))
@@ -147,9 +171,9 @@ def _durable_before(piece: Piece) -> Iterator[int]:
             yield commit.unpack(data)["durable_before"]
 
 
-@cache
-def schemas_and_channels() -> tuple[tuple[str, bytes], ...]:
-    """Return the name and the bytes of each Schema and Channel, in order."""
-    schemas = [(f"the Schema {one.name}", mcap.record(one)) for one in schema_records()]
-    channels = [(f"the Channel {t.topic}", mcap.record(channel_record(t))) for t in topics()]
-    return (*schemas, *channels)
+def name_of_record(data: bytes) -> str:
+    """Return what a Schema or a Channel is called, for messages."""
+    body = data[mcap.FRAME.size :]
+    if data[0] == Opcode.SCHEMA:
+        return f"the Schema {mcap.read_record(Schema, body).name}"
+    return f"the Channel {mcap.read_record(Channel, body).topic}"

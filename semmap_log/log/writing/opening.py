@@ -10,6 +10,7 @@ from semmap_log.errors import LogAccessError, LogExistsError
 from semmap_log.log.commits import NO_HASH
 from semmap_log.log.compaction.merge import remove_merged
 from semmap_log.log.disk import sync_folder
+from semmap_log.log.file_calls import check_can_write
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
@@ -17,6 +18,7 @@ from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_folder import check_is_log
 from semmap_log.log.reading.state import state_at
 from semmap_log.log.writing.writer import LogWriter, Surroundings
+from semmap_log.log.zipped import refuse_zip
 from semmap_log.projections.door_map import DoorMapState
 
 
@@ -25,8 +27,9 @@ def create_log(path: Path, info: LogInfo, surroundings: Surroundings = Surroundi
 
     Raises:
         LogExistsError: Something is there already.
-        LogAccessError: The folder cannot be made.
+        LogAccessError: The folder cannot be made, or this system lacks what writing needs.
     """
+    check_can_write(path)
     with _told_as_access_error(path, "no log can be made here"):
         _check_is_free(path)
         path.mkdir(parents=True, exist_ok=True)
@@ -49,6 +52,7 @@ def open_for_append(path: Path, surroundings: Surroundings = Surroundings()) -> 
         LogAccessError: The file system does not let us.
         CorruptLogError: Commits that were acknowledged are damaged.
     """
+    refuse_zip(path)
     check_is_log(LogFolder(path))  # before a lock file is put into somebody else's folder
     with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
         folder.remove_leftovers()

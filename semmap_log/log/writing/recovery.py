@@ -22,7 +22,7 @@ def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
     """Return a writer that holds the segment's whole commits, not yet installed."""
     if segment.torn_bytes:
         keep_torn_tail(folder, segment)
-    writer = SegmentWriter(folder, segment.path.name, segment.header)
+    writer = SegmentWriter(folder, segment.path.name, segment.full_header)
     try:
         for chunk in segment.chunks:
             records = bytes(read_chunk(segment, chunk))

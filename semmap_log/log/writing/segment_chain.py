@@ -103,7 +103,7 @@ class SegmentChain:
     def take_up(self, segments: Sequence[Segment], end: LogEnd) -> None:
         """Go on behind these: a live segment is repaired now, a closed one when it is needed."""
         *older, last = segments
-        self._older, self._header, self._small = older, last.header, last
+        self._older, self._header, self._small = older, last.full_header, last
         if last.closed:
             self.folder.sync_file(last.path.name)  # who closed it may have been killed before that
             mark = end.mark(last.header)
@@ -159,7 +159,7 @@ class SegmentChain:
                 segment.abandon()
                 raise
             self._tell_closed(segment)
-            self._list(ClosedSegment.of(segment.path, segment.statistics()))
+            self._list(segment.closed_segment())
             write_mark(self.folder, end.mark(segment.header))
             self._check_written(segment.name)
 
