@@ -164,8 +164,6 @@ class Ros2Node:
             lambda percent: handle.publish_feedback(kind.Feedback(percent_complete=percent)),
         )
         outcome = outcome_of(run, goal, lambda text: self.log(text, is_warning=True))
-        if outcome.text:
-            self.log(f"{action} {goal.said_id}: {outcome.text}", is_warning=True)
 
         def answer(handle: Any) -> Any:
             (handle.succeed if outcome.succeeded else handle.abort)()
