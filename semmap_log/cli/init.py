@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import LogPath, MapServer, say
+
+if TYPE_CHECKING:
+    from semmap_log.events import FloorMap
 
 
 def run(
@@ -44,13 +47,23 @@ def run(
       semmap-log init depot --map depot.yaml --tz Europe/Vienna --robot tug1
       semmap-log init depot --map depot.yaml --map-rules noetic
     """
-    import semmap_log as sl
     from semmap_log.formats.map_server import read_map
 
     floor = None if floor_map is None else read_map(floor_map, rules=map_rules.value)
+    make_log(log, tz=tz, building=building, robot=robot, floor=floor,
+             source="" if floor_map is None else floor_map.name)  # fmt: skip
+
+
+def make_log(
+    log: Path, *, tz: str | None = None, building: str = "", robot: str = "",
+    floor: FloorMap | None = None, source: str = "",
+) -> None:  # fmt: skip
+    """Make a new log, with a floor plan if there is one, and say so."""
+    import semmap_log as sl
+
     with sl.create(log, tz=tz, building=building, robot=robot) as made:
-        if floor is not None and floor_map is not None:
-            made.append([floor], note=sl.Note(source=floor_map.name))
+        if floor is not None:
+            made.append([floor], note=sl.Note(source=source))
         said = "as asked" if tz else "the machine's zone; another: --tz ZONE"
         say(f"{log}: a new log; times are in {made.info.timezone} ({said}).")
         if floor is not None:

@@ -44,7 +44,8 @@ def run(
     if messages:
         made, is_new = write_ros1_messages(folder)
         say(f"{made}: {'written' if is_new else 'there already'}. To use it:")
-        say(f"  export PYTHONPATH={shlex.quote(str(folder.absolute()))}${{PYTHONPATH:+:$PYTHONPATH}}")
+        path = shlex.quote(str(folder.absolute()))
+        say(f"  export PYTHONPATH={path}${{PYTHONPATH:+:$PYTHONPATH}}")
         return
     package, is_new = write_ros_package(folder)
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
