@@ -159,6 +159,16 @@ class RosNode(Protocol):
             RosError: No server, or no answer, within that time.
         """
 
+    def topics_of_server(self, name: str) -> set[str]:
+        """Return the topics that the node publishes which serves an action; none: nobody does yet.
+
+        Args:
+            name: The server's name.
+
+        Raises:
+            RosError: The master does not answer (ROS 1).
+        """
+
     def run(self, stop: Callable[[], bool], *, tick: Callable[[], None] | None = None) -> None:
         """Let callbacks come, until told to stop or until ROS ends.
 

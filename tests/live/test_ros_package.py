@@ -266,13 +266,14 @@ def test_catkin_make_builds_a_workspace_without_a_setup_file(
     (tmp_path / "src").mkdir()
     write_ros_package(tmp_path / "src")
 
-    bare = ("env", "-u", "ROS_VERSION", "-u", "ROS_MASTER_URI", "PATH=/usr/bin:/bin")
+    unset = ("ROS_VERSION", "ROS_MASTER_URI", "PYTHONPATH")
+    bare = ("env", *(f"--unset={name}" for name in unset), "PATH=/usr/bin:/bin")
     with ros1.run(*bare, "catkin_make", "-C", tmp_path) as build:
         built = build.wait(timeout_s=BUILT_WITHIN_S)
         assert 0 == built, str(build)
     use = ". devel/setup.sh && echo $ROS_VERSION && /usr/bin/python3 -c "
     use += "'from lta_semantic_map import msg; print(msg.DoorMap._md5sum)'"
-    with ros1.run(*bare, "-u", "PYTHONPATH", "bash", "-c", use, cwd=tmp_path) as used:
+    with ros1.run(*bare, "bash", "-c", use, cwd=tmp_path) as used:
         said = used.finish()
 
     assert f"1\n{CHECKSUMS['DoorMap']}\n" == said

@@ -90,7 +90,8 @@ ROS1 = Leg(
      "python3-geometry-msgs", "python3-visualization-msgs", "python3-map-msgs", "python3-tf2-msgs",
      "python3-venv",
      # what builds a workspace
-     "catkin", "ros-message-generation", "libstd-msgs-dev", "libactionlib-msgs-dev", "g++", "make"),
+     "catkin", "ros-message-generation", "ros-std-msgs", "libstd-msgs-dev", "ros-actionlib-msgs",
+     "libactionlib-msgs-dev", "g++", "make"),
     "ros1",
     venv_options=("--system-site-packages",),
 )  # fmt: skip
