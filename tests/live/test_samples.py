@@ -53,9 +53,11 @@ def test_call_adds_a_door_without_probabilities(ros: RosWorld, served: Path) -> 
     """
     Our server is known by what it publishes: a probability that is not given is none there.
     """
-    door = ros.semmap("call", "add", "--from", "1,2", "--to", "1,3", "--timeout", 60, ros.option)
+    words = ("add", "--from", "1,2", "--to", "1,3", "--timeout", 60)
 
-    added = sl.read(served).replay().doors[sl.DoorId(int(door.finish()))]
+    door = sl.DoorId(int(ros.semmap("call", *words, ros.option).finish()))
+
+    added = sl.read(served).replay().doors[door]
     assert (True, True) == (math.isnan(added.prob_open), math.isnan(added.prob_closed))
 
 
