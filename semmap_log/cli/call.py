@@ -81,12 +81,13 @@ def add(
 ) -> None:
     """Add a door; prints the id that the server gave it.
 
-    A probability that is not given is sent as NaN, which our server takes for just that.
+    A probability that is not given is none at our server. The goals of the thesis cannot say that:
+    for a server of others, give both.
 
     \b
     Examples:
       semmap-log call add --ros2 --x 2 --y 1.5 --theta 0 --width 0.9
-      semmap-log call add --ros1 --from 2,1.5 --to 2.9,1.5 --prob-open 0.2
+      semmap-log call add --ros1 --from 2,1.5 --to 2.9,1.5 --prob-open 0.2 --prob-closed 0.8
     """
     line = line_of(Line(x, y, theta, width), start, end)
     door = _fields(line, state, prob_open, prob_closed)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import LogPath, MapServer, say
+
+if TYPE_CHECKING:
+    from semmap_log.costmap.map_rules import RulesName
 
 
 def run(
@@ -44,15 +47,35 @@ def run(
       semmap-log init depot --map depot.yaml --tz Europe/Vienna --robot tug1
       semmap-log init depot --map depot.yaml --map-rules noetic
     """
+    make_log(
+        log,
+        tz=tz,
+        building=building,
+        robot=robot,
+        floor_map=floor_map,
+        map_rules=map_rules.value,
+    )
+
+
+def make_log(
+    log: Path,
+    *,
+    tz: str | None = None,
+    building: str = "",
+    robot: str = "",
+    floor_map: Path | None = None,
+    map_rules: RulesName = "nav2",
+) -> None:
+    """Make a new log, with a floor plan if there is one, and say so."""
     import semmap_log as sl
     from semmap_log.formats.map_server import read_map
     from semmap_log.importing import ImportOptions, import_file
 
     # Read before anything is made: a map that is none must not leave half a log.
-    floor = None if floor_map is None else read_map(floor_map, rules=map_rules.value)
+    floor = None if floor_map is None else read_map(floor_map, rules=map_rules)
     with sl.create(log, tz=tz, building=building, robot=robot) as made:
-        if floor is not None and floor_map is not None:
-            import_file(made, floor_map, ImportOptions(map_rules=map_rules.value))
+        if floor_map is not None:
+            import_file(made, floor_map, ImportOptions(map_rules=map_rules))
         said = "as asked" if tz else "the machine's zone; another: --tz ZONE"
         say(f"{log}: a new log; times are in {made.info.timezone} ({said}).")
         if floor is not None:

@@ -13,8 +13,16 @@ from semmap_log.cli.common import say
 
 def run(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="The src folder of a workspace; it must be there.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="The src folder of a workspace; it must be there. See --messages."
+        ),
     ],
+    *,
+    messages: Annotated[
+        bool,
+        typer.Option("--messages", help="ROS 1: its messages as Python modules, without a build."),
+    ] = False,
 ) -> None:
     """Copy the ROS package lta_semantic_map into a workspace.
 
@@ -22,18 +30,27 @@ def run(
     and colcon (ROS 2) alike, so that nodes in C++ and Python use them as those of any package. What
     is there already under that name stays, and is an error unless it is the same.
 
+    With --messages there need be no workspace: Python nodes and tools of ROS 1, such as rostopic,
+    use the messages from DIR, where that is on PYTHONPATH. C++ nodes and roslaunch need the build.
+
     \b
     Examples:
       semmap-log ros-package ~/catkin_ws/src
       semmap-log ros-package ~/ros2_ws/src
+      semmap-log ros-package ~/door_messages --messages
     """
-    from semmap_log.live.ros_package import NAME, write_ros_package
+    from semmap_log.live.ros_package import NAME, write_ros1_messages, write_ros_package
 
+    if messages:
+        made, is_new = write_ros1_messages(folder)
+        say(f"{made}: {'written' if is_new else 'there already'}. To use it:")
+        path = shlex.quote(str(folder.absolute()))
+        say(f"  export PYTHONPATH={path}${{PYTHONPATH:+:$PYTHONPATH}}")
+        return
     package, is_new = write_ros_package(folder)
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
     workspace = shlex.quote(str(folder.absolute().parent))
     say(f"  ROS 1: cd {workspace} && catkin_make && . devel/setup.sh")
-    say(f"  ROS 2: cd {workspace} && colcon build --packages-select {NAME} && "
-        ". install/setup.sh")  # fmt: skip
+    say(f"  ROS 2: cd {workspace} && colcon build --packages-select {NAME} && . install/setup.sh")
     say(f"Then: ROS 1 roslaunch {NAME} server.launch log:=LOG; "
         f"ROS 2 ros2 launch {NAME} server.launch.py log:=LOG")  # fmt: skip

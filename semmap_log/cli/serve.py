@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import (
-    LogPath,
     MapServer,
     PaletteName,
     on_stop,
@@ -17,6 +16,8 @@ from semmap_log.cli.common import (
     say,
     stopped_for_good,
 )
+from semmap_log.cli.costmap import By
+from semmap_log.cli.init import make_log
 from semmap_log.cli.record import Level
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
@@ -29,8 +30,16 @@ NODE = "lta_semantic_map_server"
 
 def run(
     context: typer.Context,
-    log: LogPath,
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="The log's folder; it must be there.")
+    ] = None,
     *,
+    log_option: Annotated[
+        Path | None,
+        typer.Option(
+            "--log", metavar="LOG", help="Instead: a log that is made if it is not there."
+        ),
+    ] = None,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
     yaml: Annotated[
@@ -64,6 +73,21 @@ def run(
     costmap: Annotated[
         bool, typer.Option("--costmap", help="Publish grids for move_base and Nav2.")
     ] = False,
+    by: Annotated[
+        By, typer.Option("--by", help="What doors cost there: by their state, or by P(open).")
+    ] = By.state,
+    door_inflate: Annotated[
+        float,
+        typer.Option(
+            "--door-inflate", metavar="M", min=0, help="Reach of costs around doors that may close."
+        ),
+    ] = 0.0,
+    scaling: Annotated[
+        float | None,
+        typer.Option(
+            "--scaling", metavar="S", min=0, help="How fast these fall off, 1/m; default: 10."
+        ),
+    ] = None,
     floor_map: Annotated[
         Path | None,
         typer.Option("--map", metavar="MAP.YAML", help="Their floor; default: the log's own."),
@@ -109,6 +133,9 @@ def run(
       lta_semantic_map/remove_door   remove_door
       lta_semantic_map/save_door_db  save_door_db
 
+    With --log LOG the first start makes the log, as `init` does: with --yaml a plain file of doors
+    is all that a server needs.
+
     --yaml FILE fills a log that never had doors. Later it must agree with the log, or be a file
     that the log took in, or saved, and that has not changed since; else the server stops and says
     what differs. --yaml-replace then adds, updates and removes doors, in one commit; one that was
@@ -130,11 +157,14 @@ def run(
     \b
     Examples:
       semmap-log serve office --ros2 --yaml doors.yaml
+      semmap-log serve --log office --ros1 --yaml doors.yaml
+      semmap-log serve office --ros1 --costmap --by belief --door-inflate 0.8 --scaling 3
       semmap-log serve office --ros1 --costmap --map map.yaml
       semmap-log serve office --ros2 --read-only --ros-args -r __ns:=/robot1
       semmap-log serve office --ros1 _add_door:=doors/add
     """
     import semmap_log as sl
+    from semmap_log.costmaps.costmap import CostmapOptions
     from semmap_log.live.serving.door_follower import DoorFollower
     from semmap_log.live.serving.door_server import DoorServer
     from semmap_log.live.serving.saving import DoorSaver
@@ -142,15 +172,28 @@ def run(
     from semmap_log.live.serving.yaml_start import start_with_yaml
 
     version = chosen_ros(ros1=ros1, ros2=ros2)
-    refuse_nan(default_prob=default_prob)
+    refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
     if yaml_replace and yaml is None:
         raise typer.BadParameter("only with --yaml", param_hint="--yaml-replace")
-    if floor_map is not None and not costmap:
-        raise typer.BadParameter("only with --costmap", param_hint="--map")
+    of_costmap = {
+        "--map": floor_map is not None,
+        "--by": by != By.state,
+        "--door-inflate": door_inflate != 0,
+        "--scaling": scaling is not None,
+    }
+    for name, is_given in of_costmap.items():
+        if is_given and not costmap:
+            raise typer.BadParameter("only with --costmap", param_hint=name)
+    if scaling is not None and not door_inflate:
+        raise typer.BadParameter("only with --door-inflate", param_hint="--scaling")
+    costs = CostmapOptions(by=by.value, door_inflate_m=door_inflate,
+                           scaling=10.0 if scaling is None else scaling)  # fmt: skip
     if save_root is not None and not save_root.is_dir():
         raise typer.BadParameter(
             f"expected a folder that is there, got {save_root}", param_hint="--save-root"
         )
+    with stopped_for_good():
+        log = _chosen_log(log, log_option, yaml, read_only=read_only)
     stopping, wake = threading.Event(), threading.Event()
     on_stop(stopping.set)
     doors: DoorServer | DoorFollower
@@ -185,7 +228,7 @@ def run(
                 ):
                     say(text)
             floors = _floors(doors.door_map(), floor_map, map_rules, level)
-        options = ServeOptions(costmap, floors, palette.colours, default_prob)
+        options = ServeOptions(costmap, floors, palette.colours, default_prob, costs)
         node = open_node(context, version, NODE)
         try:
             served = f"{node.name} serves {log}: {len(doors.door_map())} doors."
@@ -195,6 +238,30 @@ def run(
     finally:
         doors.close()
     say(f"{log}: closed.")
+
+
+def _chosen_log(
+    log: Path | None, log_option: Path | None, yaml: Path | None, *, read_only: bool
+) -> Path:
+    """Return the log to serve; --log's is made if it is not there.
+
+    Raises:
+        typer.BadParameter: Both are given, or none is.
+        FormatError: The file that is to fill it cannot be read: nothing is made.
+        OutputError: It cannot be made.
+    """
+    from semmap_log.formats.thesis_yaml import read_thesis_yaml
+
+    if (log is None) == (log_option is None):
+        raise typer.BadParameter("give the log: LOG, or --log LOG", param_hint="LOG")
+    if log is not None:
+        return log
+    assert log_option is not None
+    if not (read_only or log_option.exists()):
+        if yaml is not None:
+            read_thesis_yaml(yaml)
+        make_log(log_option)
+    return log_option
 
 
 def _floors(

@@ -70,7 +70,8 @@ class Costmap:
         self.options = options
         self._projection = DoorLayerProjection(geometry, level, options.by)
         self._state = self._projection.of(state)
-        self.master = LayeredCostmap(geometry, self._layers(), track_unknown=floor is None)
+        layers = layers_of(geometry, floor, self.layer, options)
+        self.master = LayeredCostmap(geometry, layers, track_unknown=floor is None)
         self.master.update()
 
     @property
@@ -100,23 +101,31 @@ class Costmap:
         self.layer.draw(self.lines)
         return self.master.update()
 
-    def _layers(self) -> list[Layer]:
-        options, layers = self.options, list[Layer]()
-        if self.floor is not None:
-            layers.append(StaticLayer(self.geometry, static_costs(self.floor.cells)))
-        layers.append(self.layer)
-        for radius, around in ((options.inflate_m, None), (options.door_inflate_m, self.layer)):
-            if radius:
-                layers.append(
-                    InflationLayer(
-                        self.geometry,
-                        radius,
-                        scaling=options.scaling,
-                        inscribed=options.inscribed_m,
-                        around=around,
-                    )
+
+def layers_of(
+    geometry: GridGeometry, floor: FloorMap | None, doors: DoorLayer, options: CostmapOptions
+) -> list[Layer]:
+    """Return the layers of a costmap, lowest first: floor, doors, and costs around them.
+
+    Raises:
+        CostmapError: A radius cannot be drawn on that grid.
+    """
+    layers = list[Layer]()
+    if floor is not None:
+        layers.append(StaticLayer(geometry, static_costs(floor.cells)))
+    layers.append(doors)
+    for radius, around in ((options.inflate_m, None), (options.door_inflate_m, doors)):
+        if radius:
+            layers.append(
+                InflationLayer(
+                    geometry,
+                    radius,
+                    scaling=options.scaling,
+                    inscribed=options.inscribed_m,
+                    around=around,
                 )
-        return layers
+            )
+    return layers
 
 
 def costmap_at(

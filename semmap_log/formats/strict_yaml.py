@@ -62,30 +62,35 @@ class Mapping:
 Node: TypeAlias = Scalar | Sequence | Mapping
 
 
-def load_yaml(path: Path) -> Node:
+def load_yaml(path: Path, *, takes_nan: bool = False) -> Node:
     """Return the file's one document; an empty file is a Scalar of None.
+
+    Args:
+        path: The file.
+        takes_nan: `.nan` is a value, which the reader of that place judges; else it is an error.
 
     Raises:
         FormatError: The file cannot be read, is not YAML, or holds what we do not accept.
     """
-    return parse_yaml(read_capped(path, most_bytes=MOST_BYTES), path)
+    return parse_yaml(read_capped(path, most_bytes=MOST_BYTES), path, takes_nan=takes_nan)
 
 
-def parse_yaml(data: bytes, path: Path) -> Node:
-    """Return the one document in `data`; `path` is for messages.
+def parse_yaml(data: bytes, path: Path, *, takes_nan: bool = False) -> Node:
+    """Return the one document in `data`; `path` is for messages, `takes_nan` as for `load_yaml`.
 
     Raises:
         FormatError: It is not YAML, or holds what we do not accept.
     """
-    return _Builder(decode_utf8(data, path), path).document()
+    return _Builder(decode_utf8(data, path), path, takes_nan=takes_nan).document()
 
 
 class _Builder:
     """Builds the tree from the parser's events."""
 
-    def __init__(self, text: str, path: Path) -> None:
+    def __init__(self, text: str, path: Path, *, takes_nan: bool) -> None:
         self.events = _events(text, path)
         self.problems = Problems(path)
+        self.takes_nan = takes_nan
         self.nodes = 0
 
     def document(self) -> Node:
@@ -143,6 +148,8 @@ class _Builder:
 
     def scalar(self, event: Any) -> Scalar:
         plain = event.implicit[0]
+        if plain and self.takes_nan and event.value in _NANS:
+            return Scalar(_line(event), math.nan, event.value)
         try:
             value = resolve(event.value) if plain else event.value
         except ValueError as error:
@@ -193,7 +200,13 @@ _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 _BOOLS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 _WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?")
+_NANS = (".nan", ".NaN", ".NAN")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+
+
+def not_finite(text: str) -> str:
+    """Return what is said of a number that is none."""
+    return f"expected a finite number, got {text}: where a value is not known, leave its key out"
 
 
 def resolve(text: str) -> ScalarValue:
@@ -216,9 +229,7 @@ def resolve(text: str) -> ScalarValue:
             raise ValueError(f"expected a number of at most {MOST_DIGITS} digits, got {len(text)}")
         return int(text)
     if _NOT_FINITE.fullmatch(text):
-        raise ValueError(
-            f"expected a finite number, got {text}: where a value is not known, leave its key out"
-        )
+        raise ValueError(not_finite(text))
     if _NUMBER.fullmatch(text):
         value = float(text)
         if not math.isfinite(value):

@@ -10,13 +10,15 @@
       closed_prob: 0.7
       open_prob: 0.3
 
-Metres and radians. It knows the states OPEN, CLOSED and UNKNOWN only.
+Metres and radians. It knows the states OPEN, CLOSED and UNKNOWN only. Files of others may say more:
+a door's other keys with a single value are kept as annotations, what else there is is named.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,7 +36,7 @@ from semmap_log.doors import (
 from semmap_log.errors import CommandError
 from semmap_log.formats.door_table import DoorTable, TableDoor
 from semmap_log.formats.problems import Problems, shown
-from semmap_log.formats.strict_yaml import Node, Scalar, load_yaml
+from semmap_log.formats.strict_yaml import Mapping, Node, Scalar, load_yaml
 from semmap_log.formats.yaml_values import Fields, described, mapping_of
 
 PROB_KEYS = ("closed_prob", "open_prob")
@@ -46,12 +48,12 @@ def read_thesis_yaml(path: Path) -> DoorTable:
     """Return the doors of the file, in its order; an empty file has none.
 
     A status is in any case of letters; one that is none of the three is UNKNOWN, as the thesis's
-    server has it, with a warning.
+    server has it, with a warning. A probability that is `.nan` is none, with a warning.
 
     Raises:
         FormatError: The file cannot be read, or is not such a database.
     """
-    return parse_thesis_yaml(load_yaml(path), path)
+    return parse_thesis_yaml(load_yaml(path, takes_nan=True), path)
 
 
 def parse_thesis_yaml(root: Node, path: Path) -> DoorTable:
@@ -62,10 +64,15 @@ def parse_thesis_yaml(root: Node, path: Path) -> DoorTable:
     """
     if isinstance(root, Scalar) and root.value is None:
         return DoorTable(path, ())
-    reader = _Reader(Problems(path), [])
+    reader = _Reader(Problems(path), [], {}, {})
     doors = reader.doors(root)
     reader.problems.raise_any()
-    return DoorTable(path, tuple(doors), warnings=tuple(reader.warnings))
+    return DoorTable(
+        path,
+        tuple(doors),
+        left_out=tuple(_told(path, reader.left_out)),
+        warnings=(*reader.warnings, *_told(path, reader.kept)),
+    )
 
 
 def dump_thesis_yaml(
@@ -112,13 +119,22 @@ class _Reader:
 
     problems: Problems
     warnings: list[str]
+    kept: dict[str, list[int]]
+    """What is said of keys that the format does not have -> the lines with them: annotations."""
+    left_out: dict[str, list[int]]
+    """The same of keys that are not kept."""
 
     def doors(self, root: Node) -> list[TableDoor]:
         table = mapping_of(root, "a door database", self.problems)
         doors = []
-        for key, node in table.entries.items() if table else ():
+        entries = table.entries if table else {}
+        has_doors = any(map(_is_door, entries.values()))
+        for key, node in entries.items():
             if not _ID.fullmatch(key) or int(key) > MAX_DOOR_ID:
                 assert table is not None
+                if has_doors and not _is_door(node):
+                    self.left_out[f"the key {shown(key)} is no door's id"] = [table.key_lines[key]]
+                    continue
                 self.problems.add(
                     table.key_lines[key],
                     f"expected a door's id, a whole number from 0 to {MAX_DOOR_ID}, "
@@ -133,7 +149,6 @@ class _Reader:
         return doors
 
     def door(self, door_id: DoorId, fields: Fields) -> TableDoor:
-        fields.refuse_others(DOOR_KEYS)
         x, y, theta = self.position(fields)
         width = fields.number("width")
         if width < 0:
@@ -149,7 +164,21 @@ class _Reader:
             state=self.state(fields),
             prob_open=self.probability(fields, "open_prob"),
             prob_closed=self.probability(fields, "closed_prob"),
+            annotations=self.annotations(fields),
         )
+
+    def annotations(self, fields: Fields) -> dict[str, str]:
+        """Return what a file of others says of a door beside what the format knows."""
+        found = {}
+        for key, node in fields.others(DOOR_KEYS).items():
+            none = f"the key {shown(key)} is none of a door's ({', '.join(DOOR_KEYS)})"
+            if key and isinstance(node, Scalar) and node.value not in (None, ""):
+                found[key] = node.text
+                told = self.kept.setdefault(f"{none}; kept as an annotation", [])
+            else:
+                told = self.left_out.setdefault(f"{none}, and has no single value", [])
+            told.append(fields.mapping.key_lines[key])
+        return found
 
     def position(self, fields: Fields) -> tuple[float, float, float]:
         node = fields.node("position")
@@ -157,11 +186,20 @@ class _Reader:
         if position is None:
             return NAN, NAN, NAN
         parts = Fields(f"{fields.what}: position", position, self.problems)
-        parts.refuse_others(POSITION_KEYS)
+        for key in parts.others(POSITION_KEYS):
+            none = f"the key {shown(key)} is none of a position's ({', '.join(POSITION_KEYS)})"
+            self.left_out.setdefault(none, []).append(position.key_lines[key])
         return parts.number("x"), parts.number("y"), parts.number("theta")
 
     def probability(self, fields: Fields, key: str) -> float:
-        if key not in fields.mapping.entries:
+        node = fields.mapping.entries.get(key)
+        if node is None:
+            return NAN
+        if isinstance(node, Scalar) and node.text.lower().lstrip(".") == "nan":
+            self.warnings.append(
+                f"{self.problems.path}:{node.line}: {fields.what}: {key}: expected a number from 0 "
+                f"to 1, got {described(node)}; taken for none"
+            )
             return NAN
         value = fields.number(key)
         if not (math.isnan(value) or 0 <= value <= 1):
@@ -180,6 +218,17 @@ class _Reader:
             f"{', '.join(THESIS_STATES)}, got {described(node)}; taken for UNKNOWN"
         )
         return DoorState.UNKNOWN
+
+
+def _is_door(node: Node) -> bool:
+    return isinstance(node, Mapping) and "position" in node.entries
+
+
+def _told(path: Path, lines_of: dict[str, list[int]]) -> Iterator[str]:
+    """Yield each thing that was noted, once, with the first of its lines."""
+    for text, lines in lines_of.items():
+        more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
+        yield f"{path}:{lines[0]}{more}: {text}"
 
 
 def _entry(door: Door, default_prob: float) -> str:

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 
 from semmap_log.formats.problems import Problems, shown
-from semmap_log.formats.strict_yaml import Mapping, Node, Scalar, Sequence
+from semmap_log.formats.strict_yaml import Mapping, Node, Scalar, Sequence, not_finite
 
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
 
@@ -36,6 +36,9 @@ def number_of(node: Node, what: str, problems: Problems) -> float | None:
     """Return the node as a finite number."""
     value = node.value if isinstance(node, Scalar) else None
     if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if math.isnan(value):
+            problems.add(node.line, f"{what}: {not_finite(described(node))}")
+            return None
         try:
             return float(value)
         except OverflowError:
@@ -125,11 +128,14 @@ class Fields:
             node.line, f"{self.what}: {key}: expected {expected}, got {described(node)}"
         )
 
+    def others(self, known: tuple[str, ...]) -> dict[str, Node]:
+        """Return the keys that are none of the known, with their values."""
+        return {key: node for key, node in self.mapping.entries.items() if key not in known}
+
     def refuse_others(self, known: tuple[str, ...]) -> None:
         """Note each key that is not one of the known."""
-        for key in self.mapping.entries:
-            if key not in known:
-                self.problems.add(
-                    self.mapping.key_lines[key],
-                    f"{self.what}: expected only the keys {', '.join(known)}; got {shown(key)}",
-                )
+        for key in self.others(known):
+            self.problems.add(
+                self.mapping.key_lines[key],
+                f"{self.what}: expected only the keys {', '.join(known)}; got {shown(key)}",
+            )

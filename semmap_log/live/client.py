@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -10,14 +11,22 @@ from typing import Any
 from uuid import uuid4
 
 from semmap_log.doors import DoorState
-from semmap_log.errors import RosError, UnknownDoorError
+from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.formats.ros_types import decoded, log_type
 from semmap_log.live.action_names import action_name
 from semmap_log.live.ros_node import Answer, Received, RosNode, Values
-from semmap_log.live.serving.served_doors import DOOR_DB
+from semmap_log.live.serving.served_doors import DOOR_DB, MARKERS_NAME
 
 REASON_WITHIN_S = 3.0
 """How long to listen for why a goal was aborted, where results do not say it (ROS 2)."""
+
+KNOWN_WITHIN_S = 2.0
+"""How long the topics of a server may take to become known, where it is (ROS 2)."""
+
+PROBABILITIES = ("prob_open", "prob_closed")
+
+_OURS = re.compile(rf"(^|/){MARKERS_NAME}(/|$)")
+"""What our server publishes, and no other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +60,22 @@ class DoorClient:
     def add(self, door: DoorFields) -> Answer:
         """Add a door, of which place and width are given; the result has `door_id`.
 
+        A probability that is not given goes to our own server as NaN. The thesis's goal cannot say
+        it, and a server of others would keep the NaN: to such a one nothing is sent.
+
         Raises:
             RosError: No server, or no answer, in time.
+            CommandError: A probability is not given, and the server is not ours.
         """
-        return self._call("AddDoor", _values(door))
+        lacking = [name for name in PROBABILITIES if getattr(door, name) is None]
+        if lacking and not self._is_ours("AddDoor"):
+            options = " and ".join(f"--{name.replace('_', '-')}" for name in lacking)
+            raise CommandError(
+                f"the server {self._name_of('AddDoor')} is not semmap-log's, and its goal cannot "
+                f"say that a probability is not given: expected {options}, got none. Nothing was "
+                "sent."
+            )
+        return self._call("AddDoor", _values(door) | dict.fromkeys(lacking, math.nan))
 
     def update(self, door_id: int, door: DoorFields) -> Answer:
         """Set what is given of a door; the result has `door_updated`.
@@ -121,8 +142,33 @@ class DoorClient:
             )
         return doors[door_id]
 
+    def _name_of(self, action: str) -> str:
+        return self.server or action_name(self.node, action)
+
+    def _is_ours(self, action: str) -> bool:
+        """Tell whether the node that serves an action publishes what `serve` does beside.
+
+        Raises:
+            RosError: Nobody serves it in time.
+        """
+        name = self._name_of(action)
+
+        def topics() -> set[str]:
+            return self.node.topics_of_server(name)
+
+        def is_ours() -> bool:
+            return any(_OURS.search(topic) for topic in topics())
+
+        _run_until(self.node, lambda: bool(topics()), self.timeout_s)
+        if not topics():
+            raise RosError(
+                f"no action server {name} was found within {self.timeout_s:g} s; is it running?"
+            )
+        _run_until(self.node, is_ours, KNOWN_WITHIN_S)
+        return is_ours()
+
     def _call(self, action: str, values: Values) -> Answer:
-        name = self.server or action_name(self.node, action)
+        name = self._name_of(action)
         goal_id = uuid4().bytes
         reasons = _Reasons(self.node, goal_id) if self.node.ros_version == 2 else None
         answer = self.node.call_action(
@@ -169,15 +215,15 @@ def _completed(door: DoorFields, entry: Any) -> DoorFields:
 
 
 def _values(door: DoorFields) -> dict[str, Any]:
-    """Return the fields as goals name them; a probability that was not given is NaN."""
+    """Return the fields as goals name them; what is not given is ROS's default."""
     return {
         "pos_x": _number(door.x),
         "pos_y": _number(door.y),
         "pos_theta": _number(door.theta),
         "width": _number(door.width),
         "door_state": (door.state or DoorState.UNKNOWN).name,
-        "prob_open": math.nan if door.prob_open is None else door.prob_open,
-        "prob_closed": math.nan if door.prob_closed is None else door.prob_closed,
+        "prob_open": _number(door.prob_open),
+        "prob_closed": _number(door.prob_closed),
     }
 
 

@@ -118,6 +118,18 @@ class Ros1Node:
             ) from error
         return {name: long_name(kind) for name, kind in found}
 
+    def topics_of_server(self, name: str) -> set[str]:
+        """Return what the node publishes which publishes the results of an action."""
+        import rosgraph
+
+        try:
+            published, _, _ = rosgraph.Master(self.name).getSystemState()
+        except (OSError, HTTPException, rosgraph.MasterException) as error:
+            raise RosError(f"the ROS master does not answer ({error}).") from error
+        by_topic = {topic: set(nodes) for topic, nodes in published}
+        servers = by_topic.get(f"{self._rospy.resolve_name(name)}/result", set())
+        return {topic for topic, nodes in by_topic.items() if nodes & servers}
+
     def publisher(self, topic: BagTopic) -> Publisher:
         """Offer a topic; its type need not be installed."""
         return Ros1Publisher(self._rospy, topic)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import Any
 
 from semmap_log.errors import RosError
@@ -110,6 +111,16 @@ class Ros2Node:
         known = self._node.get_topic_names_and_types()
         return {name: kinds[0] for name, kinds in known if self._node.count_publishers(name)}
 
+    def topics_of_server(self, name: str) -> set[str]:
+        """Return what the node publishes which publishes the feedback of an action."""
+        feedback = f"{self._node.resolve_topic_name(name)}/_action/feedback"
+        found: set[str] = set()
+        for each in self._node.get_publishers_info_by_topic(feedback):
+            of_node = self._node.get_publisher_names_and_types_by_node
+            with suppress(RuntimeError):  # its name is not known yet, or it has gone since
+                found |= {topic for topic, _ in of_node(each.node_name, each.node_namespace)}
+        return found
+
     def publisher(self, topic: BagTopic) -> Publisher:
         """Offer a topic."""
         made = Ros2Publisher(self._node, topic)
@@ -164,8 +175,6 @@ class Ros2Node:
             lambda percent: handle.publish_feedback(kind.Feedback(percent_complete=percent)),
         )
         outcome = outcome_of(run, goal, lambda text: self.log(text, is_warning=True))
-        if outcome.text:
-            self.log(f"{action} {goal.said_id}: {outcome.text}", is_warning=True)
 
         def answer(handle: Any) -> Any:
             (handle.succeed if outcome.succeeded else handle.abort)()

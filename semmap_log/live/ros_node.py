@@ -66,8 +66,7 @@ class Outcome:
     succeeded: bool
     result: Values
     text: str = ""
-    """Why, or a warning. In ROS 1 the status' text; in ROS 2, whose results have none, a line of
-    /rosout that names the goal."""
+    """Why, or a warning: a line of /rosout that names the goal; in ROS 1 the status' text, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +159,16 @@ class RosNode(Protocol):
             RosError: No server, or no answer, within that time.
         """
 
+    def topics_of_server(self, name: str) -> set[str]:
+        """Return the topics that the node publishes which serves an action; none: nobody does yet.
+
+        Args:
+            name: The server's name.
+
+        Raises:
+            RosError: The master does not answer (ROS 1).
+        """
+
     def run(self, stop: Callable[[], bool], *, tick: Callable[[], None] | None = None) -> None:
         """Let callbacks come, until told to stop or until ROS ends.
 
@@ -173,12 +182,20 @@ class RosNode(Protocol):
 
 
 def outcome_of(run: Callable[[Goal], Outcome], goal: Goal, log: Callable[[str], None]) -> Outcome:
-    """Run a goal; its client waits for an answer, whatever is raised. Our own trace is logged."""
+    """Run a goal; its client waits for an answer, whatever is raised.
+
+    Why a goal was refused is logged, and what is odd about one that was not: whoever runs the
+    server sees it, too, not the client alone. So is the trace of an error of our own.
+    """
     try:
-        return run(goal)
+        outcome = run(goal)
     except Exception as error:  # noqa: BLE001  see above
         log(f"{goal.action} {goal.said_id}: {traceback.format_exc()}")
-        return Outcome(succeeded=False, result={}, text=f"{type(error).__name__}: {error}")
+        outcome = Outcome(succeeded=False, result={}, text=f"{type(error).__name__}: {error}")
+    if outcome.text:
+        what = "warning about goal" if outcome.succeeded else "refused goal"
+        log(f"{goal.action}: {what} {goal.said_id}: {outcome.text}")
+    return outcome
 
 
 def open_node(ros_version: RosVersion, name: str, ros_args: Sequence[str] = ()) -> RosNode:

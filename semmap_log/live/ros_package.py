@@ -7,6 +7,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from semmap_log.errors import OutputError
+from semmap_log.live.ros1_messages import generate
 from semmap_log.log.disk import whole_folder
 
 NAME = "lta_semantic_map"
@@ -41,6 +42,30 @@ def write_ros_package(workspace_src: Path) -> tuple[Path, bool]:
             shutil.copytree(package, temporary, ignore=shutil.ignore_patterns(COMPILED))
             for script in (temporary / "scripts").iterdir():
                 script.chmod(0o755)  # an installer may have dropped it
+    return target, True
+
+
+def write_ros1_messages(folder: Path) -> tuple[Path, bool]:
+    """Write the package's messages as Python modules, for ROS 1 without a workspace.
+
+    Args:
+        folder: Is to be on PYTHONPATH where they are used; made if it is not there.
+
+    Returns:
+        Where they are, and whether they were written now: modules that are there are left.
+
+    Raises:
+        RosError: genpy is not here.
+        OutputError: Something else bears the package's name in the folder.
+    """
+    target = folder / NAME
+    if target.exists():
+        if not (target / "msg" / "_DoorMap.py").is_file():
+            raise OutputError(f"{target}: is there already, and has no messages of ROS 1 in it.")
+        return target, False
+    folder.mkdir(parents=True, exist_ok=True)
+    with as_file(files("semmap_log") / "ros" / NAME) as package, whole_folder(target) as temporary:
+        generate(package, into=temporary.parent)
     return target, True
 
 

@@ -12,6 +12,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.errors import RosError
+from semmap_log.live import ros_node
 from tests.live.running import DEADLINE_S
 
 YAML = "1:\n  position: {x: 1.0, y: 2.0, theta: 0.0}\n  width: 0.5\n  status: OPEN\n"
@@ -48,6 +50,11 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]
         (("--ros1", "--ros2"), "say which ROS: --ros1 or --ros2"),
         (("--ros1", "--yaml-replace"), "only with --yaml"),
         (("--ros1", "--map", "map.yaml"), "only with --costmap"),
+        (("--ros1", "--by", "belief"), "only with --costmap"),
+        (("--ros1", "--door-inflate", "0.5"), "only with --costmap"),
+        (("--ros1", "--costmap", "--scaling", "3"), "only with --door-inflate"),
+        (("--ros1", "--costmap", "--door-inflate", "nan"), "--door-inflate"),
+        (("--ros1", "--log", "another"), "give the log: LOG, or --log LOG"),
         (("--ros1", "--read-only", "--yaml", "doors.yaml"), "nothing is written"),
         (("--ros1", "--save-root", "nowhere"), "expected a folder that is there, got nowhere"),
         (("--ros1", "--default-prob", "nan"), "--default-prob"),
@@ -91,6 +98,63 @@ def test_no_log_at_all(tmp_path: Path, options: tuple[str, ...]) -> None:
     assert (2, 1) == (code, said.count("\n"))
     assert f"nowhere: no such log. To make one: semmap-log init {tmp_path}/nowhere" in said
     assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_plain_file_of_doors_makes_a_log_and_starts(
+    refused: Callable[..., tuple[int, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    As the thesis's server was started; the second start finds its log. Where no ROS can be joined
+    the server ends after that.
+    """
+
+    def no_ros(*_: object) -> None:
+        raise RosError("no ROS in this test")
+
+    monkeypatch.setattr(ros_node, "open_node", no_ros)
+    file, log = tmp_path / "doors.yaml", tmp_path / "new"
+    file.write_text(YAML + "  open_prob: .nan\n  name: front\n  tags: [a]\n")
+
+    first = refused("--ros1", "--yaml", file, "--log", log)
+    again = refused("--log", log, "--ros1", "--yaml", file, "_add_door:=doors/add")
+
+    assert [1, 1] == [first[0], again[0]]
+    assert f"{log}: a new log; times are in" in first[1]
+    assert "doors: 1 added" in first[1]
+    assert "left out: " in first[1]
+    assert "the key 'tags'" in first[1]
+    assert "warning: " in first[1]
+    assert "open_prob: expected a number from 0 to 1, got '.nan'; taken for none" in first[1]
+    assert "a new log" not in again[1]
+    assert "1 doors, as in the log" in again[1]
+    (door,) = sl.read(log).replay().doors.values()
+    assert ("front", 1.0) == (door.name, door.x)
+
+
+@pytest.mark.parametrize("option", [(), ("--read-only",)])
+def test_no_log_is_made_for_a_file_that_cannot_be_read(
+    refused: Callable[..., tuple[int, str]], tmp_path: Path, option: tuple[str, ...]
+) -> None:
+    """
+    Nor by a server that writes nothing.
+    """
+    yaml = [] if option else ["--yaml", tmp_path / "missing.yaml"]
+
+    code, said = refused("--ros1", "--log", tmp_path / "new", *yaml, *option)
+
+    assert code != 0
+    assert "semmap-log: " in said
+    assert [] == list(tmp_path.iterdir())
+
+
+def test_without_a_log_the_usage_is_told(refused: Callable[..., tuple[int, str]]) -> None:
+    """
+    Exit code 2.
+    """
+    code, said = refused("--ros1")
+
+    assert 2 == code
+    assert "give the log" in " ".join(said.replace("│", " ").split())
 
 
 def test_a_file_that_differs_stops_the_server(office: Path, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ FIGURE_4_1 = """\
 
 
 def read(text):
-    return parse_thesis_yaml(parse_yaml(text.encode(), HERE), HERE)
+    return parse_thesis_yaml(parse_yaml(text.encode(), HERE, takes_nan=True), HERE)
 
 
 def door(door_id=3, x=2.0, **values):
@@ -112,15 +112,17 @@ def test_a_status_it_does_not_know_is_unknown_with_a_warning(text):
         ("    x: 2.0\n", "", "doors.yaml:3: door 3: position: expected the key x, got none"),
         ("    x: 2.0", "    x: far", "doors.yaml:3: door 3: position: x: expected a number"),
         ("    x: 2.0", "    x: 010", "write it without"),
-        ("    x: 2.0", "    x: .nan", "doors.yaml:3: expected a finite number"),
+        ("    x: 2.0", "    x: .nan", "doors.yaml:3: .* x: expected a finite number, got '.nan'"),
+        ("  width: 0.9", "  width: .NaN", "doors.yaml:6: .* expected a finite number"),
+        ("open_prob: 1e-05", "open_prob: .inf", "doors.yaml:9: expected a finite number"),
         ("    x: 2.0", "    x: '2'", "expected a number, got '2'"),
         ("    x: 2.0", "    x: true", "expected a number, got 'true'"),
         ("  width: 0.9\n", "", "door 3: expected the key width, got none"),
         ("width: 0.9", "width: -0.9", "doors.yaml:6: door 3: width: expected .* 0 or more"),
         ("open_prob: 1e-05", "open_prob: 1.01", "doors.yaml:9: .* expected a number from 0 to 1"),
         ("open_prob: 1e-05", "open_prob:", "open_prob: expected a number, got nothing"),
-        ("open_prob: 1e-05", "prob_open: 1", "doors.yaml:9: .* only the keys .* got 'prob_open'"),
-        ("    theta: -0.1", "    theta: -0.1\n    z: 1", "expected only the keys x, y, theta"),
+        (FIGURE_4_1, "image: hall.pgm\nresolution: 0.05\n", "expected a door's id, .* got 'image'"),
+        ("3:\n", "map: hall\nfront:\n", "doors.yaml:2: expected a door's id, .* got 'front'"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(old, new, message):
@@ -131,6 +133,46 @@ def test_what_is_wrong_is_told_with_its_line(old, new, message):
 
     with pytest.raises(FormatError, match=message):
         read(FIGURE_4_1.replace(old, new))
+
+
+@pytest.mark.parametrize("text", [".nan", ".NaN", "nan", "NaN", "'.nan'"])
+def test_a_probability_that_is_no_number_is_none_with_a_warning(text):
+    """
+    As servers of others write one that they do not have; the warning names the line.
+    """
+    table = read(FIGURE_4_1.replace("1e-05", text))
+
+    assert math.isnan(table.doors[0].prob_open)
+    assert 0.7 == table.doors[0].prob_closed
+    (warning,) = table.warnings
+    said = text.strip("'")
+    assert warning.startswith("doors.yaml:9: door 3: open_prob: expected a number from 0 to 1, got")
+    assert warning.endswith(f"'{said}'; taken for none")
+
+
+def test_what_others_say_of_a_door_is_kept_or_named():
+    """
+    Single values as annotations, in their own spelling; the rest is left out. Once for each key.
+    """
+    more = "  name: 010\n  rooms: [hall, office]\n  note:\n"
+    more += "  open_porb: 0.3\n"
+    text = "map: hall\n" + FIGURE_4_1.replace("theta: -0.1", "theta: -0.1\n    z: 1") + more
+    table = read(text + FIGURE_4_1.replace("3:", "4:") + "  name: back\n")
+
+    assert [{"name": "010", "open_porb": "0.3"}, {"name": "back"}] == [
+        found.annotations for found in table.doors
+    ]
+    keys = "a door's (position, width, status, closed_prob, open_prob)"
+    assert [
+        f"doors.yaml:12 and 1 more: the key 'name' is none of {keys}; kept as an annotation",
+        f"doors.yaml:15: the key 'open_porb' is none of {keys}; kept as an annotation",
+    ] == list(table.warnings)
+    assert [
+        "doors.yaml:1: the key 'map' is no door's id",
+        "doors.yaml:7: the key 'z' is none of a position's (x, y, theta)",
+        f"doors.yaml:13: the key 'rooms' is none of {keys}, and has no single value",
+        f"doors.yaml:14: the key 'note' is none of {keys}, and has no single value",
+    ] == list(table.left_out)
 
 
 def test_a_door_twice_is_an_error_with_both_lines():

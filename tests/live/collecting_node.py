@@ -49,6 +49,9 @@ class CollectingNode:
         self.topics[topic.name] = topic
         return _Publisher(self, topic)
 
+    def topics_of_server(self, name: str) -> set[str]:
+        return {f"{name}/result", *self.topics} if name in self.actions else set()
+
     def subscribe(self, topic: str, _ros_type: str, take: Callable[[Received], None]) -> None:
         self._takers[topic] = take
         if topic in self._last:

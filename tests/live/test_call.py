@@ -99,8 +99,11 @@ def test_what_cannot_be_is_told(site: Site) -> None:
     """
     strange = site.call("update", 77, "--x", "1")
     nobody = site.call("remove", "1", "--server", "/nobody/remove", "--timeout", "0.5")
+    vague = site.call("add", "--from", "1,2", "--to", "1,3")
 
-    assert (1, 1) == (strange.process.returncode, nobody.process.returncode)
+    assert [1] * 3 == [each.process.returncode for each in (strange, nobody, vague)]
+    assert "AddDoor is not semmap-log's" in vague.errors  # it would keep a NaN
+    assert "expected --prob-open and --prob-closed, got none" in vague.errors
     assert "door 77: expected one of the" in strange.errors
     assert "no action server /nobody/remove answered within 0.5 s" in nobody.errors
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import RosError, UnknownDoorError
+from semmap_log.errors import CommandError, RosError, UnknownDoorError
+from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_types import RosVersion
 from semmap_log.live import client as client_module
 from semmap_log.live import ros_node
@@ -65,7 +67,8 @@ def test_a_place_that_is_given_in_part_is_completed(server: DoorServer) -> None:
 
 def test_what_is_not_given_is_not_set(server: DoorServer) -> None:
     """
-    The goal's flags name what is given alone; a probability that is not is NaN, not 0.
+    The goal's flags name what is given alone; a probability that is not is NaN to our server, which
+    is a door's first value; in an update, where the flags say it, no NaN is sent.
     """
     node = _node(server)
     client = DoorClient(node)
@@ -78,6 +81,52 @@ def test_what_is_not_given_is_not_set(server: DoorServer) -> None:
     assert math.isnan(added["prob_closed"])
     assert ["change_prob_open"] == [name for name, value in flags.items() if value]
     assert 5 == len(flags)
+    assert [] == [value for value in updated.values() if value != value]  # noqa: PLR0124  no NaN
+
+
+NO_DOOR = Outcome(succeeded=True, result={"door_id": 4})
+
+
+@pytest.mark.parametrize(
+    ("given", "asked"),
+    [
+        ({}, "--prob-open and --prob-closed"),
+        ({"prob_open": 0.25}, "expected --prob-closed, got none"),
+        ({"prob_closed": 0.25}, "expected --prob-open, got none"),
+    ],
+)
+def test_a_server_of_others_is_never_sent_a_nan(
+    given: dict[str, float], asked: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    It would keep it for a probability: what the goal cannot say is asked for. Ours is known by what
+    it publishes, also under other names.
+    """
+    monkeypatch.setattr(client_module, "KNOWN_WITHIN_S", 0.05)
+    node = CollectingNode()
+    node.serve_action("", DEFAULTS["AddDoor"], lambda _: NO_DOOR)
+
+    with pytest.raises(CommandError, match=f"is not semmap-log's.*{asked}.*Nothing was sent"):
+        DoorClient(node).add(replace(DOOR, **given))
+    assert [] == node.goals
+    answer = DoorClient(node).add(replace(DOOR, prob_open=0.25, prob_closed=0.75))
+    assert (0.25, 0.75) == (node.goals[0].values["prob_open"], node.goals[0].values["prob_closed"])
+    assert {"door_id": 4} == answer.result
+
+    for name in ("semmap/doors", "/robot1/semmap/doors/level_2"):
+        node.topics = {name: BagTopic(name, "", is_latched=True)}
+        DoorClient(node).add(DOOR)
+        assert math.isnan(node.goals[-1].values["prob_open"])
+
+
+def test_without_a_server_it_is_not_known_whose_it_is() -> None:
+    """
+    An error in time, and nothing is sent to one that comes later.
+    """
+    node = CollectingNode()
+
+    with pytest.raises(RosError, match=r"no action server lta_semantic_map/add_door was found"):
+        DoorClient(node, timeout_s=0.05).add(DOOR)
 
 
 def test_the_same_call_twice_is_two_goals(server: DoorServer) -> None:
@@ -148,7 +197,8 @@ def test_another_servers_name_can_be_said(server: DoorServer) -> None:
     node = CollectingNode()
     node.serve_action("", "/doors/add", server.run)
 
-    answer = DoorClient(node, server="/doors/add").add(DOOR)
+    door = replace(DOOR, prob_open=0.25, prob_closed=0.75)
+    answer = DoorClient(node, server="/doors/add").add(door)
 
     assert {"door_id": 1} == answer.result
 
@@ -218,8 +268,10 @@ def test_the_first_door_of_a_server_that_counts_from_0_is_done(
     node.serve_action("", DEFAULTS["AddDoor"], lambda _: Outcome(True, {"door_id": 0}))
     monkeypatch.setattr(ros_node, "open_node", lambda *_: node)
 
+    words = ["--from", "1,2", "--to", "1,3", "--prob-open", "0.5", "--prob-closed", "0.5"]
+
     with pytest.raises(SystemExit) as stopped:
-        main(["call", "add", "--ros1", "--from", "1,2", "--to", "1,3"])
+        main(["call", "add", "--ros1", *words])
 
     assert (None, "0\n") == (stopped.value.code or None, capsys.readouterr().out)
 

@@ -115,7 +115,8 @@ def test_a_node_has_its_name_and_its_parameters_from_ros(server: Running) -> Non
 
 def test_a_goal_is_answered_as_it_was_run(ros: RosWorld, server: Running) -> None:
     """
-    Values go in, status and result come out; ROS 1 has the text in the status, ROS 2 on /rosout.
+    Values go in, status and result come out; ROS 1 has the text in the status, too. The server's
+    terminal says of each what was refused, and what was odd.
     """
     answers = _ask(
         ros,
@@ -135,8 +136,9 @@ def test_a_goal_is_answered_as_it_was_run(ros: RosWorld, server: Running) -> Non
         ["ABORTED", {"door_id": 0}, "RuntimeError: no such wide door" if has_text else ""],
     ] == answers
     server.wait_for(r"Traceback \(most recent call last\)")  # a fault of ours is not swallowed
-    if not has_text:
-        server.wait_for("AddDoor 00112233445566778899aabbccddeeff: width: expected a width")
+    server.wait_for("refused goal 00112233445566778899aabbccddeeff: width: expected a width")
+    server.wait_for("refused goal .*: RuntimeError: no such wide door")
+    server.wait_for("AddDoor: warning about goal .*: a warning")
 
 
 def test_a_goal_says_who_sent_it_and_has_an_id(ros: RosWorld, server: Running) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from shutil import which
 from zipfile import ZipFile
 
 import pytest
@@ -15,9 +17,13 @@ import yaml
 
 from semmap_log.cli import main
 from semmap_log.formats.ros_types import ros_types
+from semmap_log.live.ros_package import write_ros_package
 from semmap_log.live.serving.served_costmap import LAYER_NAME, MASTER_NAME
 from semmap_log.live.serving.served_doors import MARKERS_NAME
 from tests.live.ros_world import ROOT, RosWorld
+
+BUILT_WITHIN_S = 600
+"""A build of seven times four messages for C++, Lisp, Node and Python, on a busy machine."""
 
 PACKAGE = ROOT / "semmap_log" / "ros" / "lta_semantic_map"
 
@@ -151,7 +157,13 @@ def test_the_version_is_the_packages() -> None:
     assert f'version = "{manifest.findtext("version")}"' in pyproject
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.glob("launch/*")), ids=lambda path: path.name)
+NODES = [
+    path for name in ("server", "recorder") for path in sorted(PACKAGE.glob(f"launch/{name}*"))
+]
+COSTMAPS = sorted({*PACKAGE.glob("launch/*")} - {*NODES})
+
+
+@pytest.mark.parametrize("path", NODES, ids=lambda path: path.name)
 def test_launch_files_start_what_is_there(path: Path) -> None:
     """
     They parse, and the executable that they name is one of the scripts. ROS 2's cannot be run here:
@@ -168,6 +180,128 @@ def test_launch_files_start_what_is_there(path: Path) -> None:
         executable = node.get("type") or node.get("exec") or ""
 
     assert os.access(PACKAGE / "scripts" / executable, os.X_OK)
+
+
+@pytest.mark.parametrize("path", COSTMAPS, ids=lambda path: path.name)
+def test_launch_files_of_the_costmap_have_what_they_need(path: Path) -> None:
+    """
+    They include a launch file and parameters of the package, and hand on arguments that it takes.
+    """
+    text = path.read_text(encoding="utf-8")
+    used = re.findall(r"\$\((?:find|find-pkg-share) lta_semantic_map\)/([\w./]+)", text)
+    (include,) = ET.fromstring(text).iter("include")
+    target = PACKAGE / include.get("file", "").partition("lta_semantic_map)/")[2]
+
+    taken = {arg.get("name") for arg in ET.parse(target).getroot().findall("arg")}
+    handed = {arg.get("name"): arg.get("value", "") for arg in include.findall("arg")}
+
+    assert 2 == len(used)
+    assert all((PACKAGE / name).is_file() for name in used)
+    assert handed.keys() <= taken
+    assert "--costmap" in handed["options"]
+
+
+def test_roslaunch_loads_the_parameters_of_the_costmap(ros1: RosWorld) -> None:
+    """
+    As move_base reads them: under the costmap's static layer; and the server is started with it.
+    """
+    where = {"ROS_PACKAGE_PATH": str(PACKAGE.parent)}
+    asked = ("lta_semantic_map", "costmap.launch", "log:=/my/log", "move_base:=mover")
+
+    with ros1.tool("roslaunch", "--dump-params", *asked, environment=where) as dumped:
+        found = yaml.safe_load(dumped.finish())
+    node = ("--args", "lta_semantic_map_server")
+    with ros1.tool("roslaunch", *node, *asked, environment=where) as arguments:
+        command = arguments.finish().split()
+
+    layer = "/mover/global_costmap/static_layer/"
+    assert {name.removeprefix(layer): value for name, value in found.items()} == {
+        "map_topic": f"/{MASTER_NAME}",
+        "subscribe_to_updates": False,
+        "track_unknown_space": True,
+        "trinary_costmap": False,
+    }
+    assert ["/my/log", "--costmap"] == command[1:3]
+
+
+def test_parameters_name_what_is_served() -> None:
+    """
+    Nav2's two ways, by their whole names.
+    """
+    doors, keepout = (
+        yaml.safe_load((PACKAGE / "param" / f"nav2_{name}.yaml").read_text(encoding="utf-8"))
+        for name in ("doors", "keepout")
+    )
+
+    layer = doors["global_costmap"]["global_costmap"]["ros__parameters"]["static_layer"]
+    info = keepout["costmap_filter_info_server"]["ros__parameters"]
+    filtered = keepout["global_costmap"]["global_costmap"]["ros__parameters"]["keepout_filter"]
+    assert f"/{MASTER_NAME}" == layer["map_topic"]
+    assert f"/{LAYER_NAME}" == info["mask_topic"]
+    assert info["filter_info_topic"] == filtered["filter_info_topic"]
+    managed = keepout["lifecycle_manager_filters"]["ros__parameters"]["node_names"]
+    assert ["costmap_filter_info_server"] == managed
+
+
+def test_every_launch_and_parameter_file_is_installed() -> None:
+    """
+    By a build of one ROS or the other.
+    """
+    text = (PACKAGE / "CMakeLists.txt").read_text(encoding="utf-8")
+
+    names = [str(p.relative_to(PACKAGE)) for kind in ("launch", "param")
+             for p in _files(PACKAGE / kind)]  # fmt: skip
+    assert names
+    assert [] == [name for name in names if not re.search(rf"\s{re.escape(name)}\s", text)]
+
+
+def test_catkin_make_builds_a_workspace_without_a_setup_file(
+    ros1: RosWorld, tmp_path: Path
+) -> None:
+    """
+    Debian's ROS 1 has none to source, so nothing says which ROS it is; what was built says it.
+    """
+    if which("catkin_make") is None:
+        pytest.skip("catkin_make is not installed")
+    (tmp_path / "src").mkdir()
+    write_ros_package(tmp_path / "src")
+
+    unset = ("ROS_VERSION", "ROS_MASTER_URI", "PYTHONPATH")
+    bare = ("env", *(f"--unset={name}" for name in unset), "PATH=/usr/bin:/bin")
+    with ros1.run(*bare, "catkin_make", "-C", tmp_path) as build:
+        built = build.wait(timeout_s=BUILT_WITHIN_S)
+        assert 0 == built, str(build)
+    use = ". devel/setup.sh && echo $ROS_VERSION && /usr/bin/python3 -c "
+    use += "'from lta_semantic_map import msg; print(msg.DoorMap._md5sum)'"
+    with ros1.run(*bare, "bash", "-c", use, cwd=tmp_path) as used:
+        said = used.finish()
+
+    assert f"1\n{CHECKSUMS['DoorMap']}\n" == said
+
+
+def test_messages_without_a_workspace(
+    ros1: RosWorld, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A folder for PYTHONPATH, which ROS's own Python needs no more than; a second time it stays.
+    """
+    words = ("ros-package", tmp_path / "messages", "--messages")
+    for said in ("written", "there already"):
+        with ros1.python("-m", "semmap_log", *words) as made:
+            made.finish()
+            assert said in made.errors
+            assert f"export PYTHONPATH={tmp_path}/messages" in made.errors
+    stock = (
+        "from lta_semantic_map import msg; print(msg.DoorMap._md5sum, msg.AddDoorAction._md5sum)"
+    )
+    where = {"PYTHONPATH": str(tmp_path / "messages")}
+    with ros1.run("/usr/bin/python3", "-c", stock, environment=where) as used:
+        assert [CHECKSUMS["DoorMap"], CHECKSUMS["AddDoorAction"]] == used.finish().split()
+
+    (tmp_path / "other" / "lta_semantic_map").mkdir(parents=True)
+    with pytest.raises(SystemExit, match=r"^1$"):
+        _run(tmp_path / "other", "--messages")
+    assert "is there already, and has no messages of ROS 1 in it" in capsys.readouterr().err
 
 
 def test_rviz_shows_what_is_served() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -46,6 +47,18 @@ def test_the_sample_client_does_what_its_docstring_says(ros: RosWorld, served: P
     assert isinstance(updated.event, DoorUpdated)
     assert added.actor == updated.actor
     assert added.actor.startswith("/sample_door_client")
+
+
+def test_call_adds_a_door_without_probabilities(ros: RosWorld, served: Path) -> None:
+    """
+    Our server is known by what it publishes: a probability that is not given is none there.
+    """
+    words = ("add", "--from", "1,2", "--to", "1,3", "--timeout", 60)
+
+    door = sl.DoorId(int(ros.semmap("call", *words, ros.option).finish()))
+
+    added = sl.read(served).replay().doors[door]
+    assert (True, True) == (math.isnan(added.prob_open), math.isnan(added.prob_closed))
 
 
 def test_call_says_why_a_goal_was_aborted(ros: RosWorld, served: Path) -> None:

@@ -6,6 +6,8 @@ from mutation.mutant import mutants_in
 
 HOSTILE = "tests/formats/test_hostile_bags.py"
 PLAIN = "tests/cli/test_plain_output.py"
+THESIS = "tests/formats/test_thesis_yaml.py"
+STRICT = "tests/formats/test_strict_yaml.py"
 CSV_TEXT = "tests/formats/test_csv_text.py"
 
 
@@ -27,6 +29,18 @@ FOREIGN = (
          "if segment.control or segment.text.isprintable():", "if True:", PLAIN),
     _put("brackets that are no markup", "cli/plain_console.py", "markup=False", "markup=True",
          PLAIN),
+    _put("a probability that is no number is none", "formats/thesis_yaml.py",
+         'node.text.lower().lstrip(".") == "nan"', "False", THESIS),
+    _put("a place that is no number", "formats/yaml_values.py", "if math.isnan(value):",
+         "if False:", THESIS),
+    _put("other files' numbers are finite", "formats/strict_yaml.py",
+         "plain and self.takes_nan and", "plain and", STRICT),
+    _put("other keys of a door are kept", "formats/thesis_yaml.py",
+         "                found[key] = node.text\n", "", THESIS),
+    _put("a file without doors is none of the thesis's", "formats/thesis_yaml.py",
+         "if has_doors and not _is_door(node):", "if not _is_door(node):", THESIS),
+    _put("a door by another name than a number", "formats/thesis_yaml.py",
+         "if has_doors and not _is_door(node):", "if has_doors:", THESIS),
     _put("names that are no formulas", "formats/csv_text.py",
          "        text = f\"'{text}\"\n", "        pass\n", CSV_TEXT),
     _put("names that read like others", "formats/door_csv.py",

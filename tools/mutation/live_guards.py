@@ -15,6 +15,7 @@ PLAYED = "tests/cli/test_play_and_call.py"
 SPLIT = "tests/cli/test_ros_args.py"
 RECORDED = "tests/cli/test_record_topics.py"
 PACKAGE = "tests/live/test_ros_package.py"
+NODE = "tests/live/test_ros_node.py"
 
 
 _put = mutants_in("semmap_log/")
@@ -151,8 +152,17 @@ CALLING = (
     _put("only what is given is set", "live/client.py", '"change_pos": bool(given)',
          '"change_pos": True', CLIENT),
     _put("a probability that is not given is NaN", "live/client.py",
-         '"prob_open": math.nan if door.prob_open is None else door.prob_open',
-         '"prob_open": door.prob_open or 0.0', CLIENT),
+         " | dict.fromkeys(lacking, math.nan)", "", CLIENT),
+    _put("no NaN goes to a server of others", "live/client.py",
+         'if lacking and not self._is_ours("AddDoor"):', "if False:", CLIENT),
+    _put("a server of ours by any name", "live/client.py",
+         "_OURS.search(topic)", "topic == MARKERS_NAME", CLIENT),
+    _put("a server that is not there is not ours", "live/client.py",
+         "if not topics():", "if False:", CLIENT),
+    _put("what was refused is logged", "live/ros_node.py", "    if outcome.text:\n",
+         "    if False:\n", NODE),
+    _put("messages of others are left alone", "live/ros_package.py",
+         'if not (target / "msg" / "_DoorMap.py").is_file():', "if False:", PACKAGE),
     _put("each call has an id of its own", "live/client.py", "goal_id = uuid4().bytes",
          "goal_id = bytes(16)", CLIENT),
     _put("why a goal was aborted", "live/client.py",

@@ -13,6 +13,7 @@ FOLLOWER = TESTS + "test_door_follower.py"
 COSTMAP = TESTS + "test_served_costmap.py"
 DOORS = TESTS + "test_served_doors.py"
 OFFERED = TESTS + "test_server.py"
+STARTED = "tests/cli/test_serve.py"
 YAML = TESTS + "test_yaml_start.py"
 
 
@@ -154,6 +155,10 @@ SHOWING = (
          " or known.plan_event != plan", "", COSTMAP),
     _put("a floor that was given stays", "served_costmap.py",
          "known is None or level in self._floors", "known is None", COSTMAP),
+    _put("what doors cost is chosen", "served_costmap.py", "by=self._by)", 'by="state")', COSTMAP),
+    _put("costs around doors are served", "served_costmap.py",
+         "layers_of(geometry, floor, self._layer, options)",
+         "layers_of(geometry, floor, self._layer, CostmapOptions())", COSTMAP),
     _put("the clock of grids never goes back", "served_costmap.py",
          "self._at_ns = max(self._at_ns, at_ns)", "self._at_ns = at_ns", COSTMAP),
 )  # fmt: skip
@@ -171,6 +176,12 @@ FILES = (
          "if door.is_placed and door_id not in listed", "if door_id not in listed", YAML),
     _put("a file that the log took in", "yaml_start.py",
          "if any(log.find_command(each) for each in ids):", "if False:", YAML),
+    Mutant("no log is made for a file that cannot be read", "semmap_log/cli/serve.py",
+           "            read_thesis_yaml(yaml)\n", "            pass\n", (STARTED,)),
+    Mutant("a reader makes no log", "semmap_log/cli/serve.py",
+           "if not (read_only or log_option.exists()):", "if not log_option.exists():", (STARTED,)),
+    _put("what is left out at the start is told", "yaml_start.py",
+         "[*plan.summary, *left_out,", "[*plan.summary,", STARTED),
     _put("a file that the server saved", "yaml_start.py",
          "recorded.event.format == SAVED_FORMAT", 'recorded.event.format == ""', YAML),
 )  # fmt: skip

@@ -88,7 +88,10 @@ ROS1 = Leg(
     ("python3-rospy", "python3-actionlib", "python3-rosbag", "python3-roslaunch",
      "python3-rostopic", "python3-rosmsg", "python3-rosnode", "ros-core", "python3-nav-msgs",
      "python3-geometry-msgs", "python3-visualization-msgs", "python3-map-msgs", "python3-tf2-msgs",
-     "python3-venv"),
+     "python3-venv",
+     # what builds a workspace
+     "catkin", "ros-message-generation", "ros-std-msgs", "libstd-msgs-dev", "ros-actionlib-msgs",
+     "libactionlib-msgs-dev", "g++", "make"),
     "ros1",
     venv_options=("--system-site-packages",),
 )  # fmt: skip

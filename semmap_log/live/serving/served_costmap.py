@@ -4,7 +4,8 @@ On `semmap/costmap` floor and doors together: in place of `/map` for costmap_2d'
 `semmap/door_layer` the doors alone: 100 where one is closed, 0 where one is open, -1 elsewhere.
 Nav2's KeepoutFilter takes that as its mask: it writes what is dearer than the costmap, passes over
 -1, and frees by 0 only what the costmap does not know. A second StaticLayer with `use_maximum`
-does the same. Values between are not used: by default a StaticLayer takes all below 100 for free.
+does the same. Values between, 1 to 99, come with belief and inflation (`CostmapOptions`); a
+StaticLayer takes them as costs where its `trinary_costmap` is false, else for free.
 
 A door outside the grid, where no floor plan sets its size, makes a larger grid: StaticLayer takes
 the new size over.
@@ -14,11 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from semmap_log.costmap.costs import static_costs
 from semmap_log.costmap.door_layer import DoorLayer
-from semmap_log.costmap.layered import Layer, LayeredCostmap
-from semmap_log.costmap.static_layer import StaticLayer
-from semmap_log.costmaps.costmap import CostmapOptions, ends_of, geometry_of
+from semmap_log.costmap.layered import LayeredCostmap
+from semmap_log.costmaps.costmap import CostmapOptions, ends_of, geometry_of, layers_of
 from semmap_log.doors import Door, DoorId, DoorMap
 from semmap_log.errors import CostmapError
 from semmap_log.events import FloorMap
@@ -62,6 +61,7 @@ class ServedCostmaps:
         warn: Callable[[str], None],
         *,
         floors: dict[int, FloorMap] | None = None,
+        options: CostmapOptions = CostmapOptions(),
     ) -> None:
         """Choose.
 
@@ -71,8 +71,10 @@ class ServedCostmaps:
             floor_of: Gives a level's floor plan, as of a door map.
             warn: Told, once each, why a level has no grid.
             floors: Floor plans that count instead.
+            options: What doors cost; all levels are shown.
         """
         self._topics = topics
+        self._options = options
         self._names = names
         self._floor_of = floor_of
         self._warn = warn
@@ -123,7 +125,10 @@ class ServedCostmaps:
 
     def _new(self, doors: DoorMap, level: int, plan: int | None) -> _Level:
         floor = self._floors.get(level) or self._floor_of(doors, level)
-        return _Level(self._topics, self._names, doors, level, floor=floor, plan_event=plan)
+        return _Level(
+            self._topics, self._names, doors, level,
+            floor=floor, plan_event=plan, options=self._options,
+        )  # fmt: skip
 
 
 class _Level:
@@ -138,13 +143,13 @@ class _Level:
         *,
         floor: FloorMap | None,
         plan_event: int | None,
+        options: CostmapOptions,
     ) -> None:
         self.plan_event = plan_event
         self._level = level
         self._floor = floor
-        self._geometry = geometry = geometry_of(
-            floor, ends_of(doors, level), level, CostmapOptions()
-        )
+        self._by = options.by
+        self._geometry = geometry = geometry_of(floor, ends_of(doors, level), level, options)
         if floor is None and geometry.width * geometry.height > MOST_CELLS:
             raise CostmapError(
                 f"a grid around the doors: expected at most {MOST_CELLS:,} cells, got "
@@ -152,10 +157,8 @@ class _Level:
                 "door that is far away"
             )
         self._layer = DoorLayer(geometry)
-        below: list[Layer] = []
-        if floor is not None:
-            below = [StaticLayer(geometry, static_costs(floor.cells))]
-        self._master = LayeredCostmap(geometry, [*below, self._layer], track_unknown=floor is None)
+        layers = layers_of(geometry, floor, self._layer, options)
+        self._master = LayeredCostmap(geometry, layers, track_unknown=floor is None)
 
         def stream(name: str) -> GridStream:
             grids = names.topic(name, level, GRID)
@@ -175,7 +178,10 @@ class _Level:
 
     def show(self, doors: Changes, at_ns: int) -> None:
         """Draw doors as they are now, and send what changed by that."""
-        lines = {door_id: line_of(door, level=self._level) for door_id, door in doors.items()}
+        lines = {
+            door_id: line_of(door, level=self._level, by=self._by)
+            for door_id, door in doors.items()
+        }
         drawn = self._layer.update(lines)
         changed = self._master.update()
         self._of_layer.take(GridFrame(at_ns, self._layer.costs, drawn))

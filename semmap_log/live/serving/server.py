@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from semmap_log.costmaps.costmap import CostmapOptions
 from semmap_log.doors import DoorMap
 from semmap_log.events import FloorMap
 from semmap_log.live.action_names import action_name
@@ -41,6 +42,8 @@ class ServeOptions:
     palette: Palette = DEFAULT
     default_prob: float | None = None
     """Stands in the DoorMap for probabilities that were not given; None: NaN does."""
+    costs: CostmapOptions = field(default_factory=CostmapOptions)
+    """What doors cost in the grids."""
 
 
 class Server:
@@ -76,6 +79,7 @@ class Server:
                     doors.floor_of,
                     lambda text: node.log(text, is_warning=True),
                     floors=options.floors,
+                    options=options.costs,
                 )
             )
 

@@ -52,7 +52,8 @@ def start_with_yaml(
     table = read_thesis_yaml(path)
     if not log.state.used_door_ids:
         plan = import_file(log, path, ImportOptions(level=level)).plan
-        return [*plan.summary, *(f"warning: {text}" for text in plan.warnings)]
+        left_out = (f"left out: {text}" for text in plan.left_out)
+        return [*plan.summary, *left_out, *(f"warning: {text}" for text in plan.warnings)]
     found = list(_differing(table, log.door_map(), default_prob))
     if not found:
         return [f"{path}: {len(table.doors)} doors, as in the log."]

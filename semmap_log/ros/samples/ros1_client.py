@@ -1,5 +1,10 @@
 #!/usr/bin/env python3
-"""A client of the door server for ROS 1: adds a door, opens it, and sees that on the topic."""
+"""A client of the door server for ROS 1: adds a door, opens it, and sees that on the topic.
+
+It knows nothing but the messages, which Python must find: in a built workspace, whose
+devel/setup.sh was sourced, or in a folder on PYTHONPATH, made without a build by
+`semmap-log ros-package DIR --messages`.
+"""
 
 import actionlib
 import rospy

@@ -1,5 +1,9 @@
 #!/usr/bin/env python3
-"""A client of the door server for ROS 2: adds a door, opens it, and sees that on the topic."""
+"""A client of the door server for ROS 2: adds a door, opens it, and sees that on the topic.
+
+It knows nothing but the messages, of a workspace that was built and whose setup.sh was sourced:
+`semmap-log ros-package SRC` says how.
+"""
 
 import rclpy
 from action_msgs.msg import GoalStatus

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import semmap_log as sl
-from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION, static_costs
-from semmap_log.costmaps import costmap_at
+from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION, static_costs, to_occupancy
+from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.events import FloorMap
 from semmap_log.live.serving.served_costmap import ServedCostmaps
 from semmap_log.live.serving.served_topics import LevelNames, ServedTopics, levels_of
@@ -39,6 +39,36 @@ def _served(node: CollectingNode, log: sl.DoorLogWriter, **more: Any) -> ServedC
     )
     served.show(log.door_map(), 0)
     return served
+
+
+COSTS = CostmapOptions(by="belief", door_inflate_m=0.4, scaling=3.0)
+
+
+def test_what_doors_cost_can_be_chosen(furnished: sl.DoorLogWriter) -> None:
+    """
+    By P(open), and with costs around doors that may close: at the start and after each change the
+    grid is the costmap of `semmap-log costmap` with the same options, as costmap_2d publishes it.
+    """
+    node = CollectingNode()
+    served = _served(node, furnished, options=COSTS)
+
+    seen = []
+    for p_open in (None, 0.9, 0.1):
+        if p_open is not None:
+            furnished.update_door(1, prob_open=p_open)
+            served.show(furnished.door_map(), 0)
+        meant = costmap_at(furnished, COSTS)
+        for topic, costs in ((MASTER, meant.master.costs), (LAYER, meant.layer.costs)):
+            assert np.array_equal(to_occupancy(costs), _cells(node.messages[topic][-1]))
+        seen.append(_cells(node.messages[MASTER][-1]))
+
+    at_door = [int(cells[10, 15]) for cells in seen]
+    beside = [int(cells[12, 15]) for cells in seen]
+    assert at_door[1] < at_door[0] < at_door[2] < 100
+    assert min(beside) > 0
+    assert np.array_equal(
+        static_costs(seen[-1], trinary=False) > 0, costmap_at(furnished, COSTS).master.costs > 0
+    )
 
 
 def _cells(grid: Any) -> NDArray[np.int8]:
