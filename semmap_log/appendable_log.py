@@ -18,7 +18,7 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
 from semmap_log.event_batch import EventBatch, one_by_one
 from semmap_log.events import Event, RobotPose
-from semmap_log.log.clock import believable_ns
+from semmap_log.log.clock import Clock, KeptClock, believable_ns
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.writing.durability import Promise
 from semmap_log.log.writing.writer import LogWriter
@@ -229,6 +229,53 @@ class AppendableLog(DoorLog):
             self._make_last(appended.commit, sync=None)
         return appended
 
+    def take_over(
+        self,
+        make: Callable[[int], Iterable[Event | EventBatch]],
+        *,
+        note: Note,
+        command_id: bytes,
+        content: bytes,
+        recorded_ns: int | None = None,
+    ) -> Commit:
+        """Append a commit of another log as it was there; `sync` makes it last.
+
+        Args:
+            make: Gives the events; is told the number that the first of them gets.
+            note: Who, with what, why.
+            command_id: 16 bytes; who calls has seen that it is not stored.
+            content: Digest of what the command asked for.
+            recorded_ns: When the other log recorded it; None: it is recorded now. Later than the
+                log's end, or the log ends there.
+
+        Raises:
+            CommandError: The map forbids an event; nothing of the commit is stored.
+            LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
+        """
+        clock = None if recorded_ns is None else KeptClock(recorded_ns)
+        with self._mutex:
+            self._write_poses()
+            first = self._writer.next_event
+            appended = self._append_now(lambda: make(first), note, command_id, content, clock)
+            return appended.commit
+
+    def begin_at(self, recorded_ns: int) -> bool:
+        """Let a log without events begin at that moment, so that it can take over another's times.
+
+        Returns:
+            False: it has events, or had; nothing was done.
+
+        Raises:
+            LogPoisonedError: It could not be written.
+        """
+        with self._mutex:
+            self._write_poses()
+            if not self._writer.is_fresh:
+                return False
+            self._writer.begin_at(recorded_ns)
+            self._is_stale = True
+            return True
+
     def sync(self) -> None:
         """Return once every commit so far survives a power cut."""
         self._writer.sync()
@@ -342,10 +389,12 @@ class AppendableLog(DoorLog):
         note: Note,
         command_id: bytes | None,
         content: bytes,
+        clock: Clock | None = None,
     ) -> Appended:
         self._take_in()
         poses = self._poses
-        gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses), self.now_ns)
+        now_ns = self.now_ns if clock is None else clock.wall_ns
+        gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses), now_ns)
         try:
             events = make()
             if isinstance(events, (list, tuple)):
@@ -358,6 +407,7 @@ class AppendableLog(DoorLog):
                 note=note,
                 command_id=command_id,
                 content=content,
+                clock=clock,
             )
         finally:
             self._is_stale = True

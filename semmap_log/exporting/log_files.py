@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,14 +12,12 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
+from semmap_log.exporting.event_lines import write_event_lines
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
-from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
-from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.window import Window
-from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches
 
 WRITABLE = (
@@ -90,17 +87,9 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
 
 
 def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
-    finder = CommitFinder(log.reader)
-    batches = visible_batches(log.reader, scope, progress=progress, on_page=finder.look_at)
-    count = 0
-    with path.open("w", encoding="utf-8") as file:
-        for entry in history(batches, finder.commit_at, log.reader.retractions()):
-            said = {name: getattr(entry, name)
-                    for name in ("actor", "source", "reason", "correlation")}  # fmt: skip
-            shown = event_to_json(entry.recorded, note=said)
-            file.write(json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n")
-            count += 1
-    return Exported(f"{count} events")
+    written = write_event_lines(log.reader, path, scope, progress=progress)
+    taken_back = f", of which {written.retracted:,} are retracted" if written.retracted else ""
+    return Exported(f"{written.events:,} events{taken_back}")
 
 
 def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
