@@ -236,6 +236,7 @@ class AppendableLog(DoorLog):
         note: Note,
         command_id: bytes,
         content: bytes,
+        are_facts: bool = True,
         recorded_ns: int | None = None,
     ) -> Commit:
         """Append a commit of another log as it was there; `sync` makes it last.
@@ -245,6 +246,7 @@ class AppendableLog(DoorLog):
             note: Who, with what, why.
             command_id: 16 bytes; who calls has seen that it is not stored.
             content: Digest of what the command asked for.
+            are_facts: The other log took them: only what this log could not hold is refused.
             recorded_ns: When the other log recorded it; None: it is recorded now. Later than the
                 log's end, or the log ends there.
 
@@ -256,8 +258,9 @@ class AppendableLog(DoorLog):
         with self._mutex:
             self._write_poses()
             first = self._writer.next_event
-            appended = self._append_now(lambda: make(first), note, command_id, content, clock)
-            return appended.commit
+            return self._append_now(
+                lambda: make(first), note, command_id, content, clock, are_facts=are_facts
+            ).commit
 
     def begin_at(self, recorded_ns: int) -> bool:
         """Let a log without events begin at that moment, so that it can take over another's times.
@@ -390,11 +393,14 @@ class AppendableLog(DoorLog):
         command_id: bytes | None,
         content: bytes,
         clock: Clock | None = None,
+        *,
+        are_facts: bool = False,
     ) -> Appended:
         self._take_in()
         poses = self._poses
         now_ns = self.now_ns if clock is None else clock.wall_ns
-        gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses), now_ns)
+        first = self._writer.next_event + len(poses)
+        gatekeeper = Gatekeeper(self.roster, first, now_ns, are_facts=are_facts)
         try:
             events = make()
             if isinstance(events, (list, tuple)):

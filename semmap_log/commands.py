@@ -123,7 +123,12 @@ class Gatekeeper:
     """Checks the events of one commit, each against the map and the events before it."""
 
     def __init__(
-        self, roster: Roster, next_event: int, now_ns: Callable[[], int] | None = None
+        self,
+        roster: Roster,
+        next_event: int,
+        now_ns: Callable[[], int] | None = None,
+        *,
+        are_facts: bool = False,
     ) -> None:
         """Take up a commit.
 
@@ -131,7 +136,10 @@ class Gatekeeper:
             roster: The doors and levels before it.
             next_event: The number of its first event.
             now_ns: The log's clock, by which events without a time happen; None: not known.
+            are_facts: Another log took the events; what is said there of a door after its removal
+                stays in its history.
         """
+        self._are_facts = are_facts
         self._now_ns = now_ns
         self.roster = roster
         """The roster after the events that passed; the one that was given stays as it was."""
@@ -268,7 +276,8 @@ class Gatekeeper:
         removed_ns = self.roster.removed_ns.get(door_id)
         if removed_ns is None:
             raise UnknownDoorError(f"door {door_id} is not in the map.")
-        if event.happened_ns is None or event.happened_ns > removed_ns:
+        is_late = event.happened_ns is None or event.happened_ns > removed_ns
+        if is_late and not self._are_facts:
             raise DoorRemovedError(
                 f"door {door_id} was removed; only what happened before that can be added to it."
             )

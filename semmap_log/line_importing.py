@@ -121,6 +121,7 @@ class _Writing:
             note=commit.note,
             command_id=commit.command_id,
             content=commit.content,
+            are_facts=commit.is_exported,
             recorded_ns=recorded_ns,
         )
         if self.first_event is None:

@@ -82,7 +82,9 @@ def run(
                A name that begins with = + - @ gets an ' before it, so that no
                spreadsheet takes it for a formula; control characters are written
                as \\u001b. `import` takes both back
-      .jsonl   every event but retracted ones, one JSON object a line
+      .jsonl   every event with who, why, and its commit, one JSON object a line, those
+               that were taken back marked "retracted": true. `import` makes the
+               same log of it: a new log has its recorded times, too
       .parquet every event, retracted ones marked, with who and why: for pandas,
                DuckDB, polars (needs semmap-log[arrow])
       .rrd     a recording for the rerun viewer

@@ -73,6 +73,15 @@ def line_to_json(event: RecordedEvent, commit: Commit, *, retracted: bool) -> di
     return shown
 
 
+def means_same(given: Event, stored: Event) -> bool:
+    """Tell whether two events say the same, as JSON tells it.
+
+    Fields that an update does not set mean nothing; a time that is not given is any.
+    """
+    mine, its = event_to_json(given), event_to_json(stored)
+    return mine == (its if "happened" in mine else {k: its[k] for k in its if k != "happened"})
+
+
 def _fields(event: Event) -> dict[str, Any]:
     if isinstance(event, FloorMap):
         return _floor_map_fields(event)

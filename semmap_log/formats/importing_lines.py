@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from semmap_log.command_content import are_same
 from semmap_log.commands import Gatekeeper, Roster
 from semmap_log.commits import Commit
 from semmap_log.errors import CommandError
@@ -23,6 +22,7 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.formats.event_json import means_same
 from semmap_log.formats.event_json_reader import ParsedLine
 from semmap_log.formats.importing import Present
 from semmap_log.formats.line_commits import LineOptions, PlannedCommit, grouped, taken
@@ -208,6 +208,10 @@ class _LinePlanner:
     def check(self, commit: PlannedCommit, *, is_repeated: bool) -> None:
         """Ask of each line what the log would ask of it, so that the line can be named."""
         before = self.count
+        is_copy = self.stored_count == self.present.next_event
+        recorded_ns = commit.recorded_ns if is_copy else None
+        now_ns = self.now_ns if recorded_ns is None else recorded_ns
+        self.checks.begin(now_ns, are_facts=commit.is_exported)
         for line, parsed in commit.lines:
             if is_repeated:
                 self.problems.add(line, _NOT_ONE)
@@ -236,10 +240,10 @@ class _LinePlanner:
             if event is None:
                 continue
             number, held = next(there, _NOTHING)
-            while is_first and isinstance(held, RobotPose) and not are_same([event], [held]):
+            while is_first and isinstance(held, RobotPose) and not means_same(event, held):
                 number, held = next(there, _NOTHING)  # a pose that waited when it was appended
             is_first = False
-            if held is None or not are_same([event], [held]):
+            if held is None or not means_same(event, held):
                 self.problems.add(line, _differs(found))
                 return
             if parsed.number is not None:
@@ -268,7 +272,9 @@ class _Checks:
         self.stored = stored
         self.roster = present.roster or Roster.of_map(present.door_map, present.used_ids)
         self.first = self.next = present.next_event
-        self.gatekeeper = Gatekeeper(self.roster, self.next)
+        self.now_ns = 0
+        """By which clock the events are recorded: a later time counts as that."""
+        self.gatekeeper = Gatekeeper(self.roster, self.next, lambda: self.now_ns)
         self.retracted = Retractions()
         self.changes: list[tuple[int, Event]] = []
         """Number and event of what the file changed in the roster."""
@@ -281,11 +287,19 @@ class _Checks:
         """
         self.gatekeeper.check(event)
         if isinstance(event, _CHANGING):
-            self.changes.append((self.next, event))
+            happened_ns = self.now_ns if event.happened_ns is None else event.happened_ns
+            happened_ns = min(happened_ns, self.now_ns)
+            self.changes.append((self.next, replace(event, happened_ns=happened_ns)))
         self.next += 1
         if isinstance(event, Retracted):
             self.retracted.ranges.append((event.first_event, event.last_event))
-            self.gatekeeper = Gatekeeper(self.without_retracted(), self.next)
+
+    def begin(self, now_ns: int, *, are_facts: bool) -> None:
+        """Begin a commit: only what was retracted before it cannot be asked for any more."""
+        self.now_ns = now_ns
+        last = self.gatekeeper
+        roster = self.without_retracted() if last.has_retraction else last.roster
+        self.gatekeeper = Gatekeeper(roster, self.next, lambda: self.now_ns, are_facts=are_facts)
 
     def without_retracted(self) -> Roster:
         """Return the doors and levels that are left; what the log holds of levels stays."""

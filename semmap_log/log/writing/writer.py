@@ -168,7 +168,7 @@ class LogWriter:
         clock: Clock,
     ) -> Commit:
         wall_ns = believable_ns(clock)
-        self._make_ready(wall_ns)
+        self._make_ready(wall_ns, keeps_time=clock is not self.clock)
         segment = self._chain.live
         assert segment is not None
         stamp = Stamp(
@@ -350,19 +350,24 @@ class LogWriter:
         )
         return LogPoisonedError(self._poison, command_id)
 
-    def _make_ready(self, wall_ns: int) -> None:
-        """See to a live segment that has room: the one there is, or a continued, or a new one."""
+    def _make_ready(self, wall_ns: int, *, keeps_time: bool) -> None:
+        """See to a live segment that has room: the one there is, or a continued, or a new one.
+
+        A new one begins with a keyframe, which needs a nanosecond of its own. Where times are kept
+        and there is none between two commits, it begins with a later one.
+        """
         chain = self._chain
-        if chain.live is not None and not chain.is_full(max(wall_ns, self.last_ns)):
-            return
+        if chain.live is not None:
+            has_time = not keeps_time or wall_ns - self.last_ns > 1
+            if not (has_time and chain.is_full(max(wall_ns, self.last_ns))):
+                return
         self._in_commit = True  # an interrupt between two segments leaves neither
         with self._syncs.lock:  # nobody may be syncing the file that is closed here
             if chain.live is None:
                 chain.continue_last(self._end)
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
                 chain.roll(self._end)
-                # Not later than the commit that follows: a copy of the log may roll elsewhere.
-                self.last_ns = max(wall_ns - 1, self.last_ns + 1)
+                self.last_ns = max(wall_ns - 1, self.last_ns + 1)  # the commit's time stays free
                 keyframe = self._state.keyframe(self.last_ns)
                 chain.begin_next(self.next_event, self._last_hash, keyframe)
             self._syncs.durable_before = self.next_event
