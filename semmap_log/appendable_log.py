@@ -229,6 +229,10 @@ class AppendableLog(DoorLog):
             self._make_last(appended.commit, sync=None)
         return appended
 
+    def sync(self) -> None:
+        """Return once every commit so far survives a power cut."""
+        self._writer.sync()
+
     def take_over(
         self,
         make: Callable[[int], Iterable[Event | EventBatch]],
@@ -278,10 +282,6 @@ class AppendableLog(DoorLog):
             self._writer.begin_at(recorded_ns)
             self._is_stale = True
             return True
-
-    def sync(self) -> None:
-        """Return once every commit so far survives a power cut."""
-        self._writer.sync()
 
     def find_command(self, command_id: bytes) -> Commit | None:
         """Return the commit that a command became, if it is stored, however long ago.
