@@ -130,6 +130,7 @@ class _LinePlanner:
         self.uncovered = Uncovered()
         self.last_source = -1
         self.count = self.commit_count = self.groups = self.stored_count = 0
+        self.uses_note = False
         self.left_out: list[str] = []
         self.kept: list[tuple[int, ParsedLine]] | None = []
 
@@ -166,6 +167,12 @@ class _LinePlanner:
         return is_copy and self.times.can_be_kept(self.now_ns)
 
     def warnings(self) -> Iterator[str]:
+        note = self.options.note
+        if (note.actor or note.reason) and self.count and not self.uses_note:
+            yield (
+                "who and why stay as the log that wrote the lines has them; what was given now "
+                "is not stored"
+            )
         early = self.times.happened_later
         if early and not self.keeps_recorded:
             yield (
@@ -229,6 +236,7 @@ class _LinePlanner:
             self.times.add(parsed)
             self.count += 1
         self.commit_count += self.count > before
+        self.uses_note |= commit.note is self.options.note
 
     def compare(self, commit: PlannedCommit, found: Commit) -> None:
         """Note a line that is another than the one that the log holds of the same command."""

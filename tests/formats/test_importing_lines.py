@@ -182,6 +182,21 @@ def test_a_file_that_lost_lines_is_refused(tmp_path, lines, message):
         plan(tmp_path, *lines)
 
 
+def test_who_imports_is_told_where_it_is_not_stored(tmp_path):
+    """
+    The lines of a log have their own notes, or none.
+    """
+    path = tmp_path / "in.jsonl"
+    options = lines_of("UTC", Note("eva"))
+    warnings = []
+    for line in (exported(4), SEEN | {"door_id": 3}):
+        path.write_text(json.dumps(line))
+        plan = plan_event_lines(path, PRESENT, options, NothingStored(), now_ns=NOON_NS)
+        warnings.append([text for text in plan.warnings if "who and why" in text])
+
+    assert [1, 0] == [len(found) for found in warnings]
+
+
 def test_a_retraction_gets_the_numbers_that_its_events_have_here(tmp_path):
     """
     The log's next number is 10; what was cut out of the file has none.
