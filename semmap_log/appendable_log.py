@@ -24,7 +24,7 @@ from semmap_log.errors import (
 )
 from semmap_log.event_batch import EventBatch, one_by_one
 from semmap_log.events import Event, RobotPose
-from semmap_log.log.clock import believable_ns
+from semmap_log.log.clock import Clock, KeptClock, believable_ns
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.writing.durability import Promise
 from semmap_log.log.writing.writer import LogWriter
@@ -239,6 +239,56 @@ class AppendableLog(DoorLog):
         """Return once every commit so far survives a power cut."""
         self._writer.sync()
 
+    def take_over(
+        self,
+        make: Callable[[int], Iterable[Event | EventBatch]],
+        *,
+        note: Note,
+        command_id: bytes,
+        content: bytes,
+        are_facts: bool = True,
+        recorded_ns: int | None = None,
+    ) -> Commit:
+        """Append a commit of another log as it was there; `sync` makes it last.
+
+        Args:
+            make: Gives the events; is told the number that the first of them gets.
+            note: Who, with what, why.
+            command_id: 16 bytes; who calls has seen that it is not stored.
+            content: Digest of what the command asked for.
+            are_facts: The other log took them: only what this log could not hold is refused.
+            recorded_ns: When the other log recorded it; None: it is recorded now. Later than the
+                log's end, or the log ends there.
+
+        Raises:
+            CommandError: The map forbids an event; nothing of the commit is stored.
+            LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
+        """
+        clock = None if recorded_ns is None else KeptClock(recorded_ns)
+        with self._mutex:
+            self._write_poses()
+            first = self._writer.next_event
+            return self._append_now(
+                lambda: make(first), note, command_id, content, clock, are_facts=are_facts
+            ).commit
+
+    def begin_at(self, recorded_ns: int) -> bool:
+        """Let a log without events begin at that moment, so that it can take over another's times.
+
+        Returns:
+            False: it has events, or had; nothing was done.
+
+        Raises:
+            LogPoisonedError: It could not be written.
+        """
+        with self._mutex:
+            self._write_poses()
+            if not self._writer.is_fresh:
+                return False
+            self._writer.begin_at(recorded_ns)
+            self._is_stale = True
+            return True
+
     def find_command(self, command_id: bytes) -> Commit | None:
         """Return the commit that a command became, if it is stored, however long ago.
 
@@ -363,10 +413,15 @@ class AppendableLog(DoorLog):
         note: Note,
         command_id: bytes | None,
         content: bytes,
+        clock: Clock | None = None,
+        *,
+        are_facts: bool = False,
     ) -> Appended:
         self._take_in()
         poses = self._poses
-        gatekeeper = Gatekeeper(self.roster, self._writer.next_event + len(poses), self.now_ns)
+        now_ns = self.now_ns if clock is None else clock.wall_ns
+        first = self._writer.next_event + len(poses)
+        gatekeeper = Gatekeeper(self.roster, first, now_ns, are_facts=are_facts)
         try:
             events = make()
             if isinstance(events, (list, tuple)):
@@ -378,6 +433,7 @@ class AppendableLog(DoorLog):
                 note=note,
                 command_id=command_id,
                 content=content,
+                clock=clock,
             )
         finally:
             self._is_stale = True

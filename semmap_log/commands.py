@@ -181,6 +181,13 @@ class Roster:
         found = (i for i, removal in self.removals.items() if removal.event == event.first_event)
         return next(found, None)
 
+    def bring_back(self, door_id: int) -> None:
+        """Take in that a door's removal is taken back: the door is as it was before."""
+        self._levels = None
+        removal = self.removals.pop(door_id)
+        self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level
+        self.removed_ns.pop(door_id)
+
     def apply(self, event: Event, number: int) -> None:
         """Take in what an event changes; one without a time counts from the end of time."""
         self._levels = None
@@ -196,9 +203,7 @@ class Roster:
             self.removed_ns[event.door_id] = happened_ns
             self.removals[event.door_id] = Removal(number, was_placed, level)
         elif isinstance(event, Retracted) and (door_id := self.brought_back(event)) is not None:
-            removal = self.removals.pop(door_id)
-            self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level
-            self.removed_ns.pop(door_id)
+            self.bring_back(door_id)
         elif isinstance(event, DoorUpdated) and event.door_id in self.placed:
             self.placed[event.door_id] = True
             if event.changed & Changed.POSE:
@@ -213,7 +218,12 @@ class Gatekeeper:
     """Checks the events of one commit, each against the map and the events before it."""
 
     def __init__(
-        self, roster: Roster, next_event: int, now_ns: Callable[[], int] | None = None
+        self,
+        roster: Roster,
+        next_event: int,
+        now_ns: Callable[[], int] | None = None,
+        *,
+        are_facts: bool = False,
     ) -> None:
         """Take up a commit.
 
@@ -221,13 +231,17 @@ class Gatekeeper:
             roster: The doors and levels before it.
             next_event: The number of its first event.
             now_ns: The log's clock, by which events without a time happen; None: not known.
+            are_facts: Another log took the events; what is said there of a door after its removal
+                stays in its history.
         """
+        self._are_facts = are_facts
         self._now_ns = now_ns
         self.roster = roster
         """The roster after the events that passed; the one that was given stays as it was."""
         self.is_roster_sure = True
         """A roster cannot follow a retraction, nor what may have happened before something that
         it knows: then it must be made anew."""
+        self.has_retraction = False
         self.keeps_names = True
         """Which name means which door is as it was before."""
         self._is_own = False
@@ -339,7 +353,7 @@ class Gatekeeper:
                 self._check_removal(event)
         elif isinstance(event, Retracted):
             self._check_retraction(event)
-            self.is_roster_sure = False
+            self.is_roster_sure, self.has_retraction = False, True
         elif isinstance(event, UnknownEvent):
             expected = "an event of a kind that this version knows"
             raise InvalidEventError("event", expected, type(event).__name__)
@@ -412,7 +426,8 @@ class Gatekeeper:
         removed_ns = self.roster.removed_ns.get(door_id)
         if removed_ns is None:
             raise UnknownDoorError(f"door {door_id} is not in the map.")
-        if event.happened_ns is None or event.happened_ns > removed_ns:
+        is_late = event.happened_ns is None or event.happened_ns > removed_ns
+        if is_late and not self._are_facts:
             raise DoorRemovedError(
                 f"door {door_id} was removed; only what happened before that can be added to it."
                 f"{self.roster.way_back(door_id)}"

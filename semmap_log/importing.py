@@ -1,4 +1,4 @@
-"""Foreign files into a log: each is one commit, whole or not at all, and only once."""
+"""Foreign files into a log: each whole or not at all, and only once."""
 
 from __future__ import annotations
 
@@ -25,9 +25,11 @@ from semmap_log.formats.files import open_regular
 from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
+from semmap_log.formats.line_commits import LineOptions
 from semmap_log.formats.map_server import DEFAULT_RULES, is_map, picture_of, read_map
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
 from semmap_log.levels import resolve_level
+from semmap_log.line_importing import StoredCommits, append_lines
 from semmap_log.log.disk import utf8_name
 from semmap_log.log.reading.passage import Progress
 from semmap_log.ros_mapping.mapping import WELL_KNOWN
@@ -82,7 +84,7 @@ def import_file(
     note: Note = Note(),
     progress: Progress | None = None,
 ) -> Imported:
-    """Import a file as one commit.
+    """Import a file as one commit; JSON lines that a log wrote, as the commits they were there.
 
     Args:
         log: Where to.
@@ -99,18 +101,24 @@ def import_file(
         raise CommandError(f"{path}: a mapping (--mapping) says how bags are read; this is none.")
     if options.map_rules is not None and not is_map(path):
         raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
-    plan_of = _planner(path, progress)
+    is_lines = tells_event_lines(path)
+    plan_of = None if is_lines else _planner(path, progress)
     command_id = None
-    if not (options.update or options.renumber):
+    if is_lines or not (options.update or options.renumber):
         command_id = command_id_of(path, options)
         known = log.find_command(command_id)
         if known is not None:
             return Imported(ImportPlan((), 0), None, known_before=True)
+    if not note.source:
+        note = replace(note, source=utf8_name(path))
+    if plan_of is None:
+        assert command_id is not None
+        zone = log.info.timezone if options.tz is None else options.tz
+        taken = LineOptions(zone, command_id, note, options.at_ns)
+        return _import_lines(log, path, taken, progress)
     plan = plan_of(log, path, options)
     if plan.count == 0:
         return Imported(plan, None)
-    if not note.source:
-        note = replace(note, source=utf8_name(path))
     appended = log.append(
         _told(plan.events, plan.count, progress),
         note=note,
@@ -141,6 +149,11 @@ def plan_bag_import(
     return plan_bag(path, log, mapping, progress=progress)
 
 
+def tells_event_lines(path: Path) -> bool:
+    """Tell whether a name is that of a file of JSON lines."""
+    return path.name.lower().removesuffix(".gz").endswith((".jsonl", ".ndjson"))
+
+
 def _planner(path: Path, progress: Progress | None) -> Planner:
     if is_bag(path):
         return lambda log, path, options: plan_bag_import(log, path, options, progress)
@@ -151,8 +164,6 @@ def _planner(path: Path, progress: Progress | None) -> Planner:
         return _plan_map if is_map(path) else plan_thesis_yaml
     if name.endswith(".csv"):
         return _plan_csv
-    if name.endswith((".jsonl", ".ndjson")):
-        return _plan_event_lines
     raise FormatError(path, f"its name tells no format that can be imported; known are {READABLE}.")
 
 
@@ -212,9 +223,14 @@ def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportP
     return plan_sightings(sightings, _present(log), level=level)
 
 
-def _plan_event_lines(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
-    zone = log.info.timezone if options.tz is None else options.tz
-    return plan_event_lines(path, _present(log), tz=zone)
+def _import_lines(
+    log: DoorLogWriter, path: Path, options: LineOptions, progress: Progress | None
+) -> Imported:
+    lines = plan_event_lines(path, _present(log), options, StoredCommits(log), now_ns=log.now_ns())
+    plan = ImportPlan(
+        (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings
+    )
+    return Imported(plan, append_lines(log, lines, progress))
 
 
 def _present(log: DoorLogWriter) -> Present:

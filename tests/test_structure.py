@@ -34,7 +34,7 @@ ORDER = [
     {"opening", "summary", "day", "costmaps", "beliefs"},
     {"formats"},
     {"views", "ros_mapping"},
-    {"bag_importing"},
+    {"bag_importing", "line_importing"},
     {"importing", "exporting"},
     {"live"},
     {"demo"},

@@ -78,11 +78,16 @@ def run(
     \b
     Formats, by the file's name:
       .yaml    the thesis's door database, as its server loads it
+      .geojson the doors as lines, for QGIS, GDAL, geopandas; level, state, probabilities,
+               annotations as properties. Coordinates are metres of the map frame, not
+               longitude and latitude; a door without a place has no geometry
       .csv     timestamp,door,state,accuracy: every state that was set or seen.
                A name that begins with = + - @ gets an ' before it, so that no
                spreadsheet takes it for a formula; control characters are written
                as \\u001b. `import` takes both back
-      .jsonl   every event but retracted ones, one JSON object a line
+      .jsonl   every event with who, why, and its commit, one JSON object a line, those
+               that were taken back marked "retracted": true. `import` makes the
+               same log of it: a new log has its recorded times, too
       .parquet every event, retracted ones marked, with who and why: for pandas,
                DuckDB, polars (needs semmap-log[arrow])
       .rrd     a recording for the rerun viewer
@@ -103,6 +108,7 @@ def run(
       semmap-log export office doors.yaml --default-prob 0.5
       semmap-log export office before.yaml --at "yesterday 14:00"
       semmap-log export office events.jsonl
+      semmap-log export office doors.geojson --at 2026-03-02T12:00
       semmap-log export office march.parquet --at 2026-04-01
       semmap-log export office day.mcap --markers
       semmap-log export office morning.bag --from 06:00 --to 12:00
@@ -129,6 +135,8 @@ def run(
         done = export(opened, out, scope, default_prob=default_prob, progress=told)
     for text in done.left_out:
         say(f"left out: {text}")
+    for text in done.notes:
+        say(text)
     say(f"{out}: {done.what}.")
 
 

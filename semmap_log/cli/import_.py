@@ -64,13 +64,20 @@ def run(
 
     The same file again, with the same options, changes nothing.
 
+    JSON lines that `export` wrote become the commits that they were: numbers in retractions are
+    those of this log, a command that is stored already is left alone, so that a log that grew
+    brings only what is new. Recorded times are kept where the log holds nothing else; else they
+    are now. All of the file is checked first; an import that was interrupted goes on where it
+    stopped when it is called again. Of lines without a command_id those that follow each other
+    and say the same of who and why are one commit.
+
     \b
     Known by their names:
       *.building.yaml    Open-RMF building: doors, levels, walls as floor plan
       *.yaml             the thesis's door database; a map_server map (image, resolution,
                          origin), whose picture lies beside it, as floor plan
       *.csv, *.csv.gz    timestamp,door,state[,accuracy]
-      *.jsonl, .jsonl.gz events as `record` takes them
+      *.jsonl, .jsonl.gz events as `export` writes and `record` takes them
       *.bag              bag of ROS 1
       *.mcap, *.db3      bag of ROS 2 (or ROS 1 in MCAP), or a folder of rosbag2
 

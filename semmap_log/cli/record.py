@@ -56,7 +56,8 @@ def run(
     bad line is reported with its number and skipped; then the exit code is 1. Exit code 0 means
     that every line is stored.
     A line with a command_id that is stored already, however long ago, is stored once, and answered
-    as it was then.
+    as it was then. Of an exported log each line is a commit of its own here, recorded now, and what
+    was taken back is refused; `import` makes the same log of it.
 
     With --ros1 or --ros2 it records what topics say about doors: the events of each message are
     one commit, messages that wait share a sync, and what was received when it is told to stop is

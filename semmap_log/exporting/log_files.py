@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,20 +12,19 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
+from semmap_log.exporting.event_lines import write_event_lines
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
-from semmap_log.formats.event_json import event_to_json
+from semmap_log.formats.geojson import dump_geojson
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
-from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.window import Window
-from semmap_log.projections.history import history
 from semmap_log.replay import Scope, visible_batches
 
 WRITABLE = (
-    ".yaml (the thesis's door database), .csv (states), .jsonl or .parquet (events), .rrd (rerun), "
-    ".html (a page), .pgm (a costmap, with its .yaml); over time .mcap, .bag (ROS 1) or, without "
-    "an extension, a rosbag2 folder"
+    ".yaml (the thesis's door database), .geojson (doors), .csv (states), .jsonl or .parquet "
+    "(events), .rrd (rerun), .html (a page), .pgm (a costmap, with its .yaml); over time .mcap, "
+    ".bag (ROS 1) or, without an extension, a rosbag2 folder"
 )
 
 
@@ -37,6 +35,8 @@ class Exported:
     what: str
     """In words, such as `3 doors`."""
     left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What else to know of it."""
 
 
 def export(
@@ -66,6 +66,7 @@ def export(
     writers: dict[str, Callable[[Path], Exported]] = {
         ".yaml": lambda path: _thesis_yaml(log, path, scope, default_prob),
         ".yml": lambda path: _thesis_yaml(log, path, scope, default_prob),
+        ".geojson": lambda path: _geojson(log, path, scope),
         ".csv": lambda path: _csv(log, path, scope),
         ".jsonl": lambda path: _event_lines(log, path, scope, progress),
         ".parquet": lambda path: _parquet(log, path, scope, progress),
@@ -89,18 +90,29 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
     return Exported(f"{len(door_map.doors) - len(left_out)} doors", tuple(left_out))
 
 
+def _geojson(log: DoorLog, path: Path, scope: Scope) -> Exported:
+    door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
+    text, unplaced = dump_geojson(door_map, _about(log))
+    path.write_text(text, encoding="utf-8")
+    notes = tuple(f"{door.label}: without a place, so its geometry is null" for door in unplaced)
+    return Exported(f"{len(door_map.doors):,} doors, in metres of the map frame", notes=notes)
+
+
+def _about(log: DoorLog) -> dict[str, str]:
+    """Return what a file may say of the log that it is of."""
+    info = log.info
+    return {
+        "log_id": info.log_id,
+        "timezone": info.timezone,
+        "building": info.building,
+        "robot": info.robot,
+    }
+
+
 def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
-    finder = CommitFinder(log.reader)
-    batches = visible_batches(log.reader, scope, progress=progress, on_page=finder.look_at)
-    count = 0
-    with path.open("w", encoding="utf-8") as file:
-        for entry in history(batches, finder.commit_at, log.reader.retractions()):
-            said = {name: getattr(entry, name)
-                    for name in ("actor", "source", "reason", "correlation")}  # fmt: skip
-            shown = event_to_json(entry.recorded, note=said)
-            file.write(json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n")
-            count += 1
-    return Exported(f"{count} events")
+    written = write_event_lines(log.reader, path, scope, progress=progress)
+    taken_back = f", of which {written.retracted:,} are retracted" if written.retracted else ""
+    return Exported(f"{written.events:,} events{taken_back}")
 
 
 def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
@@ -115,12 +127,7 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
         joined.table(batch, retractions.hidden(batch))
         for batch in log.reader.batches(window, progress=progress)
     )
-    said = {
-        "semmap_log.log_id": log.info.log_id,
-        "semmap_log.timezone": log.info.timezone,
-        "semmap_log.building": log.info.building,
-        "semmap_log.robot": log.info.robot,
-    }
+    said = {f"semmap_log.{key}": text for key, text in _about(log).items()}
     return Exported(f"{write_parquet(path, tables, HISTORY_SCHEMA, said):,} events")
 
 

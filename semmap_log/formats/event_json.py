@@ -1,5 +1,7 @@
 """One event as one JSON object, both ways: what `record` reads and `history --json` writes.
 
+A line of an exported log says what the log knows of its event, too: `line_to_json`.
+
     {"kind": "DoorObserved", "door_id": 1, "state": "OPEN", "accuracy": 0.9,
      "happened": "2026-03-01T12:00:00.000000000Z"}
 
@@ -19,7 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorState
+from semmap_log.commits import NO_CONTENT, Commit
+from semmap_log.doors import DoorState, is_given
 from semmap_log.event_batch import RecordedEvent
 from semmap_log.events import (
     Changed,
@@ -58,6 +61,38 @@ def event_to_json(
         if event.happened_ns is not None:
             shown["happened"] = format_utc(event.happened_ns)
     return shown | {key: text for key, text in (note or {}).items() if text}
+
+
+def line_to_json(event: RecordedEvent, commit: Commit, *, retracted: bool) -> dict[str, Any]:
+    """Return an event with all that `import` needs to make the same log of it.
+
+    Besides the event, its number, its times and its note: the `command_id` of its commit; `commit`,
+    the numbers of the commit's first and last event, where it has several; `content`, the digest
+    of what the command asked for, where it has one; and `retracted`, where that is true.
+    """
+    note = {key: getattr(commit.note, key) for key in NOTE_KEYS}
+    shown = event_to_json(event, note=note)
+    shown["command_id"] = commit.command_id.hex()
+    if commit.count > 1:
+        shown["commit"] = [commit.first_event, commit.last_event]
+    if commit.content != NO_CONTENT:
+        shown["content"] = commit.content.hex()
+    if retracted:
+        shown["retracted"] = True
+    return shown
+
+
+def means_same(given: Event, stored: Event) -> bool:
+    """Tell whether two events say the same, as JSON tells it.
+
+    Fields that an update does not set mean nothing; a time or a level that is not given is any.
+    """
+    mine, its = event_to_json(given), event_to_json(stored)
+    if "happened" not in mine:
+        its.pop("happened", None)
+    if "level" in mine and not is_given(mine["level"]):
+        mine["level"] = its.get("level")
+    return mine == its
 
 
 def _fields(event: Event) -> dict[str, Any]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from semmap_log.commits import Note
 from semmap_log.doors import NAN, DoorId, DoorState
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.events import (
     KIND_BY_NAME,
+    MAX_EVENT,
     Changed,
     DoorAdded,
     DoorEvent,
@@ -57,6 +60,27 @@ class ParsedLine:
     """Its number in the log that it was exported from."""
     recorded_ns: int | None = None
     """When that log recorded it."""
+    commit: tuple[int, int] | None = None
+    """First and last event number of its commit there, where that had several."""
+    content: bytes | None = None
+    """Digest of what that command asked for, 16 bytes."""
+    retracted: bool = False
+    """That log had taken it back."""
+
+    @property
+    def note(self) -> Note:
+        """Who and why."""
+        return Note(self.actor, self.source, self.reason, self.correlation)
+
+    @property
+    def is_exported(self) -> bool:
+        """Whether a log wrote the line, with its commit."""
+        return self.number is not None and self.command_id is not None
+
+    @property
+    def own_command_id(self) -> bytes | None:
+        """The id of a commit that has only this line, 16 bytes; None: it says none."""
+        return _own_id(self.command_id, self.number if self.commit else None)
 
 
 def parse_event_line(
@@ -81,7 +105,9 @@ def parse_event_line(
 
 
 def command_id_of(text: str | bytes, *, path: Path | str = "line", line: int = 1) -> bytes | None:
-    """Return the command id in a line of JSON, and nothing else of it; None: it has none.
+    """Return the id of the command that a line of JSON is by itself; None: it has none.
+
+    Of lines that were one commit where they were exported, each is a command of its own.
 
     Raises:
         FormatError: Not JSON, or not a command id.
@@ -90,7 +116,9 @@ def command_id_of(text: str | bytes, *, path: Path | str = "line", line: int = 1
     if key not in text:  # type: ignore[operator]  # nearly every line: no need to read it twice
         return None
     try:
-        return _hex_id(load_object(text).get("command_id"))
+        values = load_object(text)
+        number = values.get("event") if "commit" in values else None
+        return _own_id(_hex_id(values.get("command_id")), number)
     except (StrictJsonError, _WrongError) as error:
         raise FormatError(path, [(line, str(error))]) from None
 
@@ -114,6 +142,11 @@ class _LineReader:
         command_id = self.command_id()
         number = self.whole("event") if "event" in self.left else None
         recorded_ns = self.instant("recorded")
+        commit = self.commit(number)
+        content = _hex_id(self.left.pop("content", None), "content")
+        retracted = self.truth("retracted") if "retracted" in self.left else False
+        if commit is not None and command_id is None:
+            raise _WrongError("commit: expected a command_id with it, got none")
         values = self.floor_map() if kind is FloorMap else self.fields(kind)
         if self.left:
             known = ", ".join(["happened", *_keys_of(kind)])
@@ -122,7 +155,14 @@ class _LineReader:
             )
         event = kind(happened_ns=happened_ns, **values)
         return ParsedLine(
-            event, command_id=command_id, number=number, recorded_ns=recorded_ns, **said
+            event,
+            command_id=command_id,
+            number=number,
+            recorded_ns=recorded_ns,
+            commit=commit,
+            content=content,
+            retracted=retracted,
+            **said,
         )
 
     def kind(self) -> type[Event]:
@@ -285,13 +325,36 @@ class _LineReader:
     def command_id(self) -> bytes | None:
         return _hex_id(self.left.pop("command_id", None))
 
+    def commit(self, number: int | None) -> tuple[int, int] | None:
+        """Return first and last event number of the line's commit; the line's own lies in it."""
+        value = self.left.pop("commit", None)
+        if value is None:
+            return None
+        if not (isinstance(value, list) and [type(n) for n in value] == [int, int]):
+            raise _WrongError(
+                f"commit: expected the numbers of its first and last event, got {shown(value)}"
+            )
+        first, last = value
+        if number is None or not 0 <= first <= number <= last <= MAX_EVENT:
+            raise _WrongError(
+                f"commit: expected event numbers around the line's own, {number}; got {value}"
+            )
+        return first, last
 
-def _hex_id(value: Any) -> bytes | None:
+
+def _hex_id(value: Any, key: str = "command_id") -> bytes | None:
     if value is None:
         return None
     if not isinstance(value, str) or len(value) != 32 or set(value) - _HEX_DIGITS:
-        raise _WrongError(f"command_id: expected 32 hexadecimal digits, got {shown(value)}")
+        raise _WrongError(f"{key}: expected 32 hexadecimal digits, got {shown(value)}")
     return bytes.fromhex(value)
+
+
+def _own_id(command_id: bytes | None, number: object) -> bytes | None:
+    """Return the id of one line of a commit; `number` None: the line is all of it."""
+    if command_id is None or number is None:
+        return command_id
+    return hashlib.sha256(command_id + str(number).encode()).digest()[: len(command_id)]
 
 
 _HEX_DIGITS = frozenset("0123456789abcdefABCDEF")

@@ -16,10 +16,11 @@ from dataclasses import dataclass, field, replace
 
 from semmap_log.appendable_log import POSES_WAIT_S, Appended
 from semmap_log.command_content import content_of
-from semmap_log.commits import NO_CONTENT, Durability, Note
+from semmap_log.commits import NO_CONTENT, Commit, Durability
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, CommandReusedError, FormatError, SemmapError
 from semmap_log.events import Retracted, RobotPose
+from semmap_log.formats.event_json import means_same
 from semmap_log.formats.event_json_reader import (
     DoorLookup,
     ParsedLine,
@@ -110,7 +111,7 @@ class LineRecorder:
         try:
             if not self._is_answered(text):
                 parsed = self._parse(text)
-                if isinstance(parsed.event, RobotPose) and parsed.command_id is None:
+                if isinstance(parsed.event, RobotPose) and parsed.own_command_id is None:
                     self._keep_pose(parsed.event)
                 else:
                     self._append(parsed, text)
@@ -132,13 +133,20 @@ class LineRecorder:
         known = None if command_id is None else self.log.find_command(command_id)
         if known is None:
             return False
-        if known.content != _content(text):
+        if known.content != _content(text) and not self._holds(known, text):
             raise CommandReusedError(
                 f"command_id: stored already, as event {known.first_event}, for another line; "
                 "a new line wants a new id."
             )
         self._wait(Answer(self._line, known.last_event))
         return True
+
+    def _holds(self, known: Commit, text: bytes) -> bool:
+        """Tell whether a commit has the event of a line that a log wrote: `import` stored it."""
+        parsed = self._parse(text)
+        return parsed.is_exported and means_same(
+            parsed.event, self.log.event(known.last_event).event
+        )
 
     def _parse(self, text: bytes) -> ParsedLine:
         lookup = DoorLookup(
@@ -152,8 +160,13 @@ class LineRecorder:
         )
         if isinstance(parsed.event, Retracted) and parsed.number is not None:
             raise CommandError(
-                "this retraction was exported: its numbers are those of another log; "
-                "without its `event` they mean this one's."
+                "this retraction was exported: its numbers are those of another log; `import` "
+                "finds what they are here, and without its `event` they mean this log's."
+            )
+        if parsed.retracted:
+            raise CommandError(
+                "this event was taken back in the log that wrote the line; `import` keeps both, "
+                "the event and its retraction."
             )
         return parsed
 
@@ -165,11 +178,11 @@ class LineRecorder:
         self._poses.append((self._line, pose))
 
     def _append(self, parsed: ParsedLine, text: bytes) -> None:
-        note = Note(parsed.actor, parsed.source, parsed.reason, parsed.correlation)
         events = [*(pose for _, pose in self._poses), parsed.event]
-        content = _content(text) if parsed.command_id else NO_CONTENT
+        command_id = parsed.own_command_id
+        content = _content(text) if command_id else NO_CONTENT
         appended = self.log.append(
-            events, note=note, command_id=parsed.command_id, content=content, sync=False
+            events, note=parsed.note, command_id=command_id, content=content, sync=False
         )
         self._answer_later(appended, [*(line for line, _ in self._poses), self._line])
 

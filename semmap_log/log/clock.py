@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -44,6 +45,23 @@ class SystemClock:
     def monotonic_ns(self) -> int:
         """Return nanoseconds since boot, sleep not counted."""
         return time.monotonic_ns()
+
+
+@dataclass(slots=True)
+class KeptClock:
+    """The moment at which another log recorded a commit, for the log that takes it over."""
+
+    recorded_ns: int
+    boot_id: bytes = bytes(16)
+    """Not known: what its monotonic clock said is nobody's any more."""
+
+    def wall_ns(self) -> int:
+        """Return that moment."""
+        return self.recorded_ns
+
+    def monotonic_ns(self) -> int:
+        """Return 0: not known."""
+        return 0
 
 
 def believable_ns(clock: Clock) -> int:

@@ -156,6 +156,24 @@ def _decode_floor_map(message: Any, happened_ns: int | None, level: int) -> Floo
         resolution=info.resolution,
         origin_x=info.origin.position.x,
         origin_y=info.origin.position.y,
-        origin_theta=2 * math.atan2(turn.z, turn.w),
+        origin_theta=_angle_of(turn.z, turn.w),
         cells=message.data.reshape(info.height, info.width),
     )
+
+
+def _angle_of(z: float, w: float) -> float:
+    """Return the angle about z of a quaternion: where there is one, that which packs to it again.
+
+    The arc tangent may be a bit beside it; a map that is copied from log to log must not turn.
+    """
+    angle = below = above = 2 * math.atan2(z, w)
+    for _ in range(BITS_BESIDE):
+        below, above = math.nextafter(below, -math.inf), math.nextafter(above, math.inf)
+        for near in (angle, below, above):
+            if (math.sin(near / 2), math.cos(near / 2)) == (z, w):
+                return near
+    return angle
+
+
+BITS_BESIDE = 2
+"""So many floats on either side are tried: enough for every angle from -pi to pi."""

@@ -13,6 +13,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.commits import Durability
+from semmap_log.exporting.log_files import export
+from semmap_log.importing import import_file
 from tests.live.running import DEADLINE_S
 
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
@@ -179,3 +181,53 @@ def test_a_second_recorder_is_refused(office: Path) -> None:
 
     assert (1, []) == (code, answers)
     assert "is writing to this log" in err
+
+
+@pytest.fixture
+def exported(office: Path) -> Path:
+    """A log's events as lines: two commits of several events, one of one, and one taken back."""
+    with sl.append(office) as log:
+        log.add_door(name="back", actor="eva")
+        log.observe("front", "open")
+        log.observe("back", "open")
+        log.retract(log.state.event)
+    export(sl.read(office), office.parent / "lines.jsonl")
+    return office.parent / "lines.jsonl"
+
+
+def test_lines_that_a_log_wrote_are_taken_once_each(exported: Path, tmp_path: Path) -> None:
+    """
+    Each is a commit; what was taken back does not come to count again.
+    """
+    sl.create(tmp_path / "new", tz="UTC").close()
+    text = exported.read_text()
+
+    code, answers, err = _record(tmp_path / "new", text)
+    again, answers_again, _ = _record(tmp_path / "new", text)
+
+    assert 1 == code == again
+    assert answers == answers_again
+    assert [0, 1, 2, 3, 4] == [answer["event"] for answer in answers if "event" in answer]
+    assert "taken back in the log that wrote the line; `import` keeps both" in err
+    assert "line 7: this retraction was exported" in err
+    assert ["", "", "eva", "eva", ""] == [e.actor for e in sl.read(tmp_path / "new").history()]
+
+
+def test_a_line_that_was_imported_is_answered_as_it_is_stored(
+    exported: Path, tmp_path: Path
+) -> None:
+    """
+    Nothing is stored twice, whichever way it came.
+    """
+    with sl.create(tmp_path / "new", tz="UTC") as log:
+        import_file(log, exported)
+        held = log.state.event
+    single = next(line for line in exported.read_text().splitlines() if '"event": 4' in line)
+
+    code, answers, _ = _record(tmp_path / "new", f"{single}\n")
+    other_code, _, err = _record(tmp_path / "new", single.replace("OPEN", "CLOSED") + "\n")
+
+    assert (0, [{"line": 1, "event": 4}]) == (code, answers)
+    assert 1 == other_code
+    assert "stored already, as event 4, for another line" in err
+    assert held == sl.read(tmp_path / "new").replay().event

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import semmap_log as sl
 from semmap_log.errors import CommandError, OutputError
 from semmap_log.exporting.log_files import export
 from semmap_log.importing import import_file
+from semmap_log.replay import Scope
 
 
 def test_the_yaml_is_the_thesis_schema(tmp_path: Path) -> None:
@@ -58,7 +60,7 @@ def test_a_door_without_probabilities_needs_a_word(tmp_path: Path) -> None:
     assert ["doors.yaml", "log"] == sorted(p.name for p in tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["doors.yaml", "states.csv", "events.jsonl"])
+@pytest.mark.parametrize("name", ["doors.yaml", "states.csv", "events.jsonl", "a.geojson"])
 def test_a_full_disk_leaves_the_old_file_whole(name: str, tmp_path: Path) -> None:
     """
     No half file, no litter, one clear error.
@@ -117,3 +119,23 @@ def test_events_as_json_lines_come_back_as_they_were(tmp_path: Path) -> None:
 
     assert repr(before.doors) == repr(after.doors)
     assert ["DoorAdded", "DoorAnnotated", "DoorObserved", "DoorPassed", "PatrolStarted"] == kinds
+
+
+def test_doors_as_geojson_are_those_of_the_moment(tmp_path: Path) -> None:
+    """
+    And what is said names those without a place.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door(x=1, y=2, theta=0, width=1, state="open", at="2026-03-01")
+        log.update_door(1, state="closed", at="2026-03-03")
+        log.add_door(name="contact", at="2026-03-02")
+        at_ns = log.instant("2026-03-02T12:00")
+
+        done = export(log, tmp_path / "doors.geojson", Scope(at_ns=at_ns))
+
+    found = json.loads((tmp_path / "doors.geojson").read_text(encoding="utf-8"))
+    states = [feature["properties"]["state"] for feature in found["features"]]
+    assert ["OPEN", "UNKNOWN"] == states
+    assert log.info.log_id == found["semmap_log"]["log_id"]
+    assert "2 doors, in metres of the map frame" == done.what
+    assert ("contact: without a place, so its geometry is null",) == done.notes

@@ -30,11 +30,14 @@ from semmap_log.formats.importing import Present
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.map_server import read_map
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from tests.formats.nothing_stored import NothingStored, lines_of
 empty = Present(DoorMap({{}}, {{}}), frozenset())
 readers = {{
     "yaml": [read_thesis_yaml, read_building, read_map],
     "csv": [lambda path: read_door_csv(path, tz="UTC")],
-    "jsonl": [lambda path: plan_event_lines(path, empty, tz="UTC")],
+    "jsonl": [
+        lambda path: plan_event_lines(path, empty, lines_of("UTC"), NothingStored(), now_ns=0)
+    ],
 }}
 path = Path(sys.argv[1])
 some = readers[path.suffix[1:]]

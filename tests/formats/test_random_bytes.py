@@ -17,6 +17,7 @@ from semmap_log.formats.importing import Present
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.map_server import read_map
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from tests.formats.nothing_stored import NothingStored, lines_of
 
 EMPTY = Present(DoorMap({}, {}), frozenset())
 READERS = {
@@ -25,7 +26,7 @@ READERS = {
     "map": read_map,
     "csv": lambda path: read_door_csv(path, tz="Europe/Vienna"),
     "windows": lambda path: read_door_csv(DOORS, windows=path, tz="Europe/Vienna"),
-    "lines": lambda path: plan_event_lines(path, EMPTY, tz="UTC"),
+    "lines": lambda path: plan_event_lines(path, EMPTY, lines_of("UTC"), NothingStored(), now_ns=0),
 }
 DOORS = Path("doors.csv")
 

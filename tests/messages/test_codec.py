@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -146,3 +147,17 @@ def test_bytes_that_are_no_message_are_refused_in_words(kind: int, data: bytes) 
         assert str(error)
     else:
         assert isinstance(event, Event)
+
+
+@given(st.floats(-math.pi, math.pi))
+def test_the_angle_of_a_floor_map_does_not_creep(theta: float) -> None:
+    """
+    A map that goes from log to log keeps its bytes, though a quaternion is between.
+    """
+    cells = np.zeros((1, 1), np.int8)
+    first = FloorMap(resolution=0.05, origin_x=0, origin_y=0, origin_theta=theta, cells=cells)
+
+    data = encode(first, 0)
+    again = decode(FloorMap.kind, data, 0, level=0)
+
+    assert data == encode(again, 0)

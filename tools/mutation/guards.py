@@ -13,6 +13,7 @@ from mutation.costmap_guards import COSTMAPS
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.level_guards import LEVELS
+from mutation.line_guards import LINES
 from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
@@ -331,5 +332,5 @@ GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES,
 )  # fmt: skip

@@ -100,6 +100,30 @@ class SegmentChain:
         """Start the segment after the last."""
         self.begin(self._header.next(first_event, hash_so_far), keyframe)
 
+    @property
+    def is_single(self) -> bool:
+        """Whether there is one segment, and never was another."""
+        return self._header.number == 0
+
+    def begin_anew(self, keyframe: BuiltChunk) -> None:
+        """Put a new segment in the place of the only one, which holds no events."""
+        first, small = self.live, self._small
+        assert first is not None or small is not None
+        name = first.name if first is not None else small.path.name  # type: ignore[union-attr]
+        self.live = self._small = None
+        segment = SegmentWriter(self.folder, name, self._header)
+        try:
+            segment.add(keyframe)
+            self._list()  # rosbag2's tools must not meet a live segment
+            segment.install(replacing=self.folder.identity(segment.name))
+        except BaseException:
+            segment.abandon()
+            raise
+        finally:
+            if first is not None:
+                first.abandon()
+        self.live = segment
+
     def take_up(self, segments: Sequence[Segment], end: LogEnd) -> None:
         """Go on behind these: a live segment is repaired now, a closed one when it is needed."""
         *older, last = segments

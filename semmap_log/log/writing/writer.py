@@ -84,6 +84,30 @@ class LogWriter:
         self._chain.take_up(reader.segments, self._end)
 
     @property
+    def is_fresh(self) -> bool:
+        """Whether nothing was ever appended, so that `begin_at` can be called."""
+        return not self.next_event and self._chain.is_single
+
+    def begin_at(self, recorded_ns: int) -> None:
+        """Let a log without events begin at that moment, however early: it is about to be filled.
+
+        Raises:
+            LogError: It is not `is_fresh`; recorded time only grows.
+            LogPoisonedError: It could not be written.
+        """
+        self.check_usable()
+        if not self.is_fresh:
+            raise LogError(f"{self.folder.path}: a log with events cannot begin anew.")
+        self._in_commit = True  # an interrupt leaves the one segment or the other
+        try:
+            with self._syncs.lock:  # nobody may be syncing the file that is replaced here
+                self.last_ns = recorded_ns
+                self._chain.begin_anew(self._state.keyframe(recorded_ns))
+        except OSError as error:
+            raise self._poisoned(error.strerror) from error
+        self._in_commit = False
+
+    @property
     def _end(self) -> LogEnd:
         return LogEnd(self.next_event, self._last_hash)
 
@@ -104,6 +128,7 @@ class LogWriter:
         note: Note = Note(),
         command_id: bytes | None = None,
         content: bytes = NO_CONTENT,
+        clock: Clock | None = None,
     ) -> Commit:
         """Append events as one commit: all of them or none. `make_durable` makes it last.
 
@@ -113,6 +138,7 @@ class LogWriter:
             note: Who, with what, why.
             command_id: 16 bytes; default: drawn at random. `find` tells whether it is known.
             content: Digest of what the command asks for.
+            clock: What says when it is recorded; default: the log's own. Recorded time only grows.
 
         Raises:
             LogPoisonedError: A write failed, now or earlier: the outcome is unknown until the
@@ -125,7 +151,7 @@ class LogWriter:
             raise CommandError(f"a command id has {COMMAND_ID_BYTES} bytes, got {len(command_id)}.")
         self._busy = True
         try:
-            return self._append(events, note, command_id, content)
+            return self._append(events, note, command_id, content, clock or self.clock)
         except OSError as error:
             if not self._in_commit:
                 raise  # the events could not be read: nothing was written
@@ -134,10 +160,15 @@ class LogWriter:
             self._busy = False
 
     def _append(
-        self, events: Iterable[Event | EventBatch], note: Note, command_id: bytes, content: bytes
+        self,
+        events: Iterable[Event | EventBatch],
+        note: Note,
+        command_id: bytes,
+        content: bytes,
+        clock: Clock,
     ) -> Commit:
-        wall_ns = believable_ns(self.clock)
-        self._make_ready(wall_ns)
+        wall_ns = believable_ns(clock)
+        self._make_ready(wall_ns, keeps_time=clock is not self.clock)
         segment = self._chain.live
         assert segment is not None
         stamp = Stamp(
@@ -146,8 +177,8 @@ class LogWriter:
             self._last_hash,
             command_id,
             wall_ns,
-            self.clock.monotonic_ns(),
-            self.clock.boot_id,
+            clock.monotonic_ns(),
+            clock.boot_id,
             self.promise.level,
             self._syncs.durable_before,
             content,
@@ -319,18 +350,24 @@ class LogWriter:
         )
         return LogPoisonedError(self._poison, command_id)
 
-    def _make_ready(self, wall_ns: int) -> None:
-        """See to a live segment that has room: the one there is, or a continued, or a new one."""
+    def _make_ready(self, wall_ns: int, *, keeps_time: bool) -> None:
+        """See to a live segment that has room: the one there is, or a continued, or a new one.
+
+        A new one begins with a keyframe, which needs a nanosecond of its own. Where times are kept
+        and there is none between two commits, it begins with a later one.
+        """
         chain = self._chain
-        if chain.live is not None and not chain.is_full(max(wall_ns, self.last_ns)):
-            return
+        if chain.live is not None:
+            has_time = not keeps_time or wall_ns - self.last_ns > 1
+            if not (has_time and chain.is_full(max(wall_ns, self.last_ns))):
+                return
         self._in_commit = True  # an interrupt between two segments leaves neither
         with self._syncs.lock:  # nobody may be syncing the file that is closed here
             if chain.live is None:
                 chain.continue_last(self._end)
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
                 chain.roll(self._end)
-                self.last_ns = max(wall_ns, self.last_ns + 1)
+                self.last_ns = max(wall_ns - 1, self.last_ns + 1)  # the commit's time stays free
                 keyframe = self._state.keyframe(self.last_ns)
                 chain.begin_next(self.next_event, self._last_hash, keyframe)
             self._syncs.durable_before = self.next_event
