@@ -8,8 +8,8 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from semmap_log.views.report.times import Span, zone_offsets
 from semmap_log.views.time_axis import Tick, WallClock, time_ticks
+from semmap_log.views.zone_times import Span, zone_offsets
 from tests.views.time_spans import DAY, Axis, axes
 
 EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)

@@ -9,7 +9,7 @@ from functools import cache
 from importlib import resources
 from zoneinfo import available_timezones
 
-from semmap_log.views.report.times import Span, zone_offsets
+from semmap_log.views.zone_times import Span, zone_offsets
 
 MINUTE, HOUR, DAY = 60_000, 3_600_000, 86_400_000
 LENGTHS = (3 * MINUTE, 40 * MINUTE, 3 * HOUR, 5 * HOUR, 14 * HOUR, DAY, 3 * DAY, 9 * DAY, 40 * DAY,

@@ -12,7 +12,7 @@ LIVE_ROWS = "tests/views/rerun/test_live_rows.py"
 LAYER = "tests/views/rerun/test_costmap.py"
 CURVES = "tests/views/rerun/test_beliefs.py"
 REPORT = "tests/views/report/test_report.py"
-TIMES = "tests/views/report/test_times.py"
+TIMES = "tests/views/test_zone_times.py"
 TRACK = "tests/views/report/test_track.py"
 MARKERS = "tests/exporting/test_stream.py"
 ARRAYS = "tests/formats/test_array_messages.py"
@@ -142,7 +142,7 @@ REPORTS = (
     _report("nothing is loaded", "page.py", "default-src 'none'; ", "", REPORT),
     _report("no script but its own", "page.py", "script-src '{_fingerprint(script)}'; ",
             "script-src 'unsafe-inline'; ", REPORT),
-    _report("nothing is shown within the millisecond before", "times.py",
+    _axis("nothing is shown within the millisecond before", "zone_times.py",
             "return -(-ns // MS_NS)", "return ns // MS_NS", REPORT),
     _report("no state is shown within the millisecond before", "doors.py",
             '-(-words["folds_ns"] // MS_NS)', 'words["folds_ns"] // MS_NS', REPORT),
@@ -180,7 +180,7 @@ REPORTS = (
           "[tick.at_ms for tick in ticks]", "[tick.at_ms + 1_800_000 for tick in ticks]", LANES),
     _report("weeks that reach beyond the log have its zone's offsets", "report.py",
             "span.widened(BESIDE_MS)", "span", BROWSER),
-    _report("offsets change where the zone's clocks do", "times.py",
+    _axis("offsets change where the zone's clocks do", "zone_times.py",
             "_change_ms(max(day_ms - DAY_MS, span.begin_ms), day_ms, place)", "day_ms", TIMES),
     _report("the track is cut where the robot was not seen", "track.py",
             '    jumps |= np.diff(poses["folds_ns"]) > GAP_MS * 10**6\n', "", TRACK),

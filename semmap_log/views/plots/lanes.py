@@ -21,8 +21,8 @@ from semmap_log.projections.timeline import Timeline, Times
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import DEFAULT, Palette, Rgb
 from semmap_log.views.plots.sdk import new_figure, patches, save_figure
-from semmap_log.views.report.times import MS_NS, Span, zone_offsets
 from semmap_log.views.time_axis import WallClock, time_ticks
+from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time

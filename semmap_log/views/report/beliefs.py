@@ -13,7 +13,7 @@ from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.doors import DoorId
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.excerpt.excerpt import Excerpt
-from semmap_log.views.report.times import first_ms
+from semmap_log.views.zone_times import first_ms
 
 UNKNOWN = -1
 """Stands for an hour that nobody has seen."""

@@ -16,7 +16,7 @@ from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.report.doors import DoorStory
 from semmap_log.views.report.gathering import MOST_CHANGES, Rows
-from semmap_log.views.report.times import Span
+from semmap_log.views.zone_times import Span
 
 
 def changes_of(

@@ -27,7 +27,7 @@ from semmap_log.views.excerpt.door_rows import (
     opening_changes,
 )
 from semmap_log.views.report.gathering import STAMP, WORD, Gathered, Rows
-from semmap_log.views.report.times import MS_NS, Span
+from semmap_log.views.zone_times import MS_NS, Span
 
 MOST_WORDS = 100_000
 """Of more sightings than that, in all, repeats are left out."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from semmap_log.projections.rounds import ROUND_KINDS, rounds
-from semmap_log.views.report.times import MS_NS, Span
+from semmap_log.views.zone_times import MS_NS, Span
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog

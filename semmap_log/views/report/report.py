@@ -33,9 +33,9 @@ from semmap_log.views.report.health import health_of
 from semmap_log.views.report.page import filled, hex_of
 from semmap_log.views.report.patrols import rounds_of
 from semmap_log.views.report.plans import shown_levels
-from semmap_log.views.report.times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
 from semmap_log.views.report.track import track_of
 from semmap_log.views.week_shades import shade
+from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time

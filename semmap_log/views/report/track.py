@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semmap_log.views.report.gathering import Rows
-from semmap_log.views.report.times import MS_NS, Span
+from semmap_log.views.zone_times import MS_NS, Span
 
 TOLERANCE_M = 0.3
 """So far at most a pose lies off the line that stands for it."""

@@ -11,8 +11,8 @@ import pytest
 
 from semmap_log.views.report import track as tracks
 from semmap_log.views.report.gathering import POSE
-from semmap_log.views.report.times import MS_NS, Span
 from semmap_log.views.report.track import track_of
+from semmap_log.views.zone_times import MS_NS, Span
 
 BEGIN_MS = 1_700_000_000_000
 SPAN = Span(BEGIN_MS, BEGIN_MS + 10**9)

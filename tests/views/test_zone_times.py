@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime, timezone
 
 from semmap_log.moments import zone
-from semmap_log.views.report.times import Span, first_ms, zone_offsets
+from semmap_log.views.zone_times import Span, first_ms, zone_offsets
 
 
 def test_what_counts_from_a_nanosecond_on_counts_from_the_next_millisecond_on() -> None:
