@@ -111,7 +111,7 @@ def _about(log: DoorLog) -> dict[str, str]:
 
 def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
     written = write_event_lines(log.reader, path, scope, progress=progress)
-    taken_back = f", of which {written.retracted:,} are retracted" if written.retracted else ""
+    taken_back = f", {written.retracted:,} of them retracted" if written.retracted else ""
     return Exported(f"{written.events:,} events{taken_back}")
 
 

@@ -11,8 +11,9 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.beliefs.beliefs import probabilities
+from semmap_log.doors import DoorState
 from semmap_log.errors import FormatError
-from semmap_log.events import Retracted
+from semmap_log.events import DoorObserved, DoorRemoved, Retracted
 from semmap_log.exporting.log_files import export
 from semmap_log.formats.door_json import entry_to_json
 from semmap_log.importing import Imported, import_file
@@ -288,3 +289,17 @@ def test_a_recording_comes_back_as_it_was(name: str, tmp_path: Path) -> None:
         assert repr(probabilities(log, at=at)) == repr(probabilities(copy, at=at))
     export(copy, tmp_path / "again.jsonl")
     assert file.read_bytes() == (tmp_path / "again.jsonl").read_bytes()
+
+
+def test_what_a_log_took_is_not_judged_again(tmp_path: Path) -> None:
+    """
+    A door was removed as of now, and the same commit tells of it later: history, and no more.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()) as log:
+        door = log.add_door()
+        seen = DoorObserved(door_id=door, state=DoorState.OPEN, happened_ns=LATER_NS)
+        log.append([DoorRemoved(door_id=door), seen])
+
+    copied(tmp_path / "log")
+
+    assert_same_answers(sl.read(tmp_path / "log"), sl.read(tmp_path / "copy"), count=2)
