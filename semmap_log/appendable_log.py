@@ -15,9 +15,15 @@ from semmap_log.commands import Gatekeeper, Roster, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import CommandReusedError, LogError, LogPoisonedError, UnexpectedEventError
+from semmap_log.errors import (
+    CommandReusedError,
+    LogError,
+    LogPoisonedError,
+    UnexpectedEventError,
+)
 from semmap_log.event_batch import EventBatch, one_by_one
-from semmap_log.events import Event, RobotPose
+from semmap_log.events import Event, RobotPose, is_whole_number
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.log.clock import believable_ns
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.writing.durability import Promise
@@ -72,6 +78,7 @@ class Appended:
         return self
 
 
+@knows_its_keywords
 class AppendableLog(DoorLog):
     """A log that is written; answers questions, too. May be used by several threads."""
 
@@ -260,8 +267,8 @@ class AppendableLog(DoorLog):
 
     def resolve(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name, as of now."""
-        if isinstance(door, int):
-            return DoorId(door)  # whether it is there, the gatekeeper says
+        if not isinstance(door, str) and is_whole_number(door):
+            return DoorId(int(door))  # whether it is there, the gatekeeper says
         with self._mutex:
             self._take_in()
             if self._named is None:

@@ -18,6 +18,7 @@ from semmap_log.errors import (
     CommandError,
     DoorExistsError,
     DoorRemovedError,
+    InvalidEventError,
     UnknownDoorError,
     UnknownLevelError,
 )
@@ -41,6 +42,7 @@ from semmap_log.events import (
     PatrolStarted,
     Retracted,
     RobotPose,
+    is_whole_number,
 )
 from semmap_log.projections.door_map import DoorMapState
 
@@ -343,7 +345,10 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
 
     Raises:
         UnknownDoorError: None, or more than one.
+        InvalidEventError: It is neither a text nor a whole number.
     """
+    if not (isinstance(text, str) or is_whole_number(text)):
+        raise InvalidEventError("door", "an id, a name, or level/name", text)
     doors = [door for door in door_map.doors.values() if text in (door.door_id, door.name)]
     if not doors and isinstance(text, str) and "/" in text:
         doors = [

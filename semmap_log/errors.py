@@ -9,6 +9,7 @@
     │   ├── UnknownLevelError       no such level                                    (LookupError)
     │   ├── CommandReusedError      the command id is stored, with other content
     │   └── UnexpectedEventError    the log went on since the caller looked
+    ├── UnknownKeywordError         a call of the Python API does not know that keyword (TypeError)
     ├── MomentError                 a time that cannot be read, or that is ambiguous (ValueError)
     ├── LogError                    the log on disk
     │   ├── NotALogError            a file, an empty folder, somebody else's bag
@@ -91,6 +92,10 @@ class UnexpectedEventError(CommandError):
         self.expected = expected
         self.actual = actual
         """Number of the last event; -1: there is none."""
+
+
+class UnknownKeywordError(SemmapError, TypeError):
+    """A call does not know that keyword; the message names those that it knows."""
 
 
 class MomentError(SemmapError, ValueError):

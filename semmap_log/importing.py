@@ -25,6 +25,7 @@ from semmap_log.formats.importing import ImportPlan, Present, plan_doors
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.importing_sightings import plan_sightings
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.keywords import knows_its_keywords, knows_keywords
 from semmap_log.log.disk import utf8_name
 from semmap_log.log.reading.passage import Progress
 from semmap_log.ros_mapping.mapping import WELL_KNOWN
@@ -39,6 +40,7 @@ TOLD_EVERY = 1000
 """Events between two words of progress, or a whole batch of them."""
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
     """How a file is to be taken."""
@@ -68,6 +70,7 @@ class Imported:
     """This very file was imported before."""
 
 
+@knows_keywords
 def import_file(
     log: DoorLogWriter,
     path: Path,

@@ -13,11 +13,12 @@ PACKAGE = Path(__file__).parents[1] / "semmap_log"
 
 ORDER = [
     {"errors", "computed_once"},
+    {"keywords"},
     {"doors"},
     {"commits"},
     {"events"},
     {"messages"},
-    {"event_columns"},
+    {"event_columns", "made_of_columns"},
     {"arrow"},
     {"event_batch"},
     {"costmap"},

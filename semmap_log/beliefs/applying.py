@@ -16,6 +16,7 @@ from semmap_log.door_log import Time
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import Door, DoorId
 from semmap_log.events import Changed, DoorUpdated
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import format_local
 
@@ -37,6 +38,7 @@ class Applied:
     """None: nothing changed, and nothing was written."""
 
 
+@knows_keywords
 def apply_probabilities(
     log: DoorLogWriter,
     *,

@@ -13,6 +13,7 @@ from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
 from semmap_log.errors import MomentError
 from semmap_log.events import MAX_TIME_NS
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import HOUR_NS
 
@@ -54,6 +55,7 @@ class DoorBelief:
         return 1.0 - self.p_open
 
 
+@knows_keywords
 def probabilities(
     log: DoorLog,
     *,

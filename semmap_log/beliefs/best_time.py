@@ -14,6 +14,7 @@ from semmap_log.beliefs.beliefs import LATER, DoorBelief, belief, default_estima
 from semmap_log.beliefs.typical_week import WEEK_HOURS, Pattern, first_hour, typical_week
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.estimator import Waiting
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
@@ -64,6 +65,7 @@ class BestTime:
     the estimator does not tell."""
 
 
+@knows_keywords
 def best_time(
     log: DoorLog,
     door: DoorId | str,

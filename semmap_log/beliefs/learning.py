@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from semmap_log.door_log import DoorLog, Time
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Estimator
 
 
+@knows_keywords
 def learn(
     log: DoorLog,
     *,

@@ -14,6 +14,7 @@ from semmap_log.beliefs.beliefs import LATER
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.probabilities.forecast import Forecast
@@ -95,6 +96,7 @@ class TypicalWeek:
         return self.hours.averaged(1)
 
 
+@knows_keywords
 def typical_weeks(
     log: DoorLog,
     *,

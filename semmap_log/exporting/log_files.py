@@ -16,6 +16,7 @@ from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.passage import Progress
@@ -39,6 +40,7 @@ class Exported:
     left_out: tuple[str, ...] = ()
 
 
+@knows_keywords
 def export(
     log: DoorLog,
     out: Path,
