@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -10,6 +11,7 @@ from itertools import chain
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from semmap_log.backdating import remedy
 from semmap_log.command_content import are_same
 from semmap_log.commands import Gatekeeper, Roster, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
@@ -17,6 +19,7 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import (
     CommandReusedError,
+    EarlyEventsWarning,
     LogError,
     LogPoisonedError,
     UnexpectedEventError,
@@ -28,13 +31,18 @@ from semmap_log.log.clock import believable_ns
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.writing.durability import Promise
 from semmap_log.log.writing.writer import LogWriter
+from semmap_log.moments import format_local
 from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.early_events import EarlyEvents
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
 """What can be appended: events, and batches of them, in any order."""
+
+TOLD_AGAIN = 10
+"""What no answer counts is told at once, and again when it has become so many times as much."""
 
 POSES_WAIT_S = 1.0
 """Robot poses join the next commit; without one, they are written after this time."""
@@ -94,6 +102,9 @@ class AppendableLog(DoorLog):
         self._poses: list[RobotPose] = []
         self._pose_timer: threading.Timer | None = None
         self._is_stale = False
+        self._early = EarlyEvents.none()
+        """What was appended and had happened before its door was added."""
+        self._early_told = 0
         self._roster: Roster | None = None
         self._named: DoorMap | None = None
         """A map as of some moment since which no name has changed."""
@@ -234,6 +245,7 @@ class AppendableLog(DoorLog):
             self._writer.keep_promise(looked_at)
         else:
             self._make_last(appended.commit, sync=None)
+            self._warn_of_early()
         return appended
 
     def sync(self) -> None:
@@ -289,6 +301,7 @@ class AppendableLog(DoorLog):
                 self._poses = []
                 self._writer.close()
                 self._is_stale = True
+        self._warn_of_early(is_last=True)
 
     def __enter__(self) -> Self:
         return self
@@ -321,6 +334,7 @@ class AppendableLog(DoorLog):
             if appended is None:
                 appended = self._append_now(make, note, command_id, content)
         self._make_last(appended.commit, sync=sync)  # other threads may append meanwhile
+        self._warn_of_early()
         return appended
 
     def _repeated(
@@ -373,8 +387,22 @@ class AppendableLog(DoorLog):
         if not gatekeeper.keeps_names:
             self._named = None
         self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
+        if gatekeeper.has_retraction:  # it may have moved addings
+            self._early, self._early_told = EarlyEvents.none(), 0
+        self._early.add_all(gatekeeper.early)
         self._taken_in = commit.last_event + 1
         return Appended(commit, len(poses), _make_durable=self._writer.make_durable)
+
+    def _warn_of_early(self, *, is_last: bool = False) -> None:
+        """Tell of what no answer counts: at once, when it is ten times as much, and at the end."""
+        count = len(self._early)
+        enough = self._early_told + 1 if is_last else TOLD_AGAIN * self._early_told
+        if count < max(enough, 1):
+            return
+        self._early_told = count
+        since = format_local(min(self._early.first_ns.values()), self.info.timezone)
+        said = self._early.in_words(self._writer.state.names(), since)
+        warnings.warn(EarlyEventsWarning(f"{said}; {remedy(str(self.path))}"), stacklevel=4)
 
     def _take_in(self) -> None:
         """Forget what does not fit any more: an interrupt came right behind a commit."""

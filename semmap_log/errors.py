@@ -27,9 +27,10 @@
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
-and one warning:
+and two warnings:
 
     KeyframeWarning                 a cache in the log cannot be used; answers only take longer
+    EarlyEventsWarning              what was appended had happened before its door was added
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
 """
@@ -203,3 +204,7 @@ MOST_PROBLEMS_SHOWN = 20
 
 class KeyframeWarning(UserWarning):
     """A keyframe cannot be used: it is of another version, or damaged. The answer is the same."""
+
+
+class EarlyEventsWarning(UserWarning):
+    """Events had happened before their door was added: they are kept, and no answer counts them."""

@@ -27,7 +27,7 @@ ORDER = [
     {"log"},
     {"replay", "commands", "command_content"},
     {"folding"},
-    {"retracting"},
+    {"retracting", "backdating"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},

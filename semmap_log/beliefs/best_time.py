@@ -72,6 +72,7 @@ def best_time(
     state: State = "open",
     *,
     at: Time = None,
+    known_at: Time = None,
     estimator: str | None = None,
     tz: str | None = None,
     most: int = MOST_WINDOWS,
@@ -83,8 +84,9 @@ def best_time(
         log: Whose door.
         door: Id, name, or level/name.
         state: `open` or `closed`.
-        at: The moment from which is asked: only what had happened and been recorded by then counts.
-            None: the log's end.
+        at: The moment asked from, with all that is known today of what had happened by then.
+        known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
+            too. Without either that is the log's end.
         estimator: None: `filter` for the next hours, `schedule` for the typical week.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
@@ -98,6 +100,7 @@ def best_time(
     near = ask(
         log,
         at=at,
+        known_at=known_at,
         estimator=estimator or default_estimator(),
         tz=tz,
         doors=[door],
