@@ -389,15 +389,18 @@ class AppendableLog(DoorLog):
         self._roster = None if gatekeeper.has_retraction else gatekeeper.roster
         if gatekeeper.has_retraction:  # it may have moved addings
             self._early, self._early_told = EarlyEvents.none(), 0
-        self._early.add_all(gatekeeper.early)
+        if gatekeeper.early is not None:
+            self._early.add_all(gatekeeper.early)
         self._taken_in = commit.last_event + 1
         return Appended(commit, len(poses), _make_durable=self._writer.make_durable)
 
     def _warn_of_early(self, *, is_last: bool = False) -> None:
         """Tell of what no answer counts: at once, when it is ten times as much, and at the end."""
+        if not self._early.counts:
+            return
         count = len(self._early)
         enough = self._early_told + 1 if is_last else TOLD_AGAIN * self._early_told
-        if count < max(enough, 1):
+        if count < enough:
             return
         self._early_told = count
         since = format_local(min(self._early.first_ns.values()), self.info.timezone)

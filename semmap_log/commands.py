@@ -162,8 +162,8 @@ class Gatekeeper:
         self._timeless: list[DoorAdded | DoorRemoved] = []
         self._taken_back: dict[int, int] = {}
         """Doors whose adding this commit retracts -> when they had been added."""
-        self.early = EarlyEvents.none()
-        """What passed and had happened before its door was added."""
+        self.early: EarlyEvents | None = None
+        """What passed and had happened before its door was added; None: nothing."""
 
     def check_all(self, events: Sequence[Event | EventBatch]) -> None:
         """Let these events pass, one after the other.
@@ -179,7 +179,8 @@ class Gatekeeper:
         else:  # nearly every commit of a patrol: nothing else can be wrong
             self._next_event += len(events)
             for event in events:
-                self._note_early(event)  # type: ignore[arg-type]
+                if event.happened_ns is not None:
+                    self._note_early(event)  # type: ignore[arg-type]
             return
         for event in events:
             if isinstance(event, EventBatch):
@@ -287,6 +288,7 @@ class Gatekeeper:
             return
         added_ns = self.roster.added_ns.get(event.door_id, 0)
         if event.happened_ns < added_ns and event.happened_ns < self._since_ns(added_ns):
+            self.early = self.early or EarlyEvents.none()
             self.early.add(event.door_id, event.happened_ns)
 
     def _note_early_rows(self, batch: EventBatch) -> None:
@@ -297,6 +299,7 @@ class Gatekeeper:
         stamps = {i: (self._since_ns(ns), -1) for i, ns in self.roster.added_ns.items()}
         early = Addings.of(stamps).early(batch, batch.happened_ns)
         if early.any():
+            self.early = self.early or EarlyEvents.none()
             self.early.add_rows(batch.door_ids()[early], batch.happened_ns[early])
 
     def _since_ns(self, added_ns: int) -> int:

@@ -20,12 +20,13 @@ VAR_KEYWORDS = 0x08
 def knows_keywords(call: Callable[P, R]) -> Callable[P, R]:
     """Return a function that refuses keywords which the given one does not know, and does the same.
 
-    Python refuses them, too, but tells neither the known ones nor what was meant.
+    Python refuses them, too, but tells neither the known ones nor what was meant. What takes none
+    at all is left to Python.
     """
     code: CodeType = call.__code__
-    if code.co_flags & VAR_KEYWORDS:
-        return call
     known = _keywords_of(code)
+    if code.co_flags & VAR_KEYWORDS or not known:
+        return call
     name = f"{call.__qualname__.removesuffix('.__init__')}()"
 
     @wraps(call)
@@ -62,7 +63,7 @@ def unknown_keyword(call: str, got: str, known: Iterable[str]) -> UnknownKeyword
     known = list(known)
     close = get_close_matches(got, known, n=1)
     meant = f" (did you mean {close[0]!r}?)" if close else ""
-    expected = f"expected some of {', '.join(known)}" if known else "expected none"
+    expected = f"expected some of {', '.join(known)}"
     return UnknownKeywordError(f"{call}: keyword {got!r}{meant}: {expected}.")
 
 

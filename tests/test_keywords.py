@@ -75,11 +75,11 @@ def test_an_unknown_keyword_is_refused_by_a_word_on_the_known_ones(name: str) ->
     parameters = inspect.signature(CALLS[name]).parameters.values()
     known = {p.name for p in parameters if p.kind is not p.VAR_POSITIONAL} - {"self", "cls"}
 
-    with pytest.raises(UnknownKeywordError, match=UNKNOWN) as error:
+    with pytest.raises(UnknownKeywordError if known else TypeError, match=UNKNOWN) as error:
         CALLS[name](**{UNKNOWN: 1})
 
-    told = str(error.value).rpartition("expected ")[2]
-    assert known == {word.strip(".,") for word in told.split()} - {"some", "of", "none"}
+    told = str(error.value).rpartition("expected some of ")[2]
+    assert not known or known == {word.strip(".,") for word in told.split()}
 
 
 @pytest.mark.parametrize("name", CALLS)
