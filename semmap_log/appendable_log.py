@@ -20,6 +20,7 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import (
     CommandReusedError,
     EarlyEventsWarning,
+    InvalidEventError,
     LogError,
     LogPoisonedError,
     UnexpectedEventError,
@@ -345,6 +346,8 @@ class AppendableLog(DoorLog):
         Raises:
             CommandReusedError: It is, with other content.
         """
+        if command_id is not None and not isinstance(command_id, bytes):
+            raise InvalidEventError("command_id", "16 bytes", command_id)
         known = None if command_id is None else self._writer.find(command_id)
         if known is None:
             return None
@@ -435,7 +438,10 @@ class AppendableLog(DoorLog):
 
         Raises:
             UnexpectedEventError: It is another.
+            InvalidEventError: That is no number.
         """
+        if expected is not None and not is_whole_number(expected):
+            raise InvalidEventError("expected_event", "the number of an event, or -1", expected)
         if expected is not None and expected != actual:
             raise UnexpectedEventError(of, expected, actual)
 

@@ -531,8 +531,8 @@ class DoorLog:
             MomentError: A time cannot be read, or is not one.
         """
         happened, known = self.moment(at), self.moment(known_at)
-        if event is not None and event < 0:
-            raise MomentError(f"event {event}: event numbers begin at 0.")
+        if event is not None and (not is_whole_number(event) or event < 0):
+            raise MomentError(f"event {event!r}: expected a whole number, from 0 on.")
         numbers = [n for n in (event, happened.event, known.event) if n is not None]
         return Scope(happened.ns, known.ns, min(numbers, default=None))
 

@@ -193,6 +193,10 @@ def test_the_columns_spelt_out_are_the_fields_of_the_events() -> None:
         (lambda log: log.update_door(True, width=1), "door: expected an id"),
         (lambda log: log.replay(at=0.5), "whole nanoseconds since 1970"),
         (lambda log: log.timeline(True), "door: expected an id"),
+        (lambda log: log.replay(event=True), "event True: expected a whole number"),
+        (lambda log: log.replay(event="0"), "event '0': expected a whole number"),
+        (lambda log: log.observe(1, "open", expected_event=False), "expected_event: expected"),
+        (lambda log: log.observe(1, "open", command_id="a" * 16), "command_id: expected 16 bytes"),
     ],
 )  # fmt: skip
 def test_a_value_of_another_kind_is_refused(
