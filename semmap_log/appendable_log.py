@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from inspect import currentframe
 from itertools import chain
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -408,7 +409,8 @@ class AppendableLog(DoorLog):
         self._early_told = count
         since = format_local(min(self._early.first_ns.values()), self.info.timezone)
         said = self._early.in_words(self._writer.state.names(), since)
-        warnings.warn(EarlyEventsWarning(f"{said}; {remedy(str(self.path))}"), stacklevel=4)
+        text = f"{said}; {remedy(str(self.path))}"
+        warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours() + 1)
 
     def _take_in(self) -> None:
         """Forget what does not fit any more: an interrupt came right behind a commit."""
@@ -462,6 +464,15 @@ class AppendableLog(DoorLog):
                 self._taken_in = commit.last_event + 1
                 self._is_stale = True
                 self._make_last(commit, sync=None)
+
+
+def _frames_of_ours() -> int:
+    """Return how many calls of this package stand between the one who asks and its user."""
+    frame = currentframe()
+    count = 0
+    while frame is not None and str(frame.f_globals.get("__name__")).startswith("semmap_log."):
+        frame, count = frame.f_back, count + 1
+    return count
 
 
 def _checked(

@@ -66,6 +66,7 @@ def test_it_is_said_at_once_and_again_when_it_is_much_more(log: sl.DoorLogWriter
     assert texts[1].startswith("10 events of 2 doors (front, door 2), from ")
     assert texts[2].startswith("12 events of 2 doors")
     assert texts[0].endswith(f"semmap-log import {log.path} --since-ever")
+    assert {__file__} == {each.filename for each in told}  # where the call is, not inside of ours
 
 
 def test_nothing_is_said_of_what_counts(log: sl.DoorLogWriter) -> None:
