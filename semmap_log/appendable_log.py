@@ -410,7 +410,7 @@ class AppendableLog(DoorLog):
         since = format_local(min(self._early.first_ns.values()), self.info.timezone)
         said = self._early.in_words(self._writer.state.names(), since)
         text = f"{said}; {remedy(str(self.path))}"
-        warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours() + 1)
+        warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours())
 
     def _take_in(self) -> None:
         """Forget what does not fit any more: an interrupt came right behind a commit."""
@@ -467,7 +467,7 @@ class AppendableLog(DoorLog):
 
 
 def _frames_of_ours() -> int:
-    """Return how many calls of this package stand between the one who asks and its user."""
+    """Return how many calls of this package, this one included, its user stands behind."""
     frame = currentframe()
     count = 0
     while frame is not None and str(frame.f_globals.get("__name__")).startswith("semmap_log."):
