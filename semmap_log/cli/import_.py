@@ -51,7 +51,7 @@ def run(
     since: Annotated[
         str | None,
         typer.Option(
-            "--since", metavar="TIME", help="From then on the doors are there; see below."
+            "--since", metavar="TIME", help="From then on the doors are there; see above."
         ),
     ] = None,
     since_ever: Annotated[
@@ -80,8 +80,9 @@ def run(
     A door is in the map from when it was added: now, or --at. What is told of earlier times, as by
     last week's sightings, no answer counts. --since says that the doors of a building or a door
     database were there by then, also those that the log has already: their adding is retracted and
-    told again, which `history` shows and --known-at minds. Their states stay of the time that they
-    are from. Without FILE it is about the doors of which something is told before they were added.
+    told again, earlier. `history` shows both, and --known-at before that answers as it did. States
+    stay of the time that they are from. Without FILE it is about the doors of which something is
+    told before they were added.
 
     \b
     Examples:
