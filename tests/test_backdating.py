@@ -86,6 +86,23 @@ def test_nothing_is_said_of_what_counts(log: sl.DoorLogWriter) -> None:
     assert {} == early_events(log.reader).counts
 
 
+def test_updates_and_words_are_told_of_as_sightings_are(log: sl.DoorLogWriter) -> None:
+    """
+    Whatever says something of a door, in a commit of its own or among others.
+    """
+    door = log.add_door()
+
+    with pytest.warns(EarlyEventsWarning, match="^1 event of 1 door"):
+        log.update_door(door, state="open", at=LAST_WEEK)
+    log.annotate(door, "floor", "oak", at=LAST_WEEK)
+    seen = DoorObserved(door_id=DoorId(2), state=DoorState.OPEN, happened_ns=_ns(LAST_WEEK))
+    log.append([DoorAdded(door_id=DoorId(2)), seen])
+    with pytest.warns(EarlyEventsWarning, match="^3 events of 2 doors"):
+        log.close()
+
+    assert {1: 2, 2: 1} == early_events(log.reader).counts
+
+
 def test_columns_are_told_as_events_are(log: sl.DoorLogWriter) -> None:
     """
     The same count, of the same doors, for a commit of columns and for the whole log.
