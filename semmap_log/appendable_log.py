@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from inspect import currentframe
 from itertools import chain
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from semmap_log.backdating import remedy
 from semmap_log.command_content import are_same
 from semmap_log.commands import Gatekeeper, Roster, is_door_id, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
@@ -17,24 +20,32 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import (
     CommandReusedError,
+    EarlyEventsWarning,
+    InvalidEventError,
     LogError,
     LogPoisonedError,
     UnexpectedEventError,
     UnknownDoorError,
 )
 from semmap_log.event_batch import EventBatch, one_by_one
-from semmap_log.events import Event, RobotPose
+from semmap_log.events import Event, RobotPose, is_whole_number
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.log.clock import Clock, KeptClock, believable_ns
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.writing.durability import Promise
 from semmap_log.log.writing.writer import LogWriter
+from semmap_log.moments import format_local
 from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.early_events import EarlyEvents
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
 """What can be appended: events, and batches of them, in any order."""
+
+TOLD_AGAIN = 10
+"""What no answer counts is told at once, and again when it has become so many times as much."""
 
 POSES_WAIT_S = 1.0
 """Robot poses join the next commit; without one, they are written after this time."""
@@ -78,6 +89,7 @@ class Appended:
         return self
 
 
+@knows_its_keywords
 class AppendableLog(DoorLog):
     """A log that is written; answers questions, too. May be used by several threads."""
 
@@ -93,6 +105,9 @@ class AppendableLog(DoorLog):
         self._poses: list[RobotPose] = []
         self._pose_timer: threading.Timer | None = None
         self._is_stale = False
+        self._early = EarlyEvents.none()
+        """What was appended and had happened before its door was added."""
+        self._early_told = 0
         self._roster: Roster | None = None
         self._named: DoorMap | None = None
         """A map as of some moment since which no name has changed."""
@@ -233,6 +248,7 @@ class AppendableLog(DoorLog):
             self._writer.keep_promise(looked_at)
         else:
             self._make_last(appended.commit, sync=None)
+            self._warn_of_early()
         return appended
 
     def sync(self) -> None:
@@ -321,8 +337,8 @@ class AppendableLog(DoorLog):
 
     def resolve(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name, as of now."""
-        if isinstance(door, int):
-            return DoorId(door)  # whether it is there, the gatekeeper says
+        if not isinstance(door, str) and is_whole_number(door):
+            return DoorId(int(door))  # whether it is there, the gatekeeper says
         with self._mutex:
             self._take_in()
             if self._named is None:
@@ -330,7 +346,8 @@ class AppendableLog(DoorLog):
             try:
                 return resolve_door(door, self._named)
             except UnknownDoorError:
-                if is_door_id(door) and self._writer.state.removed_door(int(door)):
+                is_id = isinstance(door, str) and is_door_id(door)
+                if is_id and self._writer.state.removed_door(int(door)):
                     return DoorId(int(door))  # that it was removed, the gatekeeper says
                 raise
 
@@ -353,6 +370,7 @@ class AppendableLog(DoorLog):
                 self._poses = []
                 self._writer.close()
                 self._is_stale = True
+        self._warn_of_early(is_last=True)
 
     def __enter__(self) -> Self:
         return self
@@ -385,6 +403,7 @@ class AppendableLog(DoorLog):
             if appended is None:
                 appended = self._append_now(make, note, command_id, content)
         self._make_last(appended.commit, sync=sync)  # other threads may append meanwhile
+        self._warn_of_early()
         return appended
 
     def _repeated(
@@ -395,6 +414,8 @@ class AppendableLog(DoorLog):
         Raises:
             CommandReusedError: It is, with other content.
         """
+        if command_id is not None and not isinstance(command_id, bytes):
+            raise InvalidEventError("command_id", "16 bytes", command_id)
         known = None if command_id is None else self._writer.find(command_id)
         if known is None:
             return None
@@ -442,8 +463,26 @@ class AppendableLog(DoorLog):
         if not gatekeeper.keeps_names:
             self._named = None
         self._roster = gatekeeper.roster if gatekeeper.is_roster_sure else None
+        if gatekeeper.has_retraction:  # it may have moved addings
+            self._early, self._early_told = EarlyEvents.none(), 0
+        if gatekeeper.early is not None:
+            self._early.add_all(gatekeeper.early)
         self._taken_in = commit.last_event + 1
         return Appended(commit, len(poses), _make_durable=self._writer.make_durable)
+
+    def _warn_of_early(self, *, is_last: bool = False) -> None:
+        """Tell of what no answer counts: at once, when it is ten times as much, and at the end."""
+        if not self._early.counts:
+            return
+        count = len(self._early)
+        enough = self._early_told + 1 if is_last else TOLD_AGAIN * self._early_told
+        if count < enough:
+            return
+        self._early_told = count
+        since = format_local(min(self._early.first_ns.values()), self.info.timezone)
+        said = self._early.in_words(self._writer.state.names(), since)
+        text = f"{said}; {remedy(str(self.path))}"
+        warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours())
 
     def _take_in(self) -> None:
         """Forget what does not fit any more: an interrupt came right behind a commit."""
@@ -473,7 +512,10 @@ class AppendableLog(DoorLog):
 
         Raises:
             UnexpectedEventError: It is another.
+            InvalidEventError: That is no number.
         """
+        if expected is not None and not is_whole_number(expected):
+            raise InvalidEventError("expected_event", "the number of an event, or -1", expected)
         if expected is not None and expected != actual:
             raise UnexpectedEventError(of, expected, actual)
 
@@ -494,3 +536,12 @@ class AppendableLog(DoorLog):
                 self._taken_in = commit.last_event + 1
                 self._is_stale = True
                 self._make_last(commit, sync=None)
+
+
+def _frames_of_ours() -> int:
+    """Return how many calls of this package, this one included, its user stands behind."""
+    frame = currentframe()
+    count = 0
+    while frame is not None and str(frame.f_globals.get("__name__")).startswith("semmap_log."):
+        frame, count = frame.f_back, count + 1
+    return count

@@ -44,9 +44,11 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
     UnknownEvent,
+    is_whole_number,
 )
 from semmap_log.levels import level_called, only_level, told
 from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,8 @@ class Roster:
     """Doors in the map -> whether they have a place."""
     added_ns: dict[int, int]
     removed_ns: dict[int, int]
+    added_event: dict[int, int]
+    """Doors that were added -> the number of that event, where it is known."""
     used_ids: set[int]
     """Every id that was ever given."""
     level_of: dict[int, int]
@@ -86,6 +90,7 @@ class Roster:
             placed=placed,
             added_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "added"))},
             removed_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "removed"))},
+            added_event={i: stamp[1] for i in ids if (stamp := state.stamp(i, "added"))},
             used_ids=set(ids),
             level_of={i: state.level_of(i) for i in placed},
             level_names=state.level_names(),
@@ -104,6 +109,7 @@ class Roster:
             placed={door.door_id: door.is_placed for door in doors},
             added_ns={door.door_id: 0 for door in doors},
             removed_ns={i: 0 for i in used_ids if i not in door_map.doors},
+            added_event={},
             used_ids=set(used_ids),
             level_of={door.door_id: door.level for door in doors},
             level_names={number: level.name for number, level in door_map.levels.items()},
@@ -116,6 +122,7 @@ class Roster:
             dict(self.placed),
             dict(self.added_ns),
             dict(self.removed_ns),
+            dict(self.added_event),
             set(self.used_ids),
             dict(self.level_of),
             dict(self.level_names),
@@ -188,6 +195,16 @@ class Roster:
         self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level
         self.removed_ns.pop(door_id)
 
+    def take_back(self, first: int, last: int) -> dict[int, int]:
+        """Take doors out whose adding is retracted; return when each had been added."""
+        self._levels = None
+        gone = [i for i, number in self.added_event.items() if first <= number <= last]
+        for door_id in gone:
+            self.placed.pop(door_id, None)
+            self.level_of.pop(door_id, None)
+            del self.added_event[door_id]
+        return {door_id: self.added_ns.pop(door_id) for door_id in gone}
+
     def apply(self, event: Event, number: int) -> None:
         """Take in what an event changes; one without a time counts from the end of time."""
         self._levels = None
@@ -196,6 +213,7 @@ class Roster:
             self.placed[event.door_id] = not math.isnan(event.x)
             self.level_of[event.door_id] = event.level
             self.added_ns[event.door_id] = happened_ns
+            self.added_event[event.door_id] = number
             self.used_ids.add(event.door_id)
         elif isinstance(event, DoorRemoved):
             was_placed = self.placed.pop(event.door_id, False)
@@ -236,6 +254,8 @@ class Gatekeeper:
         """
         self._are_facts = are_facts
         self._now_ns = now_ns
+        self._began_ns: int | None = None
+        """What the clock said when it was first asked."""
         self.roster = roster
         """The roster after the events that passed; the one that was given stays as it was."""
         self.is_roster_sure = True
@@ -247,6 +267,10 @@ class Gatekeeper:
         self._is_own = False
         self._next_event = next_event
         self._timeless: list[DoorAdded | DoorRemoved] = []
+        self._taken_back: dict[int, int] = {}
+        """Doors whose adding this commit retracts -> when they had been added."""
+        self.early: EarlyEvents | None = None
+        """What passed and had happened before its door was added; None: nothing."""
 
     def check_all(self, events: Sequence[Event | EventBatch]) -> Sequence[Event | EventBatch]:
         """Let these events pass, one after the other; return them, all with their levels.
@@ -261,6 +285,9 @@ class Gatekeeper:
             break
         else:  # nearly every commit of a patrol: nothing else can be wrong
             self._next_event += len(events)
+            for event in events:
+                if event.happened_ns is not None:
+                    self._note_early(event)  # type: ignore[arg-type]
             return events
         return list(self.checked(events))
 
@@ -305,7 +332,8 @@ class Gatekeeper:
                 rows = np.flatnonzero(asked).tolist()
                 for row, recorded in zip(rows, part.select(asked), strict=True):
                     self._next_event = first + row
-                    self.check(recorded.event)
+                    self._let_pass(recorded.event)
+            self._note_early_rows(part)
             self.keeps_names &= DoorUpdated not in part
             self._next_event = first + len(part)
 
@@ -339,6 +367,11 @@ class Gatekeeper:
             InvalidEventError: It is of a kind that a later version has added.
             CommandError: The map forbids it; the message says what is there instead.
         """
+        event = self._let_pass(event)
+        self._note_early(event)
+        return event
+
+    def _let_pass(self, event: Event) -> Event:
         if isinstance(event, _SIGHTINGS) and event.door_id in self.roster.placed:
             self._next_event += 1  # nearly every event of a patrol: nothing else can be wrong
             return event
@@ -354,13 +387,14 @@ class Gatekeeper:
         elif isinstance(event, Retracted):
             self._check_retraction(event)
             self.is_roster_sure, self.has_retraction = False, True
+            self._own_roster()
+            self._taken_back |= self.roster.take_back(event.first_event, event.last_event)
         elif isinstance(event, UnknownEvent):
             expected = "an event of a kind that this version knows"
             raise InvalidEventError("event", expected, type(event).__name__)
         self.keeps_names &= not isinstance(event, NAMING)
         if self._changes_roster(event):
-            if not self._is_own:
-                self.roster, self._is_own = self.roster.copy(), True
+            self._own_roster()
             self.roster.apply(event, self._next_event)
             if isinstance(event, DoorAdded) and event.happened_ns is not None and self._now_ns:
                 # One that is said to come later counts from when it is recorded.
@@ -398,6 +432,38 @@ class Gatekeeper:
         poses["level"][poses["level"] == NO_LEVEL] = only_level(self.roster.levels)
         return replace(batch, columns={**batch.columns, RobotPose.kind: poses})
 
+    def _own_roster(self) -> None:
+        if not self._is_own:
+            self.roster, self._is_own = self.roster.copy(), True
+
+    def _note_early(self, event: Event) -> None:
+        """Count an event that passed if it had happened before its door was added."""
+        if not isinstance(event, MAY_BE_EARLY) or event.happened_ns is None:
+            return
+        added_ns = self.roster.added_ns.get(event.door_id, 0)
+        if event.happened_ns < added_ns and event.happened_ns < self._since_ns(added_ns):
+            self.early = self.early or EarlyEvents.none()
+            self.early.add(event.door_id, event.happened_ns)
+
+    def _note_early_rows(self, batch: EventBatch) -> None:
+        latest_ns = max(self.roster.added_ns.values(), default=0)
+        times = batch.happened_ns
+        if not ((times >= 0) & (times < latest_ns)).any():
+            return
+        stamps = {i: (self._since_ns(ns), -1) for i, ns in self.roster.added_ns.items()}
+        early = Addings.of(stamps).early(batch, batch.happened_ns)
+        if early.any():
+            self.early = self.early or EarlyEvents.none()
+            self.early.add_rows(batch.door_ids()[early], batch.happened_ns[early])
+
+    def _since_ns(self, added_ns: int) -> int:
+        """Return when a door was added; one that is added without a time: now."""
+        if added_ns < MAX_TIME_NS:
+            return added_ns
+        if self._began_ns is None:
+            self._began_ns = 0 if self._now_ns is None else self._now_ns()
+        return self._began_ns
+
     def _changes_roster(self, event: Event) -> bool:
         if isinstance(event, DoorUpdated):
             known = self.roster.level_of.get(event.door_id, event.level)
@@ -412,12 +478,22 @@ class Gatekeeper:
         door_id = event.door_id
         if door_id in self.roster.placed:
             raise DoorExistsError(f"door {door_id} is in the map already; choose another id.")
-        if door_id in self.roster.used_ids:
+        if door_id in self._taken_back:
+            self._check_correction(event, self._taken_back[door_id])
+        elif door_id in self.roster.used_ids:
             raise DoorRemovedError(
                 f"door {door_id} was removed, and an id is never used twice; "
                 f"the next free id is {self.roster.next_free_id}.{self.roster.way_back(door_id)}"
             )
         self._check_level(event.level)
+
+    def _check_correction(self, event: DoorAdded, before_ns: int) -> None:
+        """Return if an adding takes the place of the one that the same commit retracts."""
+        if event.happened_ns is None or event.happened_ns > before_ns:
+            raise DoorRemovedError(
+                f"door {event.door_id}: its adding is retracted, and may be told again in the same "
+                "commit, under its id, at an earlier time only; a later door wants a new id."
+            )
 
     def _check_known(self, event: DoorEvent) -> None:
         door_id = event.door_id
@@ -526,7 +602,10 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
 
     Raises:
         UnknownDoorError: None, or more than one.
+        InvalidEventError: It is neither a text nor a whole number.
     """
+    if not (isinstance(text, str) or is_whole_number(text)):
+        raise InvalidEventError("door", "an id, a name, or level/name", text)
     doors = [door for door in door_map.doors.values() if text in (door.door_id, door.name)]
     if not doors and isinstance(text, str) and "/" in text:
         doors = [

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from semmap_log.errors import InvalidEventError
+from semmap_log.keywords import knows_its_keywords
 
 
 class Durability(IntEnum):
@@ -40,6 +41,7 @@ NO_CONTENT = bytes(16)
 """Digest of a command that was not given by a caller, and so will not come again."""
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Note:
     """Who did it, with what, why; empty texts say nothing."""

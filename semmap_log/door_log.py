@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -22,9 +22,17 @@ from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import LogError, MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import KINDS, DoorAdded, DoorAnnotated, Event, FloorMap
+from semmap_log.events import (
+    KINDS,
+    DoorAdded,
+    DoorAnnotated,
+    Event,
+    FloorMap,
+    is_whole_number,
+)
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live import LiveState, fold_live
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.levels import resolve_level
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
@@ -37,7 +45,7 @@ from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.window import Window
-from semmap_log.moments import Moment, parse_moment, parse_range, refuse_reversed
+from semmap_log.moments import INSTANTS, Moment, parse_moment, parse_range, refuse_reversed
 from semmap_log.projections.diff import Diff, diff
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry, history
@@ -56,6 +64,7 @@ datetime (a naive one is in the log's zone), or what `moment` made of one."""
 S = TypeVar("S")
 
 
+@knows_its_keywords
 class DoorLog:
     """A log that is read: as it was when it was opened, or last refreshed."""
 
@@ -197,7 +206,7 @@ class DoorLog:
         until: Time = None,
         *,
         recorded: bool = False,
-        doors: Collection[DoorId] | None = None,
+        doors: Collection[DoorId | str] | None = None,
         kinds: Collection[type[Event]] | None = None,
         retracted: bool = False,
         progress: Progress | None = None,
@@ -208,17 +217,21 @@ class DoorLog:
             since: From then on (happened time).
             until: Before then.
             recorded: The range is of recorded time.
-            doors: Only events about these doors.
+            doors: Only events about these doors: ids, names, or level/names.
             kinds: Only these kinds.
             retracted: Retracted events, too.
             progress: Told how far the reading is.
+
+        Raises:
+            UnknownDoorError: No door has such a name, or ever had.
         """
         reader = self.reader
+        ids = None if doors is None else self._ids_ever(doors)
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         known = reader.retractions()
         retractions = Retractions() if retracted else known
         for batch in reader.batches(window, progress=progress):
-            chosen = about(retractions.visible(batch), doors)
+            chosen = about(retractions.visible(batch), ids)
             if len(chosen):
                 yield chosen
 
@@ -294,7 +307,7 @@ class DoorLog:
 
     def history(
         self,
-        door: DoorId | None = None,
+        door: DoorId | str | None = None,
         since: Time = None,
         until: Time = None,
         *,
@@ -307,14 +320,15 @@ class DoorLog:
         changed of others (a door's state, or that an event counts) is not told.
 
         Args:
-            door: Only events about it, and those unknown here; default: all events.
+            door: Only events about it (its id, name, or level/name), and those unknown here;
+                default: all events.
             since: From then on.
             until: Before then.
             recorded: The range is of recorded time.
             kinds: Only these kinds.
         """
         window = self.window(since, until, recorded=recorded, kinds=kinds)
-        return self._entries(window, None if door is None else [door])
+        return self._entries(window, None if door is None else self._ids_ever([door]))
 
     def entry(self, number: int) -> HistoryEntry:
         """Return one event with who did it and why.
@@ -388,7 +402,7 @@ class DoorLog:
             UnknownDoorError: There is no such door, and never was.
             MomentError: `since` comes after `until`.
         """
-        door_id = self.resolve_ever(door) if isinstance(door, str) else DoorId(int(door))
+        (door_id,) = self._ids_ever([door])
         found = self.timelines([door_id], at, known_at, since=since, until=until, progress=progress)
         if door_id not in found:
             self.resolve_ever(door_id)
@@ -397,7 +411,7 @@ class DoorLog:
 
     def timelines(
         self,
-        doors: Collection[DoorId] | None = None,
+        doors: Collection[DoorId | str] | None = None,
         at: Time = None,
         known_at: Time = None,
         *,
@@ -408,7 +422,7 @@ class DoorLog:
         """Return when doors were in which state, ids ascending; `timeline` of many in one reading.
 
         Args:
-            doors: Only these; None: all that were ever added.
+            doors: Only these: ids, names, or level/names; None: all that were ever added.
             at: As for `timeline`, like the rest.
             known_at: Only what had been recorded by then, whole commits.
             since: Only from then on: an interval is cut there.
@@ -423,7 +437,8 @@ class DoorLog:
         refuse_reversed(since_ns, until_ns)
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         batches = visible_batches(self.reader, scope, progress=progress)
-        found = timelines(batches, doors, end_ns=asked_ns)
+        ids = None if doors is None else self._ids_ever(doors)
+        found = timelines(batches, ids, end_ns=asked_ns)
         return {i: each.between(since_ns, until_ns) for i, each in found.items()}
 
     def instant(self, time: Time) -> int | None:
@@ -495,6 +510,15 @@ class DoorLog:
                         return door_id
             raise
 
+    def _ids_ever(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
+        """Return the ids of doors; a name is looked up, those of doors that are gone, too."""
+        return [
+            DoorId(int(door))
+            if not isinstance(door, str) and is_whole_number(door)
+            else self.resolve_ever(door)
+            for door in doors
+        ]
+
     def _ever_said(self) -> DoorMapState:
         """Return all doors and names that ever were, as if nothing had been retracted."""
         state = DoorMapState()
@@ -521,6 +545,11 @@ class DoorLog:
         if isinstance(time, str):
             end_ns = 0 if _is_absolute(time) else self.end_ns() if now_ns is None else now_ns
             return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
+        if not is_whole_number(time):
+            raise MomentError(
+                f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
+                f"datetime; got {time!r}."
+            )
         return Moment(ns=int(time))
 
     def span(self, text: str) -> tuple[Moment, Moment]:
@@ -538,8 +567,8 @@ class DoorLog:
             MomentError: A time cannot be read, or is not one.
         """
         happened, known = self.moment(at), self.moment(known_at)
-        if event is not None and event < 0:
-            raise MomentError(f"event {event}: event numbers begin at 0.")
+        if event is not None and (not is_whole_number(event) or event < 0):
+            raise MomentError(f"event {event!r}: expected a whole number, from 0 on.")
         numbers = [n for n in (event, happened.event, known.event) if n is not None]
         return Scope(happened.ns, known.ns, min(numbers, default=None))
 

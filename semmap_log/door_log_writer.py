@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, TypedDict, TypeVar
+from typing import NamedTuple, TypedDict, TypeVar
 
 from semmap_log.appendable_log import AppendableLog, Appended
 from semmap_log.command_content import content_of
@@ -26,18 +26,16 @@ from semmap_log.events import (
     PatrolFinished,
     PatrolStarted,
     Retracted,
+    is_whole_number,
 )
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.retracting import check_can_retract
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
 
 E = TypeVar("E", bound=Event)
 
 
 class About(TypedDict, total=False):
-    """What every command takes besides its own arguments."""
+    """The keywords that every verb takes besides its own, for who has them as a dictionary."""
 
     at: Time
     """When it happened; default: now. `2h ago` counts from now."""
@@ -52,8 +50,25 @@ class About(TypedDict, total=False):
     in the log; -1: none. Another is an error, and nothing is written."""
 
 
+class _About(NamedTuple):
+    """What a verb was told besides its own arguments: when, who and why."""
+
+    at: Time
+    note: Note
+    command_id: bytes | None
+    expected_event: int | None
+
+
+@knows_its_keywords
 class DoorLogWriter(AppendableLog):
-    """A log that is written, by the commands that a door map knows."""
+    """A log that is written, by the commands that a door map knows.
+
+    Every verb also takes, by keyword: `at`, when it happened (default: now; `2h ago` counts from
+    now); `actor`, `source`, `reason` and `correlation`, who did it, with what, why, and what it
+    belongs to; `command_id`, 16 bytes, by which the same command, sent again, is stored once; and
+    `expected_event`, the number of the last event that the caller knows, about the door or, for a
+    new door or a round, in the log (-1: none): another is an error, and nothing is written.
+    """
 
     def add_door(
         self,
@@ -68,7 +83,13 @@ class DoorLogWriter(AppendableLog):
         prob_closed: float = NAN,
         door_id: DoorId | None = None,
         name: str = "",
-        **about: Unpack[About],
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
     ) -> DoorId:
         """Add a door and return its id: the next free one, unless given.
 
@@ -80,6 +101,7 @@ class DoorLogWriter(AppendableLog):
             UnknownLevelError: There is no such level, or there are several and none is told.
             InvalidEventError: A value that no door can have.
         """
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
 
         def events() -> list[Event]:
             given = self.roster.next_free_id if door_id is None else door_id
@@ -120,7 +142,13 @@ class DoorLogWriter(AppendableLog):
         state: DoorState | str | None = None,
         prob_open: float | None = None,
         prob_closed: float | None = None,
-        **about: Unpack[About],
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
     ) -> Appended:
         """Set the fields that are given; of a pose, the parts not given stay as they are.
 
@@ -129,6 +157,7 @@ class DoorLogWriter(AppendableLog):
             UnknownLevelError: There is no level of that number or name.
             InvalidEventError: Nothing is given, or a value that no door can have.
         """
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
 
         def event() -> DoorUpdated:
             door_id = self.resolve(door)
@@ -164,8 +193,20 @@ class DoorLogWriter(AppendableLog):
         asked = (door, x, y, theta, level, width, meant, prob_open, prob_closed)
         return self._commit_one(event, about, ("update_door", *asked))
 
-    def remove_door(self, door: DoorId | str, **about: Unpack[About]) -> Appended:
+    def remove_door(
+        self,
+        door: DoorId | str,
+        *,
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
+    ) -> Appended:
         """Take a door out of the map; its history stays, its id is never used again."""
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
             lambda: DoorRemoved(door_id=self.resolve(door), happened_ns=self._happened(about)),
             about,
@@ -181,7 +222,13 @@ class DoorLogWriter(AppendableLog):
         accuracy_open: float | None = None,
         accuracy_closed: float | None = None,
         opening: float = NAN,
-        **about: Unpack[About],
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
     ) -> Appended:
         """Record that a sensor saw a door.
 
@@ -192,8 +239,15 @@ class DoorLogWriter(AppendableLog):
             accuracy_open: P(reads open | open), if it differs.
             accuracy_closed: P(reads closed | closed), if it differs.
             opening: How far the door stands open, 0..1.
-            **about: When, who, why.
+            at: When it happened; default: now.
+            actor: Who did it.
+            source: Which sensor, robot or file.
+            reason: Why.
+            correlation: What it belongs to.
+            command_id: 16 bytes: the same command, sent again, is stored once.
+            expected_event: Number of the last event about the door, as the caller knows it.
         """
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
             lambda: DoorObserved(
                 door_id=self.resolve(door),
@@ -208,9 +262,21 @@ class DoorLogWriter(AppendableLog):
         )
 
     def annotate(
-        self, door: DoorId | str, key: str, value: str, **about: Unpack[About]
+        self,
+        door: DoorId | str,
+        key: str,
+        value: str,
+        *,
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
     ) -> Appended:
         """Say something about a door in words; an empty value takes it back."""
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
 
         def event() -> DoorAnnotated:
             door_id = self.resolve(door)
@@ -223,9 +289,20 @@ class DoorLogWriter(AppendableLog):
         return self._commit_one(event, about, ("annotate", door, key, value))
 
     def request(
-        self, door: DoorId | str, state: DoorState | str, **about: Unpack[About]
+        self,
+        door: DoorId | str,
+        state: DoorState | str,
+        *,
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
     ) -> Appended:
         """Record that somebody asked for a state; the door's state stays as it is."""
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
             lambda: DoorRequested(
                 door_id=self.resolve(door), state=_state(state), happened_ns=self._happened(about)
@@ -240,9 +317,16 @@ class DoorLogWriter(AppendableLog):
         *,
         passed: bool = True,
         waited_s: float = NAN,
-        **about: Unpack[About],
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
     ) -> Appended:
         """Record that a robot went through a door, or gave up waiting."""
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
             lambda: DoorPassed(
                 door_id=self.resolve(door),
@@ -254,7 +338,19 @@ class DoorLogWriter(AppendableLog):
             ("passed", door, passed, waited_s),
         )
 
-    def retract(self, first: int, last: int | None = None, **about: Unpack[About]) -> Appended:
+    def retract(
+        self,
+        first: int,
+        last: int | None = None,
+        *,
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
+    ) -> Appended:
         """Take events back: every question asked with knowledge after this leaves them out.
 
         They stay in the log: `known_at` before this still shows them, `history` marks them. A door
@@ -264,12 +360,19 @@ class DoorLogWriter(AppendableLog):
             first: Number of the first event.
             last: Number of the last, inclusive; None: only the first. Retractions in between, and
                 what is taken back already, stay as they are.
-            **about: When, who, why.
+            at: When it happened; default: now.
+            actor: Who did it.
+            source: Which sensor, robot or file.
+            reason: Why.
+            correlation: What it belongs to.
+            command_id: 16 bytes: the same command, sent again, is stored once.
+            expected_event: Number of the last event of the log, as the caller knows it.
 
         Raises:
             CommandError: There is no such event, the range runs backwards, or nothing in it can be
                 taken back.
         """
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
         last = first if last is None else last
 
         def event() -> Retracted:
@@ -278,8 +381,19 @@ class DoorLogWriter(AppendableLog):
 
         return self._commit_one(event, about, ("retract", first, last))
 
-    def start_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
+    def start_patrol(
+        self,
+        *,
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
+    ) -> tuple[Appended, int]:
         """Record that a round began; return its number, one more than the last one's."""
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
 
         def events() -> list[Event]:
             number = self._last_patrol(PatrolStarted) + 1
@@ -288,12 +402,23 @@ class DoorLogWriter(AppendableLog):
         appended, started = self._commit(events, about, PatrolStarted, ("start_patrol",))
         return appended, started.patrol
 
-    def finish_patrol(self, **about: Unpack[About]) -> tuple[Appended, int]:
+    def finish_patrol(
+        self,
+        *,
+        at: Time = None,
+        actor: str = "",
+        source: str = "",
+        reason: str = "",
+        correlation: str = "",
+        command_id: bytes | None = None,
+        expected_event: int | None = None,
+    ) -> tuple[Appended, int]:
         """Record that the round that began last is over; return its number.
 
         Raises:
             CommandError: No round is under way.
         """
+        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
 
         def events() -> list[Event]:
             number = self._last_patrol(PatrolStarted)
@@ -306,14 +431,14 @@ class DoorLogWriter(AppendableLog):
         return appended, finished.patrol
 
     def _commit_one(
-        self, make: Callable[[], Event], about: About, asked: tuple[object, ...]
+        self, make: Callable[[], Event], about: _About, asked: tuple[object, ...]
     ) -> Appended:
         return self._commit(lambda: [make()], about, Event, asked)[0]
 
     def _commit(
         self,
         make: Callable[[], Iterable[Event]],
-        about: About,
+        about: _About,
         kind: type[E],
         asked: tuple[object, ...],
     ) -> tuple[Appended, E]:
@@ -333,20 +458,14 @@ class DoorLogWriter(AppendableLog):
 
         def remembered() -> list[Event]:
             made.extend(make())
-            self._check_expected(about.get("expected_event"), made[0])
+            self._check_expected(about.expected_event, made[0])
             return made
 
-        note = Note(
-            actor=about.get("actor", ""),
-            source=about.get("source", ""),
-            reason=about.get("reason", ""),
-            correlation=about.get("correlation", ""),
-        )
-        content = content_of(*asked, about.get("at"), note)
+        content = content_of(*asked, about.at, about.note)
         appended = self._append_once(
             remembered,
-            note,
-            about.get("command_id"),
+            about.note,
+            about.command_id,
             content,
             lambda stored: stored.content == content,
         )
@@ -381,9 +500,9 @@ class DoorLogWriter(AppendableLog):
                     "choose another name."
                 )
 
-    def _happened(self, about: About) -> int | None:
+    def _happened(self, about: _About) -> int | None:
         """Return when a command says that it happened; what is relative counts from now."""
-        moment = self.moment(about.get("at"), now_ns=self.now_ns())
+        moment = self.moment(about.at, now_ns=self.now_ns())
         if moment.event is not None:
             raise MomentError("when it happened is a time, not an event number.")
         return moment.ns
@@ -395,13 +514,16 @@ class DoorLogWriter(AppendableLog):
 
 
 def _state(state: DoorState | str) -> DoorState:
-    """Return the state that a caller means.
+    """Return the state that a caller means; `True` and 1.0 mean none, though they equal OPEN.
 
     Raises:
         InvalidEventError: It is none.
     """
     try:
-        return DoorState.parse(state) if isinstance(state, str) else DoorState(state)
+        if isinstance(state, str):
+            return DoorState.parse(state)
+        if is_whole_number(state):
+            return DoorState(state)
     except ValueError:
-        expected = f"one of {' '.join(DoorState.__members__)}"
-        raise InvalidEventError("state", expected, state) from None
+        pass
+    raise InvalidEventError("state", f"one of {' '.join(DoorState.__members__)}", state)

@@ -9,6 +9,7 @@
     │   ├── UnknownLevelError       no such level                                    (LookupError)
     │   ├── CommandReusedError      the command id is stored, with other content
     │   └── UnexpectedEventError    the log went on since the caller looked
+    ├── UnknownKeywordError         a call of the Python API does not know that keyword (TypeError)
     ├── MomentError                 a time that cannot be read, or that is ambiguous (ValueError)
     ├── LogError                    the log on disk
     │   ├── NotALogError            a file, an empty folder, somebody else's bag
@@ -27,10 +28,11 @@
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
-and two warnings:
+and three warnings:
 
     KeyframeWarning                 a cache in the log cannot be used; answers only take longer
     NewerLogWarning                 events of a later version are left out; they change no answer
+    EarlyEventsWarning              what was appended had happened before its door was added
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
 """
@@ -93,6 +95,10 @@ class UnexpectedEventError(CommandError):
         self.expected = expected
         self.actual = actual
         """Number of the last event; -1: there is none."""
+
+
+class UnknownKeywordError(SemmapError, TypeError):
+    """A call does not know that keyword; the message names those that it knows."""
 
 
 class MomentError(SemmapError, ValueError):
@@ -211,3 +217,7 @@ class NewerLogWarning(UserWarning):
 
 class KeyframeWarning(UserWarning):
     """A keyframe cannot be used: it is of another version, or damaged. The answer is the same."""
+
+
+class EarlyEventsWarning(UserWarning):
+    """Events had happened before their door was added: they are kept, and no answer counts them."""

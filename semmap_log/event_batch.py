@@ -21,9 +21,13 @@ from semmap_log.event_columns import (
     rows_of,
 )
 from semmap_log.events import DOOR_KINDS, KINDS, DoorEvent, Event, event_of
+from semmap_log.keywords import knows_its_keywords
+from semmap_log.made_of_columns import MadeOfColumns
 from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from semmap_log.arrow.sdk import DataFrame, pa
 
 
@@ -47,8 +51,9 @@ class RecordedEvent:
         return self.event.happened_ns
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
-class EventBatch:
+class EventBatch(MadeOfColumns):
     """Events in order of their numbers, as numpy columns.
 
     `batch[DoorObserved]` gives that kind's own fields, `batch.where(DoorObserved)` the positions
@@ -82,23 +87,9 @@ class EventBatch:
     """Its columns were checked, and cannot be written to any more."""
 
     @classmethod
-    def of(
-        cls, kind: type[Event], *, happened_ns: ArrayLike | None = None, **fields: ArrayLike
-    ) -> EventBatch:
-        """Return events of one kind from columns, to append them.
-
-            EventBatch.of(DoorObserved, door_id=ids, state=states, accuracy_open=0.9)
-
-        Args:
-            kind: Of fixed size.
-            happened_ns: When each happened, int64; default: when the log records them.
-            **fields: The kind's own fields; those left out have the defaults of the event. One
-                value stands for all rows.
-
-        Raises:
-            InvalidEventError: Columns of different lengths, a value that no event can have, or
-                that its type does not hold: nothing is wrapped or cut.
-        """
+    def _of_columns(
+        cls, kind: type[Event], happened_ns: ArrayLike | None, fields: Mapping[str, ArrayLike]
+    ) -> Self:
         times = np.asarray(NO_TIME if happened_ns is None else happened_ns)
         times = as_type(f"{kind.__name__}.happened_ns", times, np.dtype(np.int64))
         if happened_ns is not None and times.size and times.min() < 0:
@@ -165,7 +156,7 @@ class EventBatch:
         objects: Mapping[int, Sequence[Event]],
         kinds: NDArray[np.uint8],
         happened_ns: NDArray[np.int64],
-    ) -> EventBatch:
+    ) -> Self:
         numbers = np.arange(len(kinds), dtype=np.int64)
         batch = cls(numbers, kinds, happened_ns, happened_ns, columns, objects)
         written: list[NDArray[Any]] = [numbers, kinds, happened_ns, *columns.values()]

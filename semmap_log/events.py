@@ -35,6 +35,16 @@ NO_LEVEL = 2**16 - 1
 """Stands in a column of levels, a uint16, for one that was not given: `LEVEL_NOT_GIVEN`."""
 
 
+def is_whole_number(value: object) -> bool:
+    """Tell whether a value is a whole number; a truth value is none, though Python counts it."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def is_number(value: object) -> bool:
+    """Tell whether a value is a number, whole or not; a truth value is none."""
+    return is_whole_number(value) or isinstance(value, (float, np.floating))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something that happened. The base of all kinds."""
@@ -44,6 +54,8 @@ class Event:
 
     kind: ClassVar[int]
     """Its number among `KINDS`, which is also its MCAP channel id: never changes."""
+    numbers: ClassVar[tuple[str, ...]] = ()
+    """Its fields that are numbers, whole or not."""
 
     changes_nothing: ClassVar[bool] = False
     """Of a kind that was added to the format later: programs that do not know it may leave it out,
@@ -52,6 +64,10 @@ class Event:
     def __post_init__(self) -> None:
         if self.happened_ns is not None:
             self._whole("happened_ns", self.happened_ns, 0, MAX_TIME_NS)
+        for name in self.numbers:
+            value = getattr(self, name)
+            if type(value) is not float and not is_number(value):
+                self._refuse(name, "a number", value)
         self._check()
 
     def _check(self) -> None:
@@ -61,8 +77,7 @@ class Event:
         raise InvalidEventError(f"{type(self).__name__}.{name}", expected, got)
 
     def _whole(self, name: str, value: int, low: int, high: int) -> None:
-        is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-        if not is_whole or not low <= value <= high:
+        if not is_whole_number(value) or not low <= value <= high:
             self._refuse(name, f"a whole number from {low} to {high}", value)
 
     def _finite(self, **values: float) -> None:
@@ -218,6 +233,8 @@ class DoorPassed(DoorEvent):
 
     def _check(self) -> None:
         DoorEvent._check(self)
+        if not isinstance(self.passed, (bool, np.bool_)):
+            self._refuse("passed", "True or False", self.passed)
         if not math.isnan(self.waited_s):
             self._at_least_0("waited_s", self.waited_s, "seconds")
 
@@ -401,6 +418,7 @@ with it the format's minor version: `log.form.KINDS_OF_MINOR`."""
 
 for _number, _kind in enumerate(KINDS, start=1):
     _kind.kind = _number
+    _kind.numbers = tuple(f.name for f in fields(_kind) if f.type in ("float", float))
 
 DOOR_KINDS = frozenset(kind.kind for kind in KINDS if issubclass(kind, DoorEvent))
 """The numbers of the kinds that are about a door."""

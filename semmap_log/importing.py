@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from semmap_log.backdating import backdated, early_events
 from semmap_log.bag_importing import plan_bag
 from semmap_log.command_content import are_same
 from semmap_log.commits import NO_CONTENT, Note
@@ -16,7 +17,7 @@ from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import DoorId
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import Event, FloorMap
+from semmap_log.events import DoorAdded, Event, FloorMap
 from semmap_log.formats.bag_reading import READABLE_BAGS, files_of, is_bag
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_csv import read_door_csv
@@ -28,10 +29,12 @@ from semmap_log.formats.importing_sightings import plan_sightings
 from semmap_log.formats.line_commits import LineOptions
 from semmap_log.formats.map_server import DEFAULT_RULES, is_map, picture_of, read_map
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.keywords import knows_its_keywords, knows_keywords
 from semmap_log.levels import resolve_level
 from semmap_log.line_importing import StoredCommits, append_lines
 from semmap_log.log.disk import utf8_name
 from semmap_log.log.reading.passage import Progress
+from semmap_log.moments import format_local
 from semmap_log.ros_mapping.mapping import WELL_KNOWN
 from semmap_log.ros_mapping.mapping_file import read_mapping
 
@@ -44,6 +47,7 @@ TOLD_EVERY = 1000
 """Events between two words of progress, or a whole batch of them."""
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
     """How a file is to be taken."""
@@ -59,6 +63,9 @@ class ImportOptions:
     renumber: bool = False
     at_ns: int | None = None
     """When it happened, where the file does not say; None: when it is recorded."""
+    since_ns: int | None = None
+    """Doors of a building or a door database: from when on they are there, also those that the log
+    has from a later time on; None: new ones from `at_ns`."""
     mapping: Path | None = None
     """Bags: how their topics are read; None: the well-known ones."""
     map_rules: RulesName | None = None
@@ -76,6 +83,7 @@ class Imported:
     """This very file was imported before."""
 
 
+@knows_keywords
 def import_file(
     log: DoorLogWriter,
     path: Path,
@@ -103,6 +111,11 @@ def import_file(
         raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
     is_lines = tells_event_lines(path)
     plan_of = None if is_lines else _planner(path, progress)
+    if options.since_ns is not None and plan_of not in (_plan_building, plan_thesis_yaml):
+        raise CommandError(
+            f"{path}: its events say when they were; --since and --since-ever are about the doors "
+            "of a building or a door database. For doors that are there, give no file."
+        )
     command_id = None
     if is_lines or not (options.update or options.renumber):
         command_id = command_id_of(path, options)
@@ -117,6 +130,8 @@ def import_file(
         taken = LineOptions(zone, command_id, note, options.at_ns)
         return _import_lines(log, path, taken, progress)
     plan = plan_of(log, path, options)
+    if options.since_ns is not None:
+        plan = _with_backdated(log, plan, options.since_ns)
     if plan.count == 0:
         return Imported(plan, None)
     appended = log.append(
@@ -126,6 +141,44 @@ def import_file(
         content=command_id or NO_CONTENT,
     )
     return Imported(plan, appended.commit.last_event - plan.count + 1)
+
+
+@knows_keywords
+def backdate(
+    log: DoorLogWriter, since_ns: int, *, note: Note = Note(), command_id: bytes | None = None
+) -> Imported:
+    """Say that doors of which something is told before they were added were there by then.
+
+    Args:
+        log: The log.
+        since_ns: From when on they are there.
+        note: Who and why.
+        command_id: 16 bytes: the same command, sent again, is stored once.
+    """
+    plan = _backdating(log, early_events(log.reader).counts, since_ns)
+    if plan.count == 0:
+        return Imported(plan, None)
+    appended = log.append(plan.events, note=note, command_id=command_id)
+    return Imported(plan, appended.commit.last_event - plan.count + 1)
+
+
+def _with_backdated(log: DoorLogWriter, plan: ImportPlan, since_ns: int) -> ImportPlan:
+    """Return a plan, and before it that the doors which are there were there by an earlier time."""
+    earlier = _backdating(log, plan.there, since_ns)
+    return replace(
+        plan,
+        events=[*earlier.events, *plan.events],
+        count=earlier.count + plan.count,
+        summary=(*plan.summary, *earlier.summary) if earlier.count else plan.summary,
+    )
+
+
+def _backdating(log: DoorLogWriter, doors: Collection[DoorId], since_ns: int) -> ImportPlan:
+    events = backdated(log.reader, doors, since_ns)
+    moved = sum(isinstance(event, DoorAdded) for event in events)
+    since = format_local(since_ns, log.info.timezone)
+    said = (f"doors: {moved} that the log has, there since {since}",) if moved else ()
+    return ImportPlan(events, len(events), summary=said)
 
 
 Planner = Callable[[DoorLogWriter, Path, ImportOptions], ImportPlan]
@@ -211,7 +264,12 @@ def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> 
 
 def _plan_table(present: Present, table: DoorTable, options: ImportOptions) -> ImportPlan:
     return plan_doors(
-        table, present, update=options.update, renumber=options.renumber, at_ns=options.at_ns
+        table,
+        present,
+        update=options.update,
+        renumber=options.renumber,
+        at_ns=options.at_ns,
+        since_ns=options.since_ns,
     )
 
 
@@ -250,7 +308,9 @@ def _present(log: DoorLogWriter) -> Present:
 
 def command_id_of(path: Path, options: ImportOptions) -> bytes:
     """Return the id of an import's commit: the same for the same bytes taken in the same way."""
-    whole = hashlib.sha256(f"import {options.level} {options.tz} {options.at_ns}".encode())
+    since = "" if options.since_ns is None else f" since {options.since_ns}"
+    how = f"import {options.level} {options.tz} {options.at_ns}{since}"
+    whole = hashlib.sha256(how.encode())
     if options.map_rules is not None:
         whole.update(options.map_rules.encode())
     picture = picture_of(path) if is_map(path) else None

@@ -8,6 +8,7 @@ from pathlib import Path
 from semmap_log.commits import Durability, check_text
 from semmap_log.door_log import DoorLog
 from semmap_log.door_log_writer import DoorLogWriter
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.clock import Clock, SystemClock
 from semmap_log.log.commits import Entropy
 from semmap_log.log.header import LogInfo
@@ -19,6 +20,7 @@ from semmap_log.moments import zone
 _LOCALTIME = Path("/etc/localtime")
 
 
+@knows_keywords
 def create(
     path: str | Path,
     *,
@@ -62,6 +64,7 @@ def create(
     return DoorLogWriter(create_log(Path(path), info, surroundings))
 
 
+@knows_keywords
 def append(
     path: str | Path,
     *,
@@ -96,6 +99,7 @@ def append(
     )
 
 
+@knows_keywords
 def read(path: str | Path) -> DoorLog:
     """Open a log for reading.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.backdating import early_events, remedy
 from semmap_log.commits import Durability
 from semmap_log.doors import DoorMap
 from semmap_log.event_batch import EventBatch
@@ -19,6 +20,7 @@ from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.suspicion import ClockCheck, Suspect
+from semmap_log.moments import format_local
 from semmap_log.projections.door_map import DoorMapState
 
 
@@ -134,6 +136,11 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
             f"{tally.late_clock} events say that they happened after they were recorded; "
             "they count from their recorded time"
         )
+    early = early_events(reader)
+    if early.counts:
+        since = format_local(min(early.first_ns.values()), reader.info.timezone)
+        names = {door.door_id: door.label for door in door_map.doors.values()}
+        warnings.append(f"{early.in_words(names, since)}; {remedy(str(reader.folder))}")
     warnings += [
         f"{door.label}: P(open) + P(closed) = {door.prob_open + door.prob_closed:.3g}, above 1"
         for door in door_map.doors.values()

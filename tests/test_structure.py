@@ -13,11 +13,12 @@ PACKAGE = Path(__file__).parents[1] / "semmap_log"
 
 ORDER = [
     {"errors", "computed_once", "command_lines"},
+    {"keywords"},
     {"doors"},
     {"commits"},
     {"events"},
     {"messages"},
-    {"event_columns"},
+    {"event_columns", "made_of_columns"},
     {"arrow"},
     {"event_batch"},
     {"costmap"},
@@ -27,7 +28,7 @@ ORDER = [
     {"log"},
     {"replay", "commands", "command_content"},
     {"folding"},
-    {"retracting"},
+    {"retracting", "backdating"},
     {"door_log"},
     {"appendable_log"},
     {"door_log_writer"},

@@ -16,6 +16,7 @@ from semmap_log.door_log import Time
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import Door, DoorId
 from semmap_log.events import Changed, DoorUpdated
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import format_local
 
@@ -37,10 +38,12 @@ class Applied:
     """None: nothing changed, and nothing was written."""
 
 
+@knows_keywords
 def apply_probabilities(
     log: DoorLogWriter,
     *,
     at: Time = None,
+    known_at: Time = None,
     horizon_ns: int = 0,
     estimator: str | None = None,
     tz: str | None = None,
@@ -58,6 +61,7 @@ def apply_probabilities(
     Args:
         log: The log to ask, and to write to.
         at: As `probabilities`.
+        known_at: As `probabilities`.
         horizon_ns: As `probabilities`.
         estimator: As `probabilities`.
         tz: As `probabilities`.
@@ -74,10 +78,11 @@ def apply_probabilities(
         SemmapError: As `probabilities`.
     """
     asked = list(doors) if doors is not None else None
-    content = content_of("probabilities", at, horizon_ns, estimator, tz, asked, note)
+    words = (at, horizon_ns, estimator, tz, asked, note)
+    content = content_of("probabilities", *words, *([] if known_at is None else [known_at]))
     beliefs = probabilities(
-        log, at=at, horizon_ns=horizon_ns, estimator=estimator, tz=tz, doors=asked,
-        progress=progress,
+        log, at=at, known_at=known_at, horizon_ns=horizon_ns, estimator=estimator, tz=tz,
+        doors=asked, progress=progress,
     )  # fmt: skip
     known = [belief for belief in beliefs if belief.is_known]
     unknown = [belief for belief in beliefs if not belief.is_known]

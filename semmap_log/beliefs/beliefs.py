@@ -13,6 +13,7 @@ from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
 from semmap_log.errors import MomentError
 from semmap_log.events import MAX_TIME_NS
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import HOUR_NS
 
@@ -54,10 +55,12 @@ class DoorBelief:
         return 1.0 - self.p_open
 
 
+@knows_keywords
 def probabilities(
     log: DoorLog,
     *,
     at: Time = None,
+    known_at: Time = None,
     horizon_ns: int = 0,
     estimator: str | None = None,
     tz: str | None = None,
@@ -68,8 +71,9 @@ def probabilities(
 
     Args:
         log: Whose doors.
-        at: The moment from which is asked: only what had happened and been recorded by then counts.
-            None: the log's end.
+        at: The moment asked from, with all that is known today of what had happened by then.
+        known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
+            too. Without either that is the log's end.
         horizon_ns: How long after it.
         estimator: None: `filter` up to a day ahead, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
@@ -82,7 +86,9 @@ def probabilities(
         MomentError: The time or the zone cannot be read, or the horizon leads beyond 2262.
     """
     chosen = estimator or default_estimator(horizon_ns)
-    asked = ask(log, at=at, estimator=chosen, tz=tz, doors=doors, progress=progress)
+    asked = ask(
+        log, at=at, known_at=known_at, estimator=chosen, tz=tz, doors=doors, progress=progress
+    )
     if not 0 <= asked.known_ns + horizon_ns <= MAX_TIME_NS:
         days = horizon_ns / (24 * HOUR_NS)
         raise MomentError(f"horizon: expected one that ends before 2262, got {days:g} days.")

@@ -14,6 +14,7 @@ from semmap_log.beliefs.beliefs import LATER, DoorBelief, belief, default_estima
 from semmap_log.beliefs.typical_week import WEEK_HOURS, Pattern, first_hour, typical_week
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.estimator import Waiting
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
@@ -64,12 +65,14 @@ class BestTime:
     the estimator does not tell."""
 
 
+@knows_keywords
 def best_time(
     log: DoorLog,
     door: DoorId | str,
     state: State = "open",
     *,
     at: Time = None,
+    known_at: Time = None,
     estimator: str | None = None,
     tz: str | None = None,
     most: int = MOST_WINDOWS,
@@ -81,8 +84,9 @@ def best_time(
         log: Whose door.
         door: Id, name, or level/name.
         state: `open` or `closed`.
-        at: The moment from which is asked: only what had happened and been recorded by then counts.
-            None: the log's end.
+        at: The moment asked from, with all that is known today of what had happened by then.
+        known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
+            too. Without either that is the log's end.
         estimator: None: `filter` for the next hours, `schedule` for the typical week.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
@@ -96,6 +100,7 @@ def best_time(
     near = ask(
         log,
         at=at,
+        known_at=known_at,
         estimator=estimator or default_estimator(),
         tz=tz,
         doors=[door],

@@ -13,6 +13,7 @@ from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.errors import EstimatorError
 from semmap_log.events import DoorObserved
+from semmap_log.keywords import knows_keywords
 from semmap_log.probabilities.beta import beta_interval
 from semmap_log.probabilities.evidence.visits import visits_of
 
@@ -83,6 +84,7 @@ class Calibration:
         return sum(self.doors.values(), DoorCalibration())
 
 
+@knows_keywords
 def calibrate(
     log: DoorLog, truths: Mapping[DoorId, Stretches], *, source: str | None = None
 ) -> Calibration:

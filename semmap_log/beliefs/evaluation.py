@@ -23,6 +23,7 @@ from semmap_log.beliefs.trials import (
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId
 from semmap_log.errors import EstimatorError
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.estimator import Estimator, Learnt
 from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
@@ -71,6 +72,7 @@ class Evaluation:
         }
 
 
+@knows_keywords
 def evaluate(
     log: DoorLog,
     estimators: Sequence[Estimator],

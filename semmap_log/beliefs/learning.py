@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from semmap_log.door_log import DoorLog, Time
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Estimator
 
 
+@knows_keywords
 def learn(
     log: DoorLog,
     *,
     at: Time = None,
+    known_at: Time = None,
     estimator: Estimator | str = "filter",
     tz: str | None = None,
     progress: Progress | None = None,
@@ -20,7 +23,8 @@ def learn(
 
     Args:
         log: The log.
-        at: Only what had happened, and been recorded, by then.
+        at: Only what had happened by then, with all that is known today.
+        known_at: Only what had been recorded by then, whole commits.
         estimator: A method, or its name: see `semmap_log.probabilities.estimators`.
         tz: IANA zone of hours and weekdays; None: the log's.
         progress: Told how far the reading is.
@@ -29,6 +33,5 @@ def learn(
         EstimatorError: There is no such estimator.
         MomentError: No such time, or no such zone.
     """
-    moment = log.moment(at)
     projection = BeliefProjection(estimator, log.info.timezone if tz is None else tz)
-    return log.fold(projection, moment, moment, progress=progress)
+    return log.fold(projection, at, known_at, progress=progress)

@@ -11,11 +11,13 @@ from semmap_log.beliefs.trials import Stretches
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorObserved
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.probabilities.evidence.evidence import Evidence
 
 MINUTE_NS = 60 * 10**9
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Patrol:
     """A robot that passes all doors each time an interval is over, day and night."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.trials import Trials
 from semmap_log.errors import EstimatorError
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.local_clock import DAY_S, LocalClock
 
@@ -20,6 +21,7 @@ MOST_S = 100 * 366 * DAY_S
 """Of any length of time: nanoseconds of more are no 64-bit number."""
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Protocol:
     """What is known at each forecast. Without any of the choices: what was known at the split.

@@ -14,6 +14,7 @@ from semmap_log.beliefs.beliefs import LATER
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.probabilities.forecast import Forecast
@@ -95,10 +96,12 @@ class TypicalWeek:
         return self.hours.averaged(1)
 
 
+@knows_keywords
 def typical_weeks(
     log: DoorLog,
     *,
     at: Time = None,
+    known_at: Time = None,
     estimator: str | None = None,
     tz: str | None = None,
     doors: Iterable[DoorId | str] | None = None,
@@ -108,7 +111,9 @@ def typical_weeks(
 
     Args:
         log: Whose doors.
-        at: Only what had happened and been recorded by then counts; None: the log's end.
+        at: The moment asked from, with all that is known today of what had happened by then.
+        known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
+            too. Without either that is the log's end.
         estimator: None: `schedule`. Another is asked for the week that comes.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
@@ -120,7 +125,9 @@ def typical_weeks(
         MomentError: The time or the zone cannot be read.
     """
     chosen = estimator or LATER
-    asked = ask(log, at=at, estimator=chosen, tz=tz, doors=doors, progress=progress)
+    asked = ask(
+        log, at=at, known_at=known_at, estimator=chosen, tz=tz, doors=doors, progress=progress
+    )
     return [typical_week(asked, door) for door in asked.doors]
 
 

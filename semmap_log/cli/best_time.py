@@ -7,8 +7,17 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, LogPath, console, print_json, progress
-from semmap_log.cli.probabilities import AsKnownAt, Estimator, Zone
+from semmap_log.cli.common import (
+    AsJson,
+    At,
+    DoorName,
+    KnownAt,
+    LogPath,
+    console,
+    print_json,
+    progress,
+)
+from semmap_log.cli.probabilities import Estimator, Zone
 
 
 class State(str, Enum):
@@ -25,7 +34,8 @@ def run(
     state: Annotated[
         State, typer.Option("--state", help="Likeliest in which state.", case_sensitive=False)
     ] = State.open,
-    at: AsKnownAt = None,
+    at: At = None,
+    known_at: KnownAt = None,
     estimator: Estimator = None,
     tz: Zone = None,
     most: Annotated[
@@ -52,8 +62,8 @@ def run(
 
     with progress("Reading") as told:
         found = best_time(
-            sl.read(log), door, state.value, at=at, estimator=estimator, tz=tz, most=most,
-            progress=told,
+            sl.read(log), door, state.value, at=at, known_at=known_at, estimator=estimator, tz=tz,
+            most=most, progress=told,
         )  # fmt: skip
     if as_json:
         print_json(best_time_to_json(found))

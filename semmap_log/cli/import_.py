@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, MapServer, print_json, progress, say
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, tell_plan
 
+if TYPE_CHECKING:
+    from semmap_log.door_log_writer import DoorLogWriter
+
 
 def run(
     log: LogPath,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="What to import.")],
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="FILE", help="What to import.")
+    ] = None,
     *,
     level: Annotated[
         str | None,
@@ -50,6 +55,16 @@ def run(
         str | None,
         typer.Option("--at", metavar="TIME", help="When it happened, if the file does not say."),
     ] = None,
+    since: Annotated[
+        str | None,
+        typer.Option(
+            "--since", metavar="TIME", help="From then on the doors are there; see above."
+        ),
+    ] = None,
+    since_ever: Annotated[
+        bool,
+        typer.Option("--since-ever", help="The same, before anything that the log tells."),
+    ] = False,
     mapping: MappingFile = None,
     map_rules: Annotated[
         MapServer | None,
@@ -81,28 +96,46 @@ def run(
       *.bag              bag of ROS 1
       *.mcap, *.db3      bag of ROS 2 (or ROS 1 in MCAP), or a folder of rosbag2
 
+    A door is in the map from when it was added: now, or --at. What is told of earlier times, as by
+    last week's sightings, no answer counts. --since says that the doors of a building or a door
+    database were there by then, also those that the log has already: their adding is retracted and
+    told again, earlier. `history` shows both, and --known-at before that answers as it did. States
+    stay of the time that they are from. Without FILE it is about the doors of which something is
+    told before they were added.
+
     \b
     Examples:
       semmap-log import office office.building.yaml
       semmap-log import office map.yaml --level L1
       semmap-log import lab doors.csv.gz --windows obs_windows.csv --tz Europe/Oslo
       semmap-log import office doors.yaml --update --reason "survey of May"
+      semmap-log import office office.building.yaml --since 2026-01-01
+      semmap-log import office --since-ever
       semmap-log import office monday.bag --mapping robot.yaml --dry-run | head
     """
     import semmap_log as sl
-    from semmap_log.importing import ImportOptions, import_file
+    from semmap_log.importing import ImportOptions, backdate, import_file
 
+    files = files or []
+    _check_together(files, since, since_ever=since_ever, dry_run=dry_run)
     if dry_run:
         _show(log, files, ImportOptions(mapping=mapping))
         return
     results = []
     with sl.append(log) as opened:
         at_ns = opened.moment(at).ns
+        since_ns = _since_ns(opened, since, since_ever=since_ever)
         options = ImportOptions(
-            level, windows, tz, update, renumber, at_ns, mapping,
-            None if map_rules is None else map_rules.value,
+            level=level, windows=windows, tz=tz, update=update, renumber=renumber, at_ns=at_ns,
+            since_ns=since_ns, mapping=mapping,
+            map_rules=None if map_rules is None else map_rules.value,
         )  # fmt: skip
         note = sl.Note(actor=actor, reason=reason)
+        if not files:
+            moved = backdate(opened, since_ns or 0, note=note)
+            results.append(_to_json(log, moved))
+            if not as_json:
+                _tell(log, moved)
         for file in files:
             with progress(f"Importing {file.name}", unit="entries") as told:
                 imported = import_file(opened, file, options, note=note, progress=told)
@@ -114,6 +147,45 @@ def run(
 
 
 run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"
+
+
+def _check_together(
+    files: list[Path], since: str | None, *, since_ever: bool, dry_run: bool
+) -> None:
+    """Refuse options that need others, or exclude them."""
+    if since is not None and since_ever:
+        raise typer.BadParameter("give one of the two", param_hint="--since, --since-ever")
+    is_dated = since is not None or since_ever
+    if not files and not is_dated:
+        raise typer.BadParameter("give at least one file", param_hint="FILE")
+    if dry_run and is_dated:
+        raise typer.BadParameter("shows what a bag would bring", param_hint="--dry-run")
+
+
+def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int | None:
+    """Return from when on doors are there, as asked for; None: it was not asked.
+
+    Raises:
+        MomentError: It is no time, or is to come.
+    """
+    from semmap_log.backdating import since_ever_ns
+    from semmap_log.errors import MomentError
+
+    if since_ever:
+        ever_ns = since_ever_ns(log.reader)
+        if ever_ns is None:
+            say(
+                "--since-ever: the log tells of nothing yet, so the doors are there from "
+                "now on; give a time with --since, or this again once older events are in."
+            )
+            return log.now_ns()
+        return ever_ns
+    moment = log.moment(since, now_ns=log.now_ns())
+    if moment.event is not None:
+        raise MomentError("--since: expected a time, got an event number.")
+    if moment.ns is not None and moment.ns > log.now_ns():
+        raise MomentError(f"--since: expected a time up to now, got {since!r}.")
+    return moment.ns
 
 
 def _show(log: Path, files: list[Path], options: Any) -> None:
@@ -147,7 +219,9 @@ def _tell(file: Path, imported: Any) -> None:
         more = " (--update writes what differs from it since)" if holds_doors else ""
         typer.echo(f"{file}: imported before; nothing to do{more}.")
         return
-    if imported.first_event is None:
+    if imported.first_event is None and file.is_dir() and not imported.plan.summary:
+        typer.echo(f"{file}: of no door is anything told before it was added; nothing to do.")
+    elif imported.first_event is None:
         typer.echo(f"{file}: the log holds all of it already; nothing to do.")
     else:
         last = imported.first_event + plan.count - 1

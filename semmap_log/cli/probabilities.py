@@ -11,6 +11,8 @@ import typer
 
 from semmap_log.cli.common import (
     AsJson,
+    At,
+    KnownAt,
     LogPath,
     console,
     print_json,
@@ -50,9 +52,6 @@ Estimator = Annotated[
 Zone = Annotated[
     str | None, typer.Option("--tz", metavar="ZONE", help="The building's clocks; the log's.")
 ]
-AsKnownAt = Annotated[
-    str | None, typer.Option("--at", metavar="TIME", help="As known then; default: the log's end.")
-]
 
 
 @takes_about
@@ -63,7 +62,8 @@ def run(
         typer.Argument(metavar="DOOR", help="Ids, names, or level/name; default: all."),
     ] = None,
     *,
-    at: AsKnownAt = None,
+    at: At = None,
+    known_at: KnownAt = None,
     horizon: Annotated[
         str, typer.Option("--horizon", metavar="2h", help="How long after that moment.")
     ] = "",
@@ -83,8 +83,9 @@ def run(
 ) -> None:
     """Show how likely each door is open, how sure that is, and on what evidence.
 
-    Nothing counts but what had happened and been recorded by the moment asked from. A door of
-    which too little is known is UNKNOWN. In brackets: a 90 % interval of P(open), somewhat
+    Nothing counts but what had happened by the moment asked from: --at, with all that is known
+    today, or --known-at, with what had been recorded by then. A door of which too little is known
+    is UNKNOWN. In brackets: a 90 % interval of P(open), somewhat
     narrow where little was seen. --by shows typical times instead, in cells of which never-seen
     ones are left empty.
 
@@ -97,6 +98,7 @@ def run(
       semmap-log probabilities office
       semmap-log probabilities office front --horizon 2h
       semmap-log probabilities office --at "yesterday 14:00" --json
+      semmap-log probabilities office --known-at 2026-03-01T14:02
       semmap-log probabilities office front side --by week
       semmap-log probabilities office --plot weeks.png
       semmap-log probabilities office --apply --actor night-job
@@ -112,7 +114,9 @@ def run(
     if plot is not None and plot.suffix not in PLOTS:
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
-    asked: dict[str, Any] = {"at": at, "estimator": estimator, "tz": tz, "doors": doors or None}
+    asked: dict[str, Any] = {
+        "at": at, "known_at": known_at, "estimator": estimator, "tz": tz, "doors": doors or None
+    }  # fmt: skip
     if typical:
         _show_typical(log, asked, by, plot, as_json=as_json)
         return
@@ -132,18 +136,19 @@ def run(
         )
         return
     console().print(belief_table(beliefs, tz=zone))
-    if at is not None and all(belief.evidence.is_empty for belief in beliefs):
-        _tell_of_later(opened, at)
+    if all(belief.evidence.is_empty for belief in beliefs):
+        _tell_of_later(opened, asked)
     if applied is not None:
         _tell(applied)
 
 
-def _tell_of_later(log: DoorLog, at: str) -> None:
+def _tell_of_later(log: DoorLog, asked: dict[str, Any]) -> None:
     """Say so if what had happened by then was recorded later, as what was imported is."""
-    moment = log.instant(at)
-    if moment is not None and any(len(batch) for batch in log.batches(until=moment)):
-        say("--at counts only what had been recorded by then; what the log tells of that time was "
-            "recorded later, as by an import.")  # fmt: skip
+    from semmap_log.beliefs.asking import known_later
+
+    later = known_later(log, asked["at"], asked["known_at"])
+    if later:
+        say(later)
 
 
 def _refuse_useless(about: About, *, horizon: str, typical: bool, apply: bool) -> None:
@@ -183,6 +188,8 @@ def _show_typical(
         print_json(weeks_to_json(weeks, which.value, tz=zone))
         return
     _print_weeks(weeks, which)
+    if not weeks:
+        _tell_of_later(opened, asked)
 
 
 def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:

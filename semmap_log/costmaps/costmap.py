@@ -20,6 +20,7 @@ from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import CostmapError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import FloorMap
+from semmap_log.keywords import knows_its_keywords, knows_keywords
 from semmap_log.levels import level_shown, resolve_level
 from semmap_log.projections.door_layer import By, DoorLayerProjection, door_lines
 from semmap_log.projections.door_map import DoorMapState
@@ -33,6 +34,7 @@ Point: TypeAlias = tuple[float, float]
 """(x, y), metres, frame `map`."""
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class CostmapOptions:
     """How a costmap is made; names and defaults of ROS's parameters in brackets."""
@@ -128,6 +130,7 @@ def layers_of(
     return layers
 
 
+@knows_keywords
 def costmap_at(
     log: DoorLog,
     options: CostmapOptions = CostmapOptions(),

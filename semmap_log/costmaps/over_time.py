@@ -30,6 +30,7 @@ from semmap_log.events import (
     FloorMap,
     Retracted,
 )
+from semmap_log.keywords import knows_keywords
 from semmap_log.replay import Scope, replay
 
 _DRAWN = (DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorPassed)
@@ -50,6 +51,7 @@ class CostmapFrame:
     """To look at: it goes on with the next frame."""
 
 
+@knows_keywords
 def costmap_frames(
     log: DoorLog,
     options: CostmapOptions = CostmapOptions(),
@@ -90,6 +92,7 @@ def costmap_frames(
             yield CostmapFrame(at_ns, state.event, windows, costmap)
 
 
+@knows_keywords
 def costmap_live(
     log: DoorLog,
     options: CostmapOptions = CostmapOptions(),

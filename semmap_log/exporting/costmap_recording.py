@@ -13,6 +13,7 @@ from semmap_log.door_log import DoorLog, Time
 from semmap_log.events import FloorMap
 from semmap_log.formats.bags import bytes_of, new_bag
 from semmap_log.formats.grid_messages import GRIDS, UPDATES, GridFrame, write_grids
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.disk import refuse_own_folder
 from semmap_log.log.reading.passage import Progress
 
@@ -34,6 +35,7 @@ class RecordedCostmap:
     bytes: int
 
 
+@knows_keywords
 def record_costmap(
     log: DoorLog,
     out: Path,

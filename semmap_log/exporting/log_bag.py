@@ -10,6 +10,7 @@ from semmap_log.door_log import DoorLog, Time
 from semmap_log.exporting.stream import StreamOptions, log_stream
 from semmap_log.formats.bags import bytes_of, new_bag, ros_version_of
 from semmap_log.formats.door_markers import is_drawn
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.disk import refuse_own_folder
 from semmap_log.log.reading.passage import Progress
 
@@ -27,6 +28,7 @@ class RecordedBag:
     bytes: int
 
 
+@knows_keywords
 def record_bag(
     log: DoorLog,
     out: Path,

@@ -16,6 +16,7 @@ from semmap_log.exporting.event_lines import write_event_lines
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.geojson import dump_geojson
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.window import Window
@@ -39,6 +40,7 @@ class Exported:
     """What else to know of it."""
 
 
+@knows_keywords
 def export(
     log: DoorLog,
     out: Path,

@@ -9,6 +9,7 @@ from pathlib import Path
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId
 from semmap_log.errors import FormatError
+from semmap_log.keywords import knows_keywords
 from semmap_log.log.disk import output_errors, refuse_own_folder, replace_file
 from semmap_log.log.reading.passage import Progress
 from semmap_log.views.palette import DEFAULT, Palette
@@ -26,6 +27,7 @@ class ReportWritten:
     bytes: int
 
 
+@knows_keywords
 def write_report(
     log: DoorLog,
     out: Path,

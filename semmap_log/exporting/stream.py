@@ -26,6 +26,7 @@ from semmap_log.formats.grid_messages import grid_message
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import RosVersion, encoded
 from semmap_log.formats.thesis_messages import ThesisMessages
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import refuse_reversed
 from semmap_log.projections.history import HistoryEntry
@@ -33,6 +34,7 @@ from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.palette import DEFAULT, Palette
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class StreamOptions:
     """What is told, and how."""

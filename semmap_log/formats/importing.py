@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from semmap_log.backdating import added_since
 from semmap_log.command_lines import command_line
 from semmap_log.commands import Roster
 from semmap_log.doors import (
@@ -76,6 +77,8 @@ class ImportPlan:
     left_out: tuple[str, ...] = ()
     """What the file holds and the log will not."""
     warnings: tuple[str, ...] = ()
+    there: tuple[DoorId, ...] = ()
+    """Doors of the file that the log has already."""
 
 
 def plan_doors(
@@ -85,6 +88,7 @@ def plan_doors(
     update: bool = False,
     renumber: bool = False,
     at_ns: int | None = None,
+    since_ns: int | None = None,
 ) -> ImportPlan:
     """Return how the doors, levels and floor plans of a file come into the log.
 
@@ -95,26 +99,39 @@ def plan_doors(
             removal of doors that were removed.
         renumber: Give doors whose ids were removed new ones.
         at_ns: When it happened; None: when it is recorded.
+        since_ns: From when on new doors are there; their states are of `at_ns`. None: from then.
 
     Raises:
         DoorExistsError: Doors that are there with other values, without `update`.
         DoorRemovedError: Ids that were removed, without `renumber` and `update`.
         CommandError: Ids have run out, or a name is borne by two doors of a level.
     """
-    return _DoorPlanner(table, present, update=update, renumber=renumber, at_ns=at_ns).plan()
+    return _DoorPlanner(
+        table, present, update=update, renumber=renumber, at_ns=at_ns, since_ns=since_ns
+    ).plan()
 
 
 class _DoorPlanner:
     """Goes through the file's levels, doors and maps, and collects events and clashes."""
 
     def __init__(
-        self, table: DoorTable, present: Present, *, update: bool, renumber: bool, at_ns: int | None
+        self,
+        table: DoorTable,
+        present: Present,
+        *,
+        update: bool,
+        renumber: bool,
+        at_ns: int | None,
+        since_ns: int | None,
     ) -> None:
         self.table = table
         self.present = present
         self.update = update
         self.renumber = renumber
         self.at_ns = at_ns
+        self.since_ns = at_ns if since_ns is None else since_ns
+        self.is_backdated = since_ns is not None
+        self.there_already: list[DoorId] = []
         self.level_of: dict[int, int] = {}
         """The log's number of each of the file's levels."""
         ids = {door.door_id for door in table.doors if door.door_id is not None}
@@ -138,6 +155,7 @@ class _DoorPlanner:
             summary=(f"doors: {doors}", *self.said),
             left_out=self.table.left_out,
             warnings=self.table.warnings,
+            there=tuple(self.there_already),
         )
 
     def levels(self) -> Iterator[Event]:
@@ -155,7 +173,7 @@ class _DoorPlanner:
             self.level_of[level.level] = next_number
             self.said.append(f"level {name}: new, as number {next_number}")
             yield LevelAdded(
-                happened_ns=self.at_ns, level=next_number, name=name, elevation=level.elevation
+                happened_ns=self.since_ns, level=next_number, name=name, elevation=level.elevation
             )
             next_number += 1
 
@@ -163,8 +181,9 @@ class _DoorPlanner:
         for found in self.table.floor_maps:
             level = self.level_of.get(found.level, found.level)
             there = self.present.floor_maps.get(level)
-            wanted = replace(found, level=level, happened_ns=self.at_ns)
-            if there is None or replace(there, happened_ns=self.at_ns) != wanted:
+            since_ns = self.since_ns if there is None else self.at_ns
+            wanted = replace(found, level=level, happened_ns=since_ns)
+            if there is None or replace(there, happened_ns=since_ns) != wanted:
                 height, width = wanted.cells.shape
                 self.said.append(f"floor plan of level {level}: {width} x {height} cells")
                 yield wanted
@@ -173,6 +192,7 @@ class _DoorPlanner:
         for door in self.table.doors:
             there = self.there(door)
             if there is not None:
+                self.there_already.append(there.door_id)
                 yield from self.known_door(door, there)
             elif (removed := self.removed_door(door)) is not None:
                 yield from self.door_back(door, removed)
@@ -233,7 +253,7 @@ class _DoorPlanner:
         return new
 
     def new_door(self, door: TableDoor, door_id: DoorId) -> Iterator[Event]:
-        yield DoorAdded(
+        added = DoorAdded(
             happened_ns=self.at_ns,
             door_id=door_id,
             level=self.level_of.get(door.level, door.level),
@@ -245,8 +265,9 @@ class _DoorPlanner:
             prob_open=door.prob_open,
             prob_closed=door.prob_closed,
         )
+        yield from added_since(added, self.since_ns) if self.is_backdated else [added]
         for key, value in door.annotations.items():
-            yield DoorAnnotated(happened_ns=self.at_ns, door_id=door_id, key=key, value=value)
+            yield DoorAnnotated(happened_ns=self.since_ns, door_id=door_id, key=key, value=value)
 
     def known_door(self, door: TableDoor, there: Door) -> Iterator[Event]:
         found = list(differences(door, there))

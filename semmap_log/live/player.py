@@ -12,6 +12,7 @@ from semmap_log.exporting.stream import LogStream, StreamMessage
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import CLOCK, encoded
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.live.pace import Pace
 from semmap_log.live.ros_node import Publisher, RosNode
 
@@ -39,6 +40,7 @@ Told = Callable[[int, int], None]
 """Takes the log's time of now, and that of the next message."""
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class PlayOptions:
     """How it is played."""

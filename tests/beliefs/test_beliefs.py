@@ -10,6 +10,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.beliefs.beliefs import HOUR_NS, LATER, default_estimator, probabilities
 from semmap_log.errors import EstimatorError, MomentError, UnknownDoorError
+from semmap_log.events import DoorObserved
 from semmap_log.moments import parse_instant
 from tests.beliefs.patrolled import ATTIC, FRONT, STORE, VIENNA, patrolled
 from tests.conftest import SteadyClock
@@ -69,13 +70,21 @@ def test_what_comes_later_does_not_count(tmp_path: Path, log: sl.DoorLog) -> Non
     assert 14 * 13 == then[0].evidence.counts.sightings
 
 
-def test_what_was_recorded_later_does_not_count_either(log: sl.DoorLog) -> None:
+def test_at_counts_what_is_known_today_and_known_at_what_was_known_then(log: sl.DoorLog) -> None:
     """
-    Each day's looks were recorded in the evening: at its noon only those of the days before.
+    Each day's looks were recorded in the evening: at its noon only those of the days before were
+    known, and those of the morning are known today.
     """
-    (front,) = probabilities(log, at="2026-03-03T12:00", doors=[FRONT])
+    (known,) = probabilities(log, known_at="2026-03-03T12:00", doors=[FRONT])
+    (true,) = probabilities(log, at="2026-03-03T12:00", doors=[FRONT])
+    (both,) = probabilities(log, at="2026-03-03T12:00", known_at="2026-03-03T12:00", doors=[FRONT])
+    looks = log.batches("2026-03-03", "2026-03-03T12:00:00.000000001", kinds=[DoorObserved],
+                        doors=[FRONT])  # fmt: skip
 
-    assert 13 == front.evidence.counts.sightings
+    assert 13 == known.evidence.counts.sightings
+    assert (known.p_open, known.low, known.high) == (both.p_open, both.low, both.high)
+    assert 13 + sum(map(len, looks)) == true.evidence.counts.sightings > 13
+    assert parse_instant("2026-03-03T12:00", tz=VIENNA) == known.known_ns == true.known_ns
 
 
 def test_a_horizon_is_asked_for_from_the_moment(log: sl.DoorLog) -> None:

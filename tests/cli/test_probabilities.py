@@ -11,6 +11,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.errors import EarlyEventsWarning
 from tests.beliefs.patrolled import patrolled
 from tests.conftest import SteadyClock
 
@@ -102,7 +103,8 @@ def test_one_json_document_has_it_all(folder: Path, capsys: pytest.CaptureFixtur
     """
     Field names as in the events; times in UTC; what is unknown says so.
     """
-    found = json.loads(said(capsys, "log", "front", "attic", "--at", "2026-03-27T12:00", "--json"))
+    arguments = ("log", "front", "attic", "--known-at", "2026-03-27T12:00", "--json")
+    found = json.loads(said(capsys, *arguments))
 
     front, attic = found["doors"]
     assert ("2026-03-27T11:00:00.000000000Z", "Europe/Vienna", 0.9) == (
@@ -253,7 +255,8 @@ def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_kn
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """
-    What a CSV tells of last year was recorded today: as of last year nobody knew it.
+    What a CSV tells of last year was recorded today: as known last year there is nothing; --at has
+    one meaning in all verbs, and counts it.
     """
     monkeypatch.chdir(tmp_path)
     Path("doors.csv").write_text(
@@ -263,12 +266,40 @@ def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_kn
     assert 0 == run("import", "log", "doors.csv")
     capsys.readouterr()
 
-    code = run("probabilities", "log", "--at", "2024-05-19")
+    code = run("probabilities", "log", "--known-at", "2024-05-19")
     told = capsys.readouterr()
-    assert 0 == run("probabilities", "log")
+    assert 0 == run("probabilities", "log", "--at", "2024-05-19")
     now = capsys.readouterr()
+    assert 0 == run("probabilities", "log", "--known-at", "2024-05-19", "--by", "hour")
+    by_hour = capsys.readouterr()
 
     assert 0 == code
     assert "No door is in the map then" in told.out
-    assert "recorded later" in told.err
-    assert "recorded later" not in now.err
+    for text in (told.err, by_hour.err):
+        assert "recorded later, from 20" in text
+        assert 'ask --at "2024-05-19 00:00:00+00:00"' in text
+    assert "front" in now.out
+    assert "" == now.err
+    for verb in (("probabilities", "log", "front"), ("best-time", "log", "front")):
+        assert 1 == run(*verb, "--known-at", "2024-05-19")
+        assert 'ask --at "2024-05-19 00:00:00+00:00"' in capsys.readouterr().err
+        assert 0 == run(*verb, "--at", "2024-05-19")
+        capsys.readouterr()
+
+
+def test_who_asks_about_a_time_before_the_doors_were_added_is_told_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    And what to do, if they were there.
+    """
+    monkeypatch.chdir(tmp_path)
+    with sl.create("log", tz="UTC", clock=SteadyClock()) as log:
+        log.add_door(name="front")
+        with pytest.warns(EarlyEventsWarning):
+            log.observe("front", "open", at="2026-02-01")
+
+    assert 1 == run("probabilities", "log", "front", "--at", "2026-02-02")
+    assert "log --since-ever" in capsys.readouterr().err
+    assert 0 == run("import", "log", "--since-ever")
+    assert 0 == run("probabilities", "log", "front", "--at", "2026-02-02")

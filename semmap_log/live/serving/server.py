@@ -10,6 +10,7 @@ from typing import Protocol
 from semmap_log.costmaps.costmap import CostmapOptions
 from semmap_log.doors import DoorMap
 from semmap_log.events import FloorMap
+from semmap_log.keywords import knows_its_keywords
 from semmap_log.live.action_names import action_name
 from semmap_log.live.ros_node import Goal, Outcome, RosNode
 from semmap_log.live.serving.door_server import ACTIONS
@@ -32,6 +33,7 @@ class Doors(Protocol):
         """Do what a goal asks for."""
 
 
+@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
     """What is offered beside the thesis's topic and actions."""
