@@ -346,7 +346,7 @@ BROUGHT_BACK = (
            "semmap_log/live/serving/yaml_start.py", "    if gone:\n", "    if False:\n",
            ("tests/live/serving/test_yaml_start.py",)),
     Mutant("a door that was removed, named by its id", "semmap_log/appendable_log.py",
-           "if is_door_id(door) and self._writer.state.removed_door(int(door)):", "if False:",
+           "if is_id and self._writer.state.removed_door(int(door)):", "if False:",
            (RETRACTING,)),
 )  # fmt: skip
 
