@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import os
 import signal
 import sys
 import time
@@ -20,8 +19,7 @@ import typer
 from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from semmap_log.cli.printer import Printer
     from semmap_log.door_log_writer import About
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
@@ -94,12 +92,11 @@ def refuse_nan(**values: float | None) -> None:
             raise typer.BadParameter("not a number; leave the option out", param_hint=option)
 
 
-def console() -> Console:
-    """Return stdout for tables: 80 columns and no colours where it is not a terminal."""
-    from semmap_log.cli.plain_console import PlainConsole
+def console() -> Printer:
+    """Return what prints tables on stdout: drawn in a terminal, a row a line elsewhere."""
+    from semmap_log.cli.printer import Printer
 
-    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 80
-    return PlainConsole(sys.stdout, width=width)
+    return Printer()
 
 
 def say(text: str) -> None:

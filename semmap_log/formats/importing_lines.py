@@ -121,7 +121,7 @@ class _LinePlanner:
             )
             return self.take(line, number)
         except FormatError as error:
-            self.problems.add(number, error.problems[0].removeprefix(f"{self.path}:{number}: "))
+            self.problems.add(number, error.first)
             return None
 
     def take(self, line: ParsedLine, number: int) -> Event | None:
