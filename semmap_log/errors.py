@@ -152,7 +152,9 @@ class UnreadableLogError(CorruptLogError):
 class FormatError(SemmapError, ValueError):
     """A foreign file that cannot be read: every problem found, each with its line."""
 
-    def __init__(self, path: Path | str, problems: str | Repeats | Iterable[tuple[int, str]]) -> None:
+    def __init__(
+        self, path: Path | str, problems: str | Repeats | Iterable[tuple[int, str]]
+    ) -> None:
         self.path = path
         self.repeats = Repeats()
         """The problems by kind; empty where it is one of the whole file."""

@@ -20,6 +20,7 @@ from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
     from semmap_log.cli.printer import Printer
+    from semmap_log.door_log import DoorLog, Time
     from semmap_log.door_log_writer import About
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
@@ -47,6 +48,22 @@ Since = Annotated[
 Until = Annotated[
     str | None, typer.Option("--until", metavar="TIME", help="Before then (happened time).")
 ]
+
+
+def range_of(log: DoorLog, since: Time, until: Time) -> tuple[Time, Time]:
+    """Return the two ends of a range, of which `--since` may name both as T1..T2.
+
+    Raises:
+        typer.BadParameter: It does, and there is an --until as well.
+        MomentError: They are not two moments, the earlier first.
+    """
+    if not isinstance(since, str) or ".." not in since:
+        return since, until
+    if until is not None:
+        raise typer.BadParameter(
+            f"--since {since} names both ends; leave one of the two out", param_hint="--until"
+        )
+    return log.span(since)
 
 
 class MapServer(str, Enum):

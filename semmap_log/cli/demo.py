@@ -6,11 +6,14 @@ import sys
 from itertools import count
 from pathlib import Path
 from shutil import which
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import console, say
+from semmap_log.cli.common import AsJson, console, print_json, say
+
+if TYPE_CHECKING:
+    from semmap_log.demo import Demo
 
 
 def run(
@@ -18,6 +21,8 @@ def run(
         Path | None,
         typer.Argument(metavar="DIR", help="Where to put what it makes; default: demo, demo-2, …"),
     ] = None,
+    *,
+    as_json: AsJson = False,
 ) -> None:
     """Record a patrol, replay it to three moments, tell how likely the doors are open, export it.
 
@@ -34,6 +39,9 @@ def run(
     from semmap_log.views.tables import door_table
 
     made = run_demo(folder or _free_folder(), tell=say)
+    if as_json:
+        print_json(_to_json(made))
+        return
     tz = _zone(made.log)
     titles = ("Before the recording", "In the middle of it", "After it")
     for title, door_map in zip(titles, made.moments, strict=True):
@@ -65,6 +73,19 @@ def run(
         f"  {program} costmap {made.log} now.png --inflate 0.5\n"
         f"  {program} view {made.log}"
     )
+
+
+def _to_json(made: Demo) -> dict[str, Any]:
+    return {
+        "folder": str(made.folder),
+        "log": str(made.log),
+        "events": made.copied + made.recorded,
+        "files": [
+            str(path)
+            for path in (made.yaml, made.costmap, made.report, made.rrd)
+            if path is not None
+        ],
+    }
 
 
 def _free_folder() -> Path:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import LogPath, MapServer, say
+from semmap_log.cli.common import AsJson, LogPath, MapServer, print_json, say
+
+if TYPE_CHECKING:
+    from semmap_log.door_log import DoorLog
+    from semmap_log.events import FloorMap
 
 
 def run(
@@ -35,6 +39,7 @@ def run(
             "or map_server of ROS 1; they differ at thresholds, in greys and in transparency.",
         ),
     ] = MapServer.nav2,
+    as_json: AsJson = False,
 ) -> None:
     """Make a new log.
 
@@ -51,8 +56,25 @@ def run(
     with sl.create(log, tz=tz, building=building, robot=robot) as made:
         if floor is not None and floor_map is not None:
             made.append([floor], note=sl.Note(source=floor_map.name))
+        if as_json:
+            print_json(_to_json(made, floor))
+            return
         said = "as asked" if tz else "the machine's zone; another: --tz ZONE"
         say(f"{log}: a new log; times are in {made.info.timezone} ({said}).")
         if floor is not None:
             height, width = floor.cells.shape
             say(f"Floor plan: {width} x {height} cells of {floor.resolution:.3g} m.")
+
+
+def _to_json(made: DoorLog, floor: FloorMap | None) -> dict[str, Any]:
+    height, width = (0, 0) if floor is None else floor.cells.shape
+    return {
+        "log": str(made.path),
+        "log_id": made.info.log_id,
+        "timezone": made.info.timezone,
+        "building": made.info.building,
+        "robot": made.info.robot,
+        "floor_map": None
+        if floor is None
+        else {"width": width, "height": height, "resolution": floor.resolution},
+    }

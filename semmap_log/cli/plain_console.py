@@ -40,6 +40,8 @@ def colours_wanted() -> bool | None:
     """
     if os.environ.get("NO_COLOR"):
         return False
-    if any(os.environ.get(name, "0") not in {"", "0"} for name in ("FORCE_COLOR", "CLICOLOR_FORCE")):
+    if any(
+        os.environ.get(name, "0") not in {"", "0"} for name in ("FORCE_COLOR", "CLICOLOR_FORCE")
+    ):
         return True
     return False if os.environ.get("CLICOLOR") == "0" else None

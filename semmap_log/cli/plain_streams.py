@@ -9,6 +9,7 @@ are JSON's escapes (`json_text`), so that programs read the exact text.
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -35,9 +36,12 @@ class PlainStream:
 
     def __init__(self, beneath: TextIO) -> None:
         self.beneath = beneath
+        self.has_begun = False
+        """Whether anything was written."""
 
     def write(self, text: str) -> int:
         """Write it, plain."""
+        self.has_begun = True
         self.beneath.write(plain(text))
         return len(text)
 
@@ -69,3 +73,8 @@ def plain_streams() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = before
+
+
+def forget_output() -> None:
+    """Let go of what stdout still holds: at exit it would be written, and fail, once more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

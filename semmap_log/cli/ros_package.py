@@ -7,13 +7,15 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import say
+from semmap_log.cli.common import AsJson, print_json, say
 
 
 def run(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="The src folder of a workspace; it must be there.")
     ],
+    *,
+    as_json: AsJson = False,
 ) -> None:
     """Copy the ROS package lta_semantic_map into a workspace.
 
@@ -29,6 +31,9 @@ def run(
     from semmap_log.live.ros_package import NAME, write_ros_package
 
     package, is_new = write_ros_package(folder)
+    if as_json:
+        print_json({"package": str(package), "written": is_new})
+        return
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
     say(f"  ROS 1: cd {folder.absolute().parent} && catkin_make && . devel/setup.sh")
     say(f"  ROS 2: cd {folder.absolute().parent} && colcon build --packages-select {NAME} && "

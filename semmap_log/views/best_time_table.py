@@ -33,9 +33,7 @@ def best_time_table(found: BestTime) -> RenderableType:
     )
 
 
-def _table(
-    title: str, windows: Sequence[Window], when: Sequence[str], *, name: str
-) -> ColumnTable:
+def _table(title: str, windows: Sequence[Window], when: Sequence[str], *, name: str) -> ColumnTable:
     table = ColumnTable([
         Column(name, title, least=len("Mon 2026-03-02 08:00 to Tue 09:00")),
         Column("", "P (90 % interval)"),

@@ -100,7 +100,9 @@ class ColumnTable:
     def _fitting(self, places: list[int], width: int) -> list[int]:
         """Return those of the columns that fit, or that never yield."""
         needs = {place: self._need(place) for place in places}
-        order = sorted((p for p in places if self.columns[p].yields), key=self._yields, reverse=True)
+        order = sorted(
+            (p for p in places if self.columns[p].yields), key=self._yields, reverse=True
+        )
         for _, group in groupby(order, key=self._yields):
             if sum(needs.values()) + self.gap * (len(needs) - 1) <= width:
                 break

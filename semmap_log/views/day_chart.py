@@ -67,7 +67,7 @@ def _bars(shares: TimeShares, every: int) -> Text:
     opened_known = np.where(known > 0, shares.opened.reshape(-1, every), 0) * known
     with np.errstate(invalid="ignore"):
         opened_shares = opened_known.sum(axis=1) / known.sum(axis=1)
-    is_there = shares.there.reshape(-1, every).any(axis=1)
+    is_there = shares.there.reshape(-1, every).max(axis=1)
     if every == 1:
         opened_shares = shares.opened
     for opened, there in zip(opened_shares.tolist(), is_there.tolist(), strict=True):

@@ -395,7 +395,7 @@ def _before_and_after(change: FieldChange) -> Iterator[tuple[Cell, Cell]]:
     for key in sorted({**change.before, **change.after}):
         before, after = change.before.get(key), change.after.get(key)
         if before != after:
-            yield tuple(_text(f"{key} = {said or ABSENT}") for said in (before, after))
+            yield _text(f"{key} = {before or ABSENT}"), _text(f"{key} = {after or ABSENT}")
 
 
 def _moment(door_map: DoorMap, tz: str) -> str:
