@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 MOST_KEPT = 20
@@ -24,7 +24,8 @@ class Kind:
     def rest(self) -> list[str]:
         """Return in words how many more there are than are told; nothing where there are none."""
         more = self.count - MOST_TOLD
-        return [f"… and {more:,} more like that, the last on line {self.last_line}"] * (more > 0)
+        last = f", the last on line {self.last_line}" if self.last_line else ""
+        return [f"… and {more:,} more like that{last}"] * (more > 0)
 
 
 @dataclass(slots=True)
@@ -34,7 +35,12 @@ class Repeats:
     _kinds: dict[str, Kind] = field(default_factory=dict)
 
     def add(self, line: int, text: str) -> Kind:
-        """Count a text, and keep it if it is one of the first of its kind; return the kind."""
+        """Count a text, and keep it if it is one of the first of its kind; return the kind.
+
+        Args:
+            line: Where, 1-based; 0: on none.
+            text: What is said of it.
+        """
         kind = self._kinds.setdefault(_without_values(text), Kind())
         kind.count += 1
         kind.last_line = max(kind.last_line, line)
@@ -61,3 +67,13 @@ _VALUES = re.compile(r"'(?:[^'\\]|\\.)*'?|\"(?:[^\"\\]|\\.)*\"?|\d[\w.:+-]*")
 
 def _without_values(text: str) -> str:
     return _VALUES.sub("…", text)
+
+
+def told_once(texts: Iterable[str]) -> Iterator[str]:
+    """Yield texts; of those that are the same but for their values the first ones and a count."""
+    found = Repeats()
+    for text in texts:
+        found.add(0, text)
+    for kind in found:
+        yield from (text for _, text in kind.kept[:MOST_TOLD])
+        yield from kind.rest()

@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except OSError as error:  # such as a full disk behind our output
             forget_output()
             code = fail(error, as_json=asks_for_json(ours), is_output_lost=True)
-        sys.exit(code)
+        sys.exit(code or 0)
 
 
 @contextmanager

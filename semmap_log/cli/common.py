@@ -50,20 +50,22 @@ Until = Annotated[
 ]
 
 
-def range_of(log: DoorLog, since: Time, until: Time) -> tuple[Time, Time]:
+def range_of(log: DoorLog, since: str | None, until: str | None) -> tuple[Time, Time]:
     """Return the two ends of a range, of which `--since` may name both as T1..T2.
 
     Raises:
         typer.BadParameter: It does, and there is an --until as well.
         MomentError: They are not two moments, the earlier first.
     """
-    if not isinstance(since, str) or ".." not in since:
+    if since is None or (until is None and ".." not in since):
         return since, until
-    if until is not None:
+    if until is None:
+        return log.span(since)
+    if ".." in since:
         raise typer.BadParameter(
             f"--since {since} names both ends; leave one of the two out", param_hint="--until"
         )
-    return log.span(since)
+    return log.span(f"{since}..{until}")
 
 
 class MapServer(str, Enum):

@@ -116,6 +116,7 @@ def run(
     import semmap_log as sl
     from semmap_log.exporting.log_files import export
     from semmap_log.formats.bags import tells_a_bag
+    from semmap_log.repeats import told_once
 
     is_bag = markers or tells_a_bag(out)
     if is_bag:
@@ -136,7 +137,7 @@ def run(
     if as_json:
         print_json({"file": str(out), "wrote": done.what, "left_out": list(done.left_out)})
         return
-    for text in done.left_out:
+    for text in told_once(done.left_out):
         say(f"left out: {text}")
     say(f"{out}: {done.what}.")
 

@@ -57,7 +57,7 @@ def run(
         if floor is not None and floor_map is not None:
             made.append([floor], note=sl.Note(source=floor_map.name))
         if as_json:
-            print_json(_to_json(made, floor))
+            print_json(_to_json(log, made, floor))
             return
         said = "as asked" if tz else "the machine's zone; another: --tz ZONE"
         say(f"{log}: a new log; times are in {made.info.timezone} ({said}).")
@@ -66,10 +66,10 @@ def run(
             say(f"Floor plan: {width} x {height} cells of {floor.resolution:.3g} m.")
 
 
-def _to_json(made: DoorLog, floor: FloorMap | None) -> dict[str, Any]:
+def _to_json(log: Path, made: DoorLog, floor: FloorMap | None) -> dict[str, Any]:
     height, width = (0, 0) if floor is None else floor.cells.shape
     return {
-        "log": str(made.path),
+        "log": str(log),
         "log_id": made.info.log_id,
         "timezone": made.info.timezone,
         "building": made.info.building,

@@ -61,6 +61,14 @@ def steering(stream: TextIO) -> TextIO:
     return stream.beneath if isinstance(stream, PlainStream) else stream
 
 
+def write_line(line: str) -> None:
+    """Write a line on stdout whose texts are plain already: its tabs stay tabs."""
+    stream = sys.stdout
+    if isinstance(stream, PlainStream):
+        stream.has_begun = True
+    steering(stream).write(f"{line}\n")
+
+
 @contextmanager
 def plain_streams() -> Iterator[None]:
     """Let all that is written within be plain."""

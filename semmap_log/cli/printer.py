@@ -17,18 +17,23 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.cli.plain_console import PlainConsole
-from semmap_log.cli.plain_streams import plain, steering
+from semmap_log.cli.plain_streams import plain, write_line
 from semmap_log.views.columns import ColumnTable, Picture
 
 UNWRAPPED = 100_000
 """Columns of a report in a pipe: wider than any line of it."""
 
 
+def is_for_people() -> bool:
+    """Tell whether a terminal shows what is printed on stdout."""
+    return sys.stdout.isatty()
+
+
 class Printer:
     """Prints what a verb shows, in the form that its reader wants."""
 
     def __init__(self) -> None:
-        self._draws = sys.stdout.isatty()
+        self._draws = is_for_people()
         self._console = PlainConsole(sys.stdout, width=None if self._draws else UNWRAPPED)
         self._tables = 0
         self._left_out: list[str] = []
@@ -65,13 +70,12 @@ class Printer:
             )
 
     def _tell(self, table: ColumnTable) -> None:
-        """Write lines: to the stream beneath, which takes tabs as they are; cells are plain."""
-        output = steering(sys.stdout)
+        """Write lines; an empty one before a table that follows another."""
         if table.has_head and self._tables:
-            output.write("\n")
+            write_line("")
         self._tables += 1
         for line in table.lines():
-            output.write(f"{line}\n")
+            write_line(line)
 
     def _tell_rest(self, parts: list[RenderableType]) -> None:
         """Write what is no table: beside one to stderr, else it is the answer."""

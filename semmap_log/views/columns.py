@@ -86,9 +86,9 @@ class ColumnTable:
         """Yield the row of names, if it has a head, and the rows, each one line."""
         told = [place for place, column in enumerate(self.columns) if column.name]
         if self.has_head:
-            yield "\t".join(self.columns[place].name for place in told)
+            yield line_of(self.columns[place].name for place in told)
         for cells, _ in self._rows:
-            yield "\t".join(_told(cells[place]) for place in told)
+            yield line_of(_told(cells[place]) for place in told)
 
     def fitted(self, width: int) -> tuple[Table, list[str]]:
         """Return the table as rich draws it in that width, and the heads of columns left out."""
@@ -187,14 +187,18 @@ def add_pair(table: ColumnTable, name: str, value: Cell, *, told_name: str | Non
     table.add(drawn if told_name is None else Both(drawn, told_name), value)
 
 
+def line_of(cells: Iterable[str]) -> str:
+    """Return cells as a line for programs."""
+    return "\t".join(plain_cell(cell) for cell in cells)
+
+
 def plain_cell(text: str) -> str:
     r"""Return a text as the cell of a line: tabs, line ends and their like are spelt `\t`, `\n`."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def _told(cell: Cell) -> str:
-    text = cell.told if isinstance(cell, Both) else str(cell)
-    return plain_cell(text)
+    return cell.told if isinstance(cell, Both) else str(cell)
 
 
 def _drawn(cell: Cell) -> RenderableType:

@@ -14,6 +14,8 @@ from semmap_log.cli import main
 from tests.beliefs.patrolled import patrolled
 from tests.conftest import SteadyClock
 
+pytestmark = pytest.mark.usefixtures("terminal")
+
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 
 

@@ -56,7 +56,7 @@ def log(tmp_path: Path) -> Path:
         (["--follow", "--save", "x.rrd"], "--follow does not go with --save"),
         (["--follow", "--screenshot", "x.png"], "--follow does not go with --screenshot"),
         (["--follow", "--at", "@0"], "--follow does not go with --at"),
-        (["--follow", "--to", "@0"], "--follow does not go with --to"),
+        (["--follow", "--until", "@0"], "--follow does not go with --until"),
         (["--web", "--save", "x.rrd"], "--web does not go with --save"),
         (["--web", "--screenshot", "x.png"], "--web does not go with --screenshot"),
         (["--theme", "dark"], "--theme is of use with --web alone"),
