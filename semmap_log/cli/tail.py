@@ -84,6 +84,8 @@ def run(
         if follow:
             for commit in opened.follow(max(known, _end(opened)), stop=_is_nobody_reading):
                 _print(_events([commit], wanted), show)
+            if _is_nobody_reading():
+                raise BrokenPipeError
     except KeyboardInterrupt:
         return  # the way to end it
 
