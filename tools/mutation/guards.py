@@ -12,6 +12,7 @@ from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
+from mutation.habit_guards import HABITS
 from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant
@@ -277,5 +278,5 @@ GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS,
+    *FOREIGN, *HABITS, *LIVE_ROOMS,
 )  # fmt: skip
