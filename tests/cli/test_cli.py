@@ -296,7 +296,7 @@ def test_no_name_is_no_zone(run, arguments: tuple[str, ...]) -> None:
     done = run(*arguments, "--tz", "")
 
     assert 1 == done.code
-    assert "No time zone '': expected an IANA name" in " ".join(done.err.split())
+    assert "No time zone '': expected an IANA name" in " ".join((done.err + done.out).split())
 
 
 @pytest.mark.usefixtures("terminal")
