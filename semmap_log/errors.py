@@ -42,6 +42,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from semmap_log.repeats import MOST_TOLD, Repeats
+
 
 class SemmapError(Exception):
     """Base of every error of this package."""
@@ -165,17 +167,45 @@ class UnreadableLogError(CorruptLogError):
 class FormatError(SemmapError, ValueError):
     """A foreign file that cannot be read: every problem found, each with its line."""
 
-    def __init__(self, path: Path | str, problems: str | Iterable[tuple[int, str]]) -> None:
-        if isinstance(problems, str):
-            lines = [f"{path}: {problems}"]
-        else:
-            lines = [f"{path}:{line}: {text}" for line, text in problems]
-        shown = lines[:MOST_PROBLEMS_SHOWN]
-        if len(lines) > len(shown):
-            shown.append(f"… and {len(lines) - len(shown)} more problems in {path}")
-        super().__init__("\n".join(shown))
+    def __init__(
+        self, path: Path | str, problems: str | Repeats | Iterable[tuple[int, str]]
+    ) -> None:
         self.path = path
-        self.problems = lines
+        self.repeats = Repeats()
+        """The problems by kind; empty where it is one of the whole file."""
+        if isinstance(problems, str):
+            super().__init__(f"{path}: {problems}")
+            return
+        if isinstance(problems, Repeats):
+            self.repeats = problems
+        else:
+            for line, text in problems:
+                self.repeats.add(line, text)
+        super().__init__("\n".join(self._lines()))
+
+    @property
+    def first(self) -> str:
+        """The first problem, without file and line; empty where it is one of the whole file."""
+        return next((kind.kept[0][1] for kind in self.repeats), "")
+
+    def _lines(self) -> list[str]:
+        """Return what is shown: all problems if they are few, else the first of each kind."""
+        if self.repeats.count <= MOST_PROBLEMS_SHOWN:
+            found = [problem for kind in self.repeats for problem in kind.kept]
+            return self._placed(sorted(found, key=lambda problem: problem[0]))
+        lines: list[str] = []
+        told = 0
+        for kind in self.repeats:
+            if len(lines) >= MOST_PROBLEMS_SHOWN:
+                break
+            lines += [*self._placed(kind.kept[:MOST_TOLD]), *kind.rest()]
+            told += kind.count
+        if told < self.repeats.count:
+            lines.append(f"… and {self.repeats.count - told:,} more problems in {self.path}")
+        return lines
+
+    def _placed(self, problems: list[tuple[int, str]]) -> list[str]:
+        return [f"{self.path}:{line}: {text}" for line, text in problems]
 
 
 class CostmapError(SemmapError, ValueError):

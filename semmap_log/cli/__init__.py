@@ -24,29 +24,26 @@ class _CtrlC(KeyboardInterrupt):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a verb and leave with its exit code: 0 good, 1 our error, 2 usage."""
     from semmap_log.cli.app import app
-    from semmap_log.cli.plain_streams import plain_streams
+    from semmap_log.cli.failures import CLICK_ERROR, asks_for_json, fail
+    from semmap_log.cli.plain_streams import forget_output, plain_streams
     from semmap_log.cli.ros import split_ros_args
     from semmap_log.errors import SemmapError
 
     _mend_streams()
     warnings.showwarning = _show_warning
+    ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
     with plain_streams():
         try:
             with _ended_by_signals(is_whole_program=arguments is None):
-                ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
-                app(args=ours, obj=ros_args, prog_name="semmap-log")
-        except SemmapError as error:
-            _tell(f"{error}")
-            sys.exit(1)
+                code = app(args=ours, obj=ros_args, prog_name="semmap-log", standalone_mode=False)
+        except (SemmapError, CLICK_ERROR) as error:
+            code = fail(error, as_json=asks_for_json(ours))
         except KeyboardInterrupt:
-            sys.exit(INTERRUPTED)
-        except BrokenPipeError:  # the reader of our output has gone, as `head` does
-            _forget_output()
-            sys.exit(1)
+            code = INTERRUPTED
         except OSError as error:  # such as a full disk behind our output
-            _forget_output()
-            _tell(f"{error}")
-            sys.exit(1)
+            forget_output()
+            code = fail(error, as_json=asks_for_json(ours), is_output_lost=True)
+        sys.exit(code or 0)
 
 
 @contextmanager
@@ -77,11 +74,9 @@ def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """Tell a person what a library's user would get with file and line."""
-    _tell(f"warning: {message}")
+    from semmap_log.cli.failures import tell
 
-
-def _tell(text: str) -> None:
-    print(f"semmap-log: {text}", file=sys.stderr)  # noqa: T201
+    tell(f"warning: {message}")
 
 
 def _mend_streams() -> None:
@@ -92,8 +87,3 @@ def _mend_streams() -> None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
         elif mode == "w" and hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-
-
-def _forget_output() -> None:
-    """Let go of what stdout still holds: at exit it would be written, and fail, once more."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

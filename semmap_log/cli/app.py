@@ -1,7 +1,8 @@
-"""The verbs, in the order in which a new user meets them."""
+"""The verbs, in groups, in the order in which a new user meets them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -41,8 +42,10 @@ from semmap_log.cli import (
     verify,
     view,
 )
+from semmap_log.cli.verbs import HELP_MADE_LATE, Verb, Verbs
 
 app = typer.Typer(
+    cls=Verbs,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -81,38 +84,73 @@ def semmap_log(
     """
 
 
-app.command("demo", short_help="The main job in one go, on a shipped recording.")(demo.run)
-app.command("init", short_help="Make a new log.")(init.run)
-app.command("import", short_help="Import doors, states or events from a file.")(import_.run)
-app.command("add", short_help="Add a door.")(add.run)
-app.command("update", short_help="Set fields of a door.")(update.run)
-app.command("remove", short_help="Take a door out of the map.")(remove.run)
-app.command("observe", short_help="Record that a sensor saw a door.")(observe.run)
-app.command("annotate", short_help="Say something about a door in words.")(annotate.run)
-app.command("retract", short_help="Take events back.")(retract.run)
-app.command("patrol", short_help="Mark the start or end of a round.")(patrol.run)
-app.command("record", short_help="Record events from standard input.")(record.run)
-app.command("replay", short_help="Show the doors at a moment.")(replay.run)
-app.command("state", hidden=True)(replay.run)
-app.command("history", short_help="Show who changed what, when, why.")(history.run)
-app.command("log", hidden=True)(history.run)
-app.command("tail", short_help="Show the last events, and those to come.")(tail.run)
-app.command("show", short_help="Show one event.")(show.run)
-app.command("diff", short_help="Show what differs between two moments.")(diff.run)
-app.command("timeline", short_help="Show when a door was open, when closed.")(timeline.run)
-app.command("probabilities", short_help="Show how likely doors are open.")(probabilities.run)
-app.command("best-time", short_help="Show when a door is likeliest open.")(best_time.run)
-app.command("evaluate", short_help="Tell how good forecasts of the doors are.")(evaluate.run)
-app.command("calibrate", short_help="Find a sensor's accuracies from known truth.")(calibrate.run)
-app.command("export", short_help="Write a file for other programs.")(export.run)
-app.command("costmap", short_help="Draw the doors into a costmap.")(costmap.run)
-app.command("info", short_help="Show what a log holds.")(info.run)
-app.command("verify", short_help="Check that a log is as it was written.")(verify.run)
-app.command("recover", short_help="Save what is whole of a damaged log.")(recover.run)
-app.command("compact", short_help="Make a log smaller.")(compact.run)
-app.command("serve", short_help="Serve the doors in ROS, with the thesis's actions.")(serve.run)
-app.command("play", short_help="Publish a log's history live, in ROS.")(play.run)
-app.command("ros-package", short_help="Copy the ROS package into a workspace.")(ros_package.run)
-app.add_typer(call.app, name="call", short_help="Call an action of a running server, in ROS.")
-app.command("report", short_help="Write the history as one page for any browser.")(report.run)
-app.command("view", short_help="Look at the history in rerun.")(view.run)
+VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
+    "First steps": (
+        ("demo", demo.run, "The main job in one go, on a shipped recording."),
+        ("init", init.run, "Make a new log."),
+        ("import", import_.run, "Import doors, states or events from a file."),
+    ),
+    "Write what happens": (
+        ("add", add.run, "Add a door."),
+        ("update", update.run, "Set fields of a door."),
+        ("remove", remove.run, "Take a door out of the map."),
+        ("observe", observe.run, "Record that a sensor saw a door."),
+        ("annotate", annotate.run, "Say something about a door in words."),
+        ("patrol", patrol.run, "Mark the start or end of a round."),
+        ("record", record.run, "Record events from standard input, or from ROS."),
+        ("retract", retract.run, "Take events back."),
+    ),
+    "Ask what was, when, and why": (
+        ("replay", replay.run, "Show the doors at a moment."),
+        ("history", history.run, "Show who changed what, when, why."),
+        ("tail", tail.run, "Show the last events, and those to come."),
+        ("show", show.run, "Show one event."),
+        ("diff", diff.run, "Show what differs between two moments."),
+        ("timeline", timeline.run, "Show when a door was open, when closed."),
+    ),
+    "Ask what is likely": (
+        ("probabilities", probabilities.run, "Show how likely doors are open."),
+        ("best-time", best_time.run, "Show when a door is likeliest open."),
+        ("evaluate", evaluate.run, "Tell how good forecasts of the doors are."),
+        ("calibrate", calibrate.run, "Find a sensor's accuracies from known truth."),
+    ),
+    "Pictures, and files for other programs": (
+        ("view", view.run, "Look at the history in rerun."),
+        ("report", report.run, "Write the history as one page for any browser."),
+        ("costmap", costmap.run, "Draw the doors into a costmap."),
+        ("export", export.run, "Write a file for other programs."),
+    ),
+    "Live in ROS": (
+        ("serve", serve.run, "Serve the doors, with the thesis's actions."),
+        ("play", play.run, "Publish a log's history."),
+        ("ros-package", ros_package.run, "Copy the ROS package into a workspace."),
+    ),
+    "Care of the log": (
+        ("info", info.run, "Show what a log holds."),
+        ("verify", verify.run, "Check that a log is as it was written."),
+        ("recover", recover.run, "Save what is whole of a damaged log."),
+        ("compact", compact.run, "Make a log smaller."),
+    ),
+}
+"""Group -> its verbs, as --help shows them: name, what runs it, and what it does in a line."""
+
+
+def _kinds_of_lines() -> str:
+    from semmap_log.formats.event_json_keys import help_text
+
+    return help_text()
+
+
+HELP_MADE_LATE["record"] = _kinds_of_lines
+
+for _group, _verbs in VERBS.items():
+    for _name, _run, _does in _verbs:
+        app.command(_name, cls=Verb, short_help=_does, rich_help_panel=_group)(_run)
+app.add_typer(
+    call.app,
+    name="call",
+    short_help="Call an action of a running server.",
+    rich_help_panel="Live in ROS",
+)
+app.command("state", cls=Verb, hidden=True)(replay.run)
+app.command("log", cls=Verb, hidden=True)(history.run)

@@ -66,7 +66,7 @@ def run(
     if as_json:
         print_json(calibration_to_json(found, names=names))
     else:
-        console().print(calibration_table(found, names=names, log=log), crop=False)
+        console().print(calibration_table(found, names=names, log=log))
 
 
 def _truths(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import os
 import signal
 import sys
 import time
@@ -20,9 +19,8 @@ import typer
 from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from semmap_log.door_log import DoorLog
+    from semmap_log.cli.printer import Printer
+    from semmap_log.door_log import DoorLog, Time
     from semmap_log.door_log_writer import About
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
@@ -52,6 +50,24 @@ Since = Annotated[
 Until = Annotated[
     str | None, typer.Option("--until", metavar="TIME", help="Before then (happened time).")
 ]
+
+
+def range_of(log: DoorLog, since: str | None, until: str | None) -> tuple[Time, Time]:
+    """Return the two ends of a range, of which `--since` may name both as T1..T2.
+
+    Raises:
+        typer.BadParameter: It does, and there is an --until as well.
+        MomentError: They are not two moments, the earlier first.
+    """
+    if since is None or (until is None and ".." not in since):
+        return since, until
+    if until is None:
+        return log.span(since)
+    if ".." in since:
+        raise typer.BadParameter(
+            f"--since {since} names both ends; leave one of the two out", param_hint="--until"
+        )
+    return log.span(f"{since}..{until}")
 
 
 class MapServer(str, Enum):
@@ -97,12 +113,11 @@ def refuse_nan(**values: float | None) -> None:
             raise typer.BadParameter("not a number; leave the option out", param_hint=option)
 
 
-def console() -> Console:
-    """Return stdout for tables: 80 columns and no colours where it is not a terminal."""
-    from semmap_log.cli.plain_console import PlainConsole
+def console() -> Printer:
+    """Return what prints tables on stdout: drawn in a terminal, a row a line elsewhere."""
+    from semmap_log.cli.printer import Printer
 
-    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 80
-    return PlainConsole(sys.stdout, width=width)
+    return Printer()
 
 
 def say(text: str) -> None:

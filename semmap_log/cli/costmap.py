@@ -20,6 +20,7 @@ from semmap_log.cli.common import (
     UpToEvent,
     print_json,
     progress,
+    range_of,
     refuse_nan,
     say,
     size_of,
@@ -178,7 +179,7 @@ def run(
     elif map_rules is not None:
         raise typer.BadParameter("how to read --map, which is not given", param_hint="--map-rules")
     if is_bag:
-        span = opened.span(since) if since and ".." in since else (since, until)
+        span = range_of(opened, since, until)
         done = _record(
             opened, out, options, span, layer=layer or Layer.master,
             every=60.0 if every is None else every, updates=updates is not False, floor=floor,

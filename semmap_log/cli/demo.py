@@ -7,12 +7,15 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from shutil import which
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import console, say
+from semmap_log.cli.common import AsJson, console, print_json, say
 from semmap_log.command_lines import PROGRAM, command_line
+
+if TYPE_CHECKING:
+    from semmap_log.demo import Demo
 
 
 def run(
@@ -20,6 +23,8 @@ def run(
         Path | None,
         typer.Argument(metavar="DIR", help="Where to put what it makes; default: demo, demo-2, …"),
     ] = None,
+    *,
+    as_json: AsJson = False,
 ) -> None:
     """Record a patrol, replay it to three moments, tell how likely the doors are open, export it.
 
@@ -36,6 +41,9 @@ def run(
     from semmap_log.views.tables import door_table
 
     made = run_demo(folder or _free_folder(), tell=say)
+    if as_json:
+        print_json(_to_json(made))
+        return
     tz = _zone(made.log)
     titles = ("Before the recording", "In the middle of it", "After it")
     for title, door_map in zip(titles, made.moments, strict=True):
@@ -69,6 +77,19 @@ def run(
             line("view", made.log),
         ])
     )  # fmt: skip
+
+
+def _to_json(made: Demo) -> dict[str, Any]:
+    return {
+        "folder": str(made.folder),
+        "log": str(made.log),
+        "events": made.copied + made.recorded,
+        "files": [
+            str(path)
+            for path in (made.yaml, made.costmap, made.report, made.rrd)
+            if path is not None
+        ],
+    }
 
 
 def _free_folder() -> Path:

@@ -15,6 +15,7 @@ from semmap_log.cli.common import (
     console,
     print_json,
     progress,
+    range_of,
     say,
 )
 
@@ -99,7 +100,7 @@ def run(
     opened = sl.read(log)
     if plot is not None:
         refuse_own_folder(opened.path, plot)
-    start, end = opened.span(since) if since and ".." in since else (since, until)
+    start, end = range_of(opened, since, until)
     with progress("Forecasting", unit="forecasts") as told:
         found = evaluate(
             opened, methods, protocol, since=start, until=end, tz=tz, progress=told,

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import (
+    AsJson,
     At,
     KnownAt,
     LogPath,
     PaletteName,
     UpToEvent,
+    print_json,
     progress,
+    range_of,
     refuse_nan,
     say,
     size_of,
 )
 
 if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog
+    from semmap_log.door_log import DoorLog, Time
     from semmap_log.exporting.log_bag import RecordedBag
     from semmap_log.exporting.stream import StreamOptions
 
@@ -56,10 +60,11 @@ def run(
         ),
     ] = False,
     since: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="Bags: the first moment.")
+        str | None,
+        typer.Option("--since", metavar="TIME", help="Bags: the first moment; or T1..T2."),
     ] = None,
     until: Annotated[
-        str | None, typer.Option("--to", metavar="TIME", help="Bags: the last moment.")
+        str | None, typer.Option("--until", metavar="TIME", help="Bags: the last moment.")
     ] = None,
     every: Annotated[
         float | None,
@@ -72,6 +77,7 @@ def run(
     palette: Annotated[
         PaletteName | None, typer.Option("--palette", help="Markers: their colours.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Write a file, whole or not at all; an old file of that name is replaced at once.
 
@@ -111,29 +117,33 @@ def run(
       semmap-log export office doors.geojson --at 2026-03-02T12:00
       semmap-log export office march.parquet --at 2026-04-01
       semmap-log export office day.mcap --markers
-      semmap-log export office morning.bag --from 06:00 --to 12:00
+      semmap-log export office morning.bag --since 06:00 --until 12:00
     """
     import semmap_log as sl
     from semmap_log.exporting.log_files import export
     from semmap_log.formats.bags import tells_a_bag
+    from semmap_log.repeats import told_once
 
     is_bag = markers or tells_a_bag(out)
     if is_bag:
         of_a_moment = {"--at": at, "--known-at": known_at, "--event": event}
-        _refuse_given(of_a_moment, "a bag shows a range: --from, --to")
+        _refuse_given(of_a_moment, "a bag shows a range: --since, --until")
     else:
-        _refuse_given({"--from": since, "--to": until, "--every": every}, "only for bags")
+        _refuse_given({"--since": since, "--until": until, "--every": every}, "only for bags")
     if not markers:
         _refuse_given({"--palette": palette}, "only with --markers")
     opened = sl.read(log)
     if is_bag:
         options = _stream_options(palette, default_prob, every, markers=markers)
-        _write_bag(opened, out, options, since=since, until=until)
+        _write_bag(opened, out, options, range_of(opened, since, until), as_json=as_json)
         return
     scope = opened.scope(at, known_at, event)
     with progress("Exporting") as told:
         done = export(opened, out, scope, default_prob=default_prob, progress=told)
-    for text in done.left_out:
+    if as_json:
+        print_json({"file": str(out), "wrote": done.what, "left_out": list(done.left_out)})
+        return
+    for text in told_once(done.left_out):
         say(f"left out: {text}")
     for text in done.notes:
         say(text)
@@ -141,12 +151,15 @@ def run(
 
 
 def _write_bag(
-    log: DoorLog, out: Path, options: StreamOptions, *, since: str | None, until: str | None
+    log: DoorLog, out: Path, options: StreamOptions, span: tuple[Time, Time], *, as_json: bool
 ) -> None:
     from semmap_log.exporting.log_bag import record_bag
 
     with progress("Exporting", unit="events") as told:
-        done = record_bag(log, out, options, since=since, until=until, progress=told)
+        done = record_bag(log, out, options, since=span[0], until=span[1], progress=told)
+    if as_json:
+        print_json({"file": str(out), **asdict(done)})
+        return
     if done.left_out:
         more = ", …" if len(done.left_out) > MOST_NAMED else ""
         named = ", ".join(done.left_out[:MOST_NAMED])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +18,7 @@ from semmap_log.cli.common import (
     console,
     print_json_list,
     progress,
+    range_of,
     say,
     tell_how_to_begin,
 )
@@ -80,7 +80,7 @@ def run(
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
     opened = sl.read(log)
     tell_how_to_begin(opened)
-    start, end = opened.span(since) if since and ".." in since else (since, until)
+    start, end = range_of(opened, since, until)
     door_id = None if door is None else opened.resolve_ever(door)
     if plot is not None:
         if recorded or kind or last or poses or as_json:
@@ -114,20 +114,19 @@ def run(
         return
     out = console()
     names = opened.door_names()
-    first = next(entries, None)
-    if first is None:
-        say("no events; times count when it happened, or with --recorded when it was recorded.")
-        return
-    entries = chain([first], entries)
+    is_empty = True
     for page in history_pages(entries, tz=opened.info.timezone, names=names):
         out.print(page)
+        is_empty = is_empty and page.is_empty
+    if is_empty:
+        say("no events; times count when it happened, or with --recorded when it was recorded.")
 
 
 def _draw(lanes: Lanes, path: Path, palette: PaletteName) -> None:
+    from semmap_log.errors import CommandError
     from semmap_log.views.plots.lanes import plot_lanes
 
     if not lanes.doors and not lanes.rounds:
-        say("no door was in the map then; nothing is drawn.")
-        raise typer.Exit(1)
+        raise CommandError("no door was in the map then; nothing is drawn.")
     plot_lanes(lanes, path, palette.colours)
     say(f"{path}: doors: {len(lanes.doors)}, rounds: {len(lanes.rounds)}.")

@@ -213,6 +213,8 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
 
 
 def _tell(file: Path, imported: Any) -> None:
+    from semmap_log.repeats import told_once
+
     plan = imported.plan
     if imported.known_before:
         holds_doors = file.suffix.lower() in {".yaml", ".yml"}
@@ -228,9 +230,9 @@ def _tell(file: Path, imported: Any) -> None:
         typer.echo(f"{file}: {plan.count} events, numbers {imported.first_event}..{last}.")
     for text in plan.summary:
         typer.echo(f"  {text}")
-    for text in plan.left_out:
+    for text in told_once(plan.left_out):
         say(f"  left out: {text}")
-    for text in plan.warnings:
+    for text in told_once(plan.warnings):
         say(f"  warning: {text}")
 
 

@@ -63,7 +63,7 @@ def run(
         out.print()
     elif day is not None:
         say(f"--day {day}: no door was in the map on that day, or the file is not a whole log.")
-    out.print(head_hint(log), soft_wrap=True)
+    out.print(head_hint(log))
 
 
 def _to_json(summary: Any) -> dict[str, Any]:

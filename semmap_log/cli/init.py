@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import LogPath, MapServer, say
+from semmap_log.cli.common import AsJson, LogPath, MapServer, print_json, say
 
 if TYPE_CHECKING:
     from semmap_log.costmap.map_rules import RulesName
+    from semmap_log.door_log import DoorLog
+    from semmap_log.events import FloorMap
 
 
 def run(
@@ -38,6 +40,7 @@ def run(
             "or map_server of ROS 1; they differ at thresholds, in greys and in transparency.",
         ),
     ] = MapServer.nav2,
+    as_json: AsJson = False,
 ) -> None:
     """Make a new log.
 
@@ -54,6 +57,7 @@ def run(
         robot=robot,
         floor_map=floor_map,
         map_rules=map_rules.value,
+        as_json=as_json,
     )
 
 
@@ -65,6 +69,7 @@ def make_log(
     robot: str = "",
     floor_map: Path | None = None,
     map_rules: RulesName = "nav2",
+    as_json: bool = False,
 ) -> None:
     """Make a new log, with a floor plan if there is one, and say so."""
     import semmap_log as sl
@@ -76,8 +81,25 @@ def make_log(
     with sl.create(log, tz=tz, building=building, robot=robot) as made:
         if floor_map is not None:
             import_file(made, floor_map, ImportOptions(map_rules=map_rules))
+        if as_json:
+            print_json(_to_json(log, made, floor))
+            return
         said = "as asked" if tz else "the machine's zone; another: --tz ZONE"
         say(f"{log}: a new log; times are in {made.info.timezone} ({said}).")
         if floor is not None:
             height, width = floor.cells.shape
             say(f"Floor plan: {width} x {height} cells of {floor.resolution:.3g} m.")
+
+
+def _to_json(log: Path, made: DoorLog, floor: FloorMap | None) -> dict[str, Any]:
+    height, width = (0, 0) if floor is None else floor.cells.shape
+    return {
+        "log": str(log),
+        "log_id": made.info.log_id,
+        "timezone": made.info.timezone,
+        "building": made.info.building,
+        "robot": made.info.robot,
+        "floor_map": None
+        if floor is None
+        else {"width": width, "height": height, "resolution": floor.resolution},
+    }

@@ -48,13 +48,14 @@ def tell_plan(file: Path, plan: ImportPlan) -> None:
     """Print a plan's events, a JSON line each, and say what else there is to it."""
     from semmap_log.event_batch import one_by_one
     from semmap_log.formats.event_json import event_to_json
+    from semmap_log.repeats import told_once
 
     for event in one_by_one(plan.events):
         typer.echo(json_text(event_to_json(event)))
     say(f"{file}: {plan.count} events; nothing was written.")
     for text in plan.summary:
         say(f"  {text}")
-    for text in plan.left_out:
+    for text in told_once(plan.left_out):
         say(f"  left out: {text}")
-    for text in plan.warnings:
+    for text in told_once(plan.warnings):
         say(f"  warning: {text}")

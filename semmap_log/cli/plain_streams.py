@@ -9,6 +9,7 @@ are JSON's escapes (`json_text`), so that programs read the exact text.
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -35,9 +36,12 @@ class PlainStream:
 
     def __init__(self, beneath: TextIO) -> None:
         self.beneath = beneath
+        self.has_begun = False
+        """Whether anything was written."""
 
     def write(self, text: str) -> int:
         """Write it, plain."""
+        self.has_begun = True
         self.beneath.write(plain(text))
         return len(text)
 
@@ -57,6 +61,14 @@ def steering(stream: TextIO) -> TextIO:
     return stream.beneath if isinstance(stream, PlainStream) else stream
 
 
+def write_line(line: str) -> None:
+    """Write a line on stdout whose texts are plain already: its tabs stay tabs."""
+    stream = sys.stdout
+    if isinstance(stream, PlainStream):
+        stream.has_begun = True
+    steering(stream).write(f"{line}\n")
+
+
 @contextmanager
 def plain_streams() -> Iterator[None]:
     """Let all that is written within be plain."""
@@ -69,3 +81,8 @@ def plain_streams() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = before
+
+
+def forget_output() -> None:
+    """Let go of what stdout still holds: at exit it would be written, and fail, once more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

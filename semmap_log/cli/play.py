@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, PaletteName, on_stop, refuse_nan, say
+from semmap_log.cli.common import (
+    AsJson,
+    LogPath,
+    PaletteName,
+    on_stop,
+    print_json,
+    range_of,
+    refuse_nan,
+    say,
+)
 from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
@@ -37,10 +46,11 @@ def run(
         bool, typer.Option("--immediate", help="As fast as it goes, without waiting.")
     ] = False,
     since: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="Begin with the state of then.")
+        str | None,
+        typer.Option("--since", metavar="TIME", help="Begin with the state of then; or T1..T2."),
     ] = None,
     until: Annotated[
-        str | None, typer.Option("--to", metavar="TIME", help="The last moment.")
+        str | None, typer.Option("--until", metavar="TIME", help="The last moment.")
     ] = None,
     loop: Annotated[
         bool, typer.Option("--loop", "-l", help="At the end begin again, until Ctrl-C.")
@@ -79,6 +89,7 @@ def run(
             help="DoorMap: the probability of doors that have none.",
         ),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Publish what was true, over time, as the robot's own server would have: live, in ROS.
 
@@ -93,9 +104,9 @@ def run(
     \b
     Examples:
       semmap-log play office --ros2
-      semmap-log play office --ros1 --rate 60 --from 06:00 --to 12:00 --clock
+      semmap-log play office --ros1 --rate 60 --since 06:00 --until 12:00 --clock
       semmap-log play office --ros2 --markers --loop --skip-empty 10
-      semmap-log play office --ros2 --from 14:00 --ros-args -r __ns:=/replayed
+      semmap-log play office --ros2 --since 14:00 --ros-args -r __ns:=/replayed
     """
     import semmap_log as sl
     from semmap_log.errors import CommandError
@@ -115,7 +126,8 @@ def run(
     shown = StreamOptions(
         markers, (palette or PaletteName.default).colours, default_prob, every_s=0
     )
-    stream = log_stream(opened, shown, ros_version=version, since=since, until=until)
+    begin, end = range_of(opened, since, until)
+    stream = log_stream(opened, shown, ros_version=version, since=begin, until=end)
     if stream.span_ns is None:
         raise CommandError(f"{log}: nothing to play: no event in that range.")
     options = PlayOptions(
@@ -135,6 +147,13 @@ def run(
         count = play(node, stream, options, stop=stopping.is_set, told=told)
     finally:
         node.close()
+    if as_json:
+        print_json({
+            "topics": [topic.name for topic in stream.topics],
+            "messages": count,
+            "stopped": stopping.is_set(),
+        })  # fmt: skip
+        return
     say(f"{count:,} messages{' until it was stopped' if stopping.is_set() else ''}.")
 
 

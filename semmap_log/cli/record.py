@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, on_stop, say
+from semmap_log.cli.common import LogPath, on_stop, print_json, say
+from semmap_log.cli.failures import problems_to_json, tell
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile
 from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, record_topics
@@ -49,12 +50,15 @@ def run(
     batch_ms: Annotated[
         float, typer.Option(min=0, help="batch: a line waits so long for others, at most.")
     ] = 50.0,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="At the end one JSON document: what became of all.")
+    ] = False,
 ) -> None:
     """Record events from standard input, one JSON object a line, or the topics of a robot.
 
     Until the input ends, or Ctrl-C. Each line is one commit; a door is its door_id or its name. A
-    bad line is reported with its number and skipped; then the exit code is 1. Exit code 0 means
-    that every line is stored.
+    bad line is skipped; then the exit code is 1. Of bad lines of one kind the first three are told
+    with their numbers, the others counted at the end. Exit code 0 means that every line is stored.
     A line with a command_id that is stored already, however long ago, is stored once, and answered
     as it was then. Of an exported log each line is a commit of its own here, recorded now, and what
     was taken back is refused; `import` makes the same log of it.
@@ -74,7 +78,7 @@ def run(
       none   it may still be in memory; all is on the disk when the program ends
 
     \b
-    A line is a kind with its fields (happened, actor, source, reason if known):
+    A line is a kind with its keys, which stand at the end of this help:
       {"kind": "DoorObserved", "door": "front", "state": "OPEN", "accuracy": 0.9}
       {"kind": "RobotPose", "x": 1.0, "y": 2.0, "theta": 0.0}
 
@@ -92,18 +96,23 @@ def run(
             )
         version = chosen_ros(ros1=ros1, ros2=ros2)
         promise = Promised(durability.value, batch_events, batch_ms / 1000)
-        record_topics(context, log, version, mapping, None if dry_run else promise)
+        record_topics(context, log, version, mapping, None if dry_run else promise, as_json=as_json)
         return
     if mapping or dry_run or context.obj:
         raise typer.BadParameter(
             "is for topics: say which ROS, --ros1 or --ros2", param_hint="--mapping, --dry-run"
         )
+    if ack and as_json:
+        raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
     import semmap_log as sl
     from semmap_log.live.event_lines import Answer, LineRecorder
+    from semmap_log.repeats import MOST_TOLD, Repeats
+
+    refused = Repeats()
 
     def answer(one: Answer) -> None:
-        if one.error:
-            say(f"semmap-log: line {one.line}: {one.error}")
+        if one.error and refused.add(one.line, one.error).count <= MOST_TOLD:
+            tell(f"line {one.line}: {one.error}")
         if ack:
             said = {
                 "line": one.line,
@@ -127,11 +136,20 @@ def run(
         if sys.stdin.isatty():
             say("Reading events from the keyboard, one JSON object a line; Ctrl-D ends.")
         recorder.run(sys.stdin.fileno())
-    say(
-        f"{log}: {recorder.recorded} events recorded"
-        + (f", {recorder.refused} lines refused" if recorder.refused else "")
-        + "."
-    )
+    for kind in refused:
+        for text in kind.rest():
+            tell(f"{kind.kept[0][1]} {text}")
+    if as_json:
+        print_json({
+            "log": str(log), "recorded": recorder.recorded, "refused": recorder.refused,
+            "problems": problems_to_json(refused),
+        })  # fmt: skip
+    else:
+        say(
+            f"{log}: {recorder.recorded} events recorded"
+            + (f", {recorder.refused} lines refused" if recorder.refused else "")
+            + "."
+        )
     if recorder.refused:
         raise typer.Exit(1)
 

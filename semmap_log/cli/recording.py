@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from semmap_log.cli.common import on_stop, say, stopped_for_good
+from semmap_log.cli.common import on_stop, print_json, say, stopped_for_good
+from semmap_log.cli.failures import tell
 from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.ros import open_node
 
@@ -35,6 +37,8 @@ def record_topics(
     version: RosVersion,
     mapping_file: Path | None,
     promised: Promised | None,
+    *,
+    as_json: bool = False,
 ) -> None:
     """Record until Ctrl-C, or SIGTERM, or until ROS ends.
 
@@ -44,6 +48,7 @@ def record_topics(
         version: Of ROS.
         mapping_file: Which topics are read, and how; None: the well-known ones.
         promised: How durable the events are; None: they are shown, and nothing is written.
+        as_json: Of what was written, at the end one document.
 
     Raises:
         typer.Exit: Messages were dropped.
@@ -62,15 +67,16 @@ def record_topics(
     with stopped_for_good():
         opened = sl.append(log, **promised._asdict())
     with opened:
-        _record(context, version, mapping, LogSink(opened), str(log))
+        _record(context, version, mapping, LogSink(opened), str(log), as_json=as_json)
 
 
 def _record(
-    context: typer.Context, version: RosVersion, mapping: RosMapping, sink: EventSink, where: str
-) -> None:
+    context: typer.Context, version: RosVersion, mapping: RosMapping, sink: EventSink, where: str,
+    *, as_json: bool = False,
+) -> None:  # fmt: skip
     from semmap_log.live.ros_recorder import RosRecorder
 
-    recorder = RosRecorder(open_node(context, version, NODE), mapping, sink, _tell)
+    recorder = RosRecorder(open_node(context, version, NODE), mapping, sink, tell)
 
     def stop() -> None:
         recorder.stopping = True
@@ -79,13 +85,12 @@ def _record(
     recorder.run()
     for text in recorder.summary():
         say(f"  {text}")
-    say(f"{where}: {recorder.counts}.")
+    if as_json:
+        print_json({"log": where, **asdict(recorder.counts)})
+    else:
+        say(f"{where}: {recorder.counts}.")
     if recorder.counts.dropped:
         raise typer.Exit(1)
-
-
-def _tell(text: str) -> None:
-    say(f"semmap-log: {text}")
 
 
 def _show(event: Event, note: Note) -> None:

@@ -8,10 +8,15 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import (
+    AsJson,
     LogPath,
     PaletteChoice,
     PaletteName,
+    Since,
+    Until,
+    print_json,
     progress,
+    range_of,
     say,
     size_of,
     tell_how_to_begin,
@@ -22,10 +27,8 @@ def run(
     log: LogPath,
     out: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.")],
     *,
-    since: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="From then on.")
-    ] = None,
-    until: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Before then.")] = None,
+    since: Since = None,
+    until: Until = None,
     door: Annotated[
         list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
     ] = None,
@@ -33,6 +36,7 @@ def run(
         str | None, typer.Option("--tz", metavar="ZONE", help="Of all times; default: the log's.")
     ] = None,
     palette: PaletteChoice = PaletteName.default,
+    as_json: AsJson = False,
 ) -> None:
     """Write the history as one page for any browser, nothing else needed.
 
@@ -44,7 +48,7 @@ def run(
     \b
     Examples:
       semmap-log report office office.html
-      semmap-log report office monday.html --from 2026-03-02 --to 2026-03-03
+      semmap-log report office monday.html --since 2026-03-02 --until 2026-03-03
       semmap-log report office two.html --door front --palette colour-blind
     """
     import semmap_log as sl
@@ -53,18 +57,23 @@ def run(
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
+    start, end = range_of(opened, since, until)
     doors = [opened.resolve_ever(name) for name in door] if door else None
     with progress("Reading") as told:
         done = write_report(
             opened,
             out,
-            since=since,
-            until=until,
+            since=start,
+            until=end,
             doors=doors,
             tz=tz,
             palette=palette.colours,
             progress=told,
         )
+    if as_json:
+        print_json({"file": str(out), "doors": done.doors, "events": done.events,
+                    "bytes": done.bytes})  # fmt: skip
+        return
     say(
         f"{out}: {count(done.doors, 'door')}, {count(done.events, 'event')}, {size_of(done.bytes)}."
     )

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import say
+from semmap_log.cli.common import AsJson, print_json, say
 
 
 def run(
@@ -23,6 +23,7 @@ def run(
         bool,
         typer.Option("--messages", help="ROS 1: its messages as Python modules, without a build."),
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Copy the ROS package lta_semantic_map into a workspace.
 
@@ -48,6 +49,9 @@ def run(
         say(f"  export PYTHONPATH={path}${{PYTHONPATH:+:$PYTHONPATH}}")
         return
     package, is_new = write_ros_package(folder)
+    if as_json:
+        print_json({"package": str(package), "written": is_new})
+        return
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
     workspace = shlex.quote(str(folder.absolute().parent))
     say(f"  ROS 1: cd {workspace} && catkin_make && . devel/setup.sh")

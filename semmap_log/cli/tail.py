@@ -6,12 +6,12 @@ import select
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from semmap_log.cli.common import LogPath
-from semmap_log.cli.plain_streams import json_text
+from semmap_log.cli.plain_streams import json_text, write_line
 
 if TYPE_CHECKING:
     from semmap_log.commits import Note
@@ -53,7 +53,8 @@ def run(
     """Show the last events, a line each; with -f, also those that come, as they come.
 
     A line has the event's number, when it happened (in the log's zone), the door, what, and in
-    brackets who and why. Lines leave out robot poses unless asked for; JSON has all events.
+    brackets who and why; in a pipe, cells with a tab between, as those of `history`. Robot poses
+    are left out unless asked for; JSON has all events.
 
     With --after, the reader's own position decides: nothing is missed, and nothing comes twice.
 
@@ -64,11 +65,16 @@ def run(
       semmap-log tail office -f --json --after 1234 | my_program
     """
     import semmap_log as sl
+    from semmap_log.cli.printer import is_for_people
     from semmap_log.log.reading.following import commits_after
+    from semmap_log.views.columns import line_of
+    from semmap_log.views.event_lines import ROW
 
     opened = sl.read(log)
     wanted = _filter(opened, door, poses=poses or as_json)
-    show = _json_line if as_json else _words(opened)
+    show = _json_line if as_json else _words(opened, for_people=is_for_people())
+    if not (as_json or is_for_people()):
+        write_line(line_of(ROW))
     known = -1 if after is None else after
     try:
         if last is None and after is not None:
@@ -79,6 +85,8 @@ def run(
             last_known = max(known, _end(opened))
             for commit in opened.follow(last_known, stop=_is_nobody_reading, with_newer=True):
                 _print(_events([commit], wanted), show)
+            if _is_nobody_reading():
+                raise BrokenPipeError
     except KeyboardInterrupt:
         return  # the way to end it
 
@@ -131,7 +139,7 @@ def _events(
 def _print(events: Iterable[Told], show: Callable[[RecordedEvent, Note], str]) -> None:
     """Print events, and let go of them at once: who reads them may wait for each."""
     for recorded, note in events:
-        sys.stdout.write(show(recorded, note) + "\n")
+        write_line(show(recorded, note))
     sys.stdout.flush()
 
 
@@ -142,10 +150,11 @@ def _json_line(recorded: RecordedEvent, note: Note) -> str:
     return json_text(event_to_json(recorded, note=said))
 
 
-def _words(opened: DoorLog) -> Callable[[RecordedEvent, Note], str]:
+def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Note], str]:
     """Return what makes a line of an event; doors that are named meanwhile get their names."""
     from semmap_log.events import DoorAnnotated
-    from semmap_log.views.event_lines import event_line
+    from semmap_log.views.columns import line_of
+    from semmap_log.views.event_lines import event_line, event_row
 
     names: dict[DoorId, str] = opened.door_names()
 
@@ -153,7 +162,8 @@ def _words(opened: DoorLog) -> Callable[[RecordedEvent, Note], str]:
         event = recorded.event
         if isinstance(event, DoorAnnotated) and event.key == "name":
             names[event.door_id] = event.value
-        return event_line(recorded, tz=opened.info.timezone, names=names, note=note)
+        how: Any = {"tz": opened.info.timezone, "names": names, "note": note}
+        return event_line(recorded, **how) if for_people else line_of(event_row(recorded, **how))
 
     return line
 

@@ -13,6 +13,7 @@ from semmap_log.cli.common import (
     console,
     print_json,
     progress,
+    range_of,
     say,
 )
 
@@ -44,17 +45,17 @@ def run(
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
     opened = sl.read(log)
-    start, end = opened.span(since) if since and ".." in since else (since, until)
+    start, end = range_of(opened, since, until)
     door_id = opened.resolve_ever(door)
     with progress("Reading") as told:
         found = opened.timeline(door_id, at, known_at, since=start, until=end, progress=told)
     if as_json:
         print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return
-    if not len(found):
-        say(f"door {door} was not in the map then; without times, all its intervals are shown.")
-        return
     out = console()
     for page in timeline_pages(found, tz=opened.info.timezone):
         out.print(page)
+    if not len(found):
+        say(f"door {door} was not in the map then; without times, all its intervals are shown.")
+        return
     out.print(timeline_totals(found, tz=opened.info.timezone))

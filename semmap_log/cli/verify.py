@@ -51,7 +51,7 @@ def run(
     if as_json:
         print_json(to_json(found))
     else:
-        console().print(verification_report(found), crop=False)
+        console().print(verification_report(found))
     raise typer.Exit(found.exit_code)
 
 

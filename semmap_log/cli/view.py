@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,10 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import (
+    AsJson,
     LogPath,
     PaletteChoice,
     PaletteName,
+    Since,
+    Until,
+    print_json,
     progress,
+    range_of,
     say,
     size_of,
     tell_how_to_begin,
@@ -26,6 +32,7 @@ from semmap_log.cli.common import (
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
     from semmap_log.doors import DoorId
+    from semmap_log.views.rerun.recording import RrdSummary
     from semmap_log.views.rerun.web import WebViewer
 
 
@@ -39,10 +46,8 @@ class ThemeName(str, Enum):
 def run(
     log: LogPath,
     *,
-    since: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="From then on.")
-    ] = None,
-    until: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Before then.")] = None,
+    since: Since = None,
+    until: Until = None,
     at: Annotated[
         str | None, typer.Option("--at", metavar="TIME", help="Moment to show; default: the end.")
     ] = None,
@@ -94,6 +99,7 @@ def run(
         str | None,
         typer.Option("--view", metavar="NAME", help="Of the picture: this view alone, by title."),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Look at the history in the rerun viewer: floor plan, doors, state lanes, events, robot.
 
@@ -111,19 +117,21 @@ def run(
     \b
     Examples:
       semmap-log view office
-      semmap-log view office --from "yesterday 08:00" --door front
+      semmap-log view office --since "yesterday 08:00" --door front
       semmap-log view office --save office.rrd
       semmap-log view office --at 2026-03-02T14:02 --screenshot office.png
       semmap-log view office --screenshot plan.png --view "Floor plan"
-      semmap-log view office --follow --from "2h ago"
+      semmap-log view office --follow --since "2h ago"
       semmap-log view office --web --follow --palette colour-blind
     """
     given = {
         "--follow": follow, "--web": web, "--save": save, "--screenshot": screenshot,
         "--open": browser, "--theme": theme, "--size": size, "--view": view,
-        "--at": at, "--to": until,
+        "--at": at, "--until": until,
     }  # fmt: skip
     _check_together({option for option, value in given.items() if value})
+    if as_json and not (save or screenshot):
+        raise typer.BadParameter("tells what --save or --screenshot wrote", param_hint="--json")
     _check_ending("--save", save, ".rrd")
     _check_ending("--screenshot", screenshot, ".png")
     pixels = (1920, 1080) if size is None else _pixels(size)
@@ -135,17 +143,20 @@ def run(
     tell_how_to_begin(opened)
     if screenshot is not None:
         refuse_own_folder(opened.path, screenshot)
+    start, end = range_of(opened, since, until)
+    if follow and end is not None:
+        raise typer.BadParameter("--follow has no end; leave T2 out", param_hint="--since")
     doors = [opened.resolve_ever(name) for name in door] if door else None
     at_ns = opened.moment(at).ns if at else None
     _tell_of_names(opened, doors)
     looks: dict[str, Any] = {
-        "since": since, "doors": doors, "palette": palette.colours, "costmap": costmap,
+        "since": start, "doors": doors, "palette": palette.colours, "costmap": costmap,
         "beliefs": beliefs,
     }  # fmt: skip
     if follow:
         _follow(opened, looks, web=web, theme=theme, browser=browser)
         return
-    with _recording(opened, save, {**looks, "until": until, "at": at}) as rrd:
+    with _recording(opened, save, {**looks, "until": end, "at": at}) as (rrd, summary):
         if screenshot is not None:
             _take_picture(rrd, screenshot, at_ns=at_ns, size=pixels, view=view)
         elif web:
@@ -154,13 +165,20 @@ def run(
             from semmap_log.views.rerun.viewer import open_viewer
 
             open_viewer(rrd, at_ns=at_ns)
+    if as_json:
+        print_json({
+            "save": None if save is None else str(save),
+            "screenshot": None if screenshot is None else str(screenshot),
+            "events": summary.events,
+            "left_out": asdict(summary.left_out),
+        })  # fmt: skip
 
 
 MOST_PIXELS = 8192
 """A side of a picture: what every graphics driver, a software one too, can draw at once."""
 
 EXCLUDES = {
-    "--follow": ("--save", "--screenshot", "--at", "--to"),
+    "--follow": ("--save", "--screenshot", "--at", "--until"),
     "--web": ("--save", "--screenshot", "--at"),
 }
 NEEDS = {"--open": "--web", "--theme": "--web", "--size": "--screenshot", "--view": "--screenshot"}
@@ -215,8 +233,10 @@ def _tell_of_names(opened: DoorLog, doors: list[DoorId] | None) -> None:
 
 
 @contextmanager
-def _recording(opened: DoorLog, save: Path | None, looks: dict[str, Any]) -> Iterator[Path]:
-    """Write the recording, to be kept or to be gone at the end, and hand out its path."""
+def _recording(
+    opened: DoorLog, save: Path | None, looks: dict[str, Any]
+) -> Iterator[tuple[Path, RrdSummary]]:
+    """Write the recording, to be kept or to be gone at the end; hand out path and summary."""
     from semmap_log.log.disk import utf8_name
     from semmap_log.views.rerun.recording import save_rrd
 
@@ -231,7 +251,7 @@ def _recording(opened: DoorLog, save: Path | None, looks: dict[str, Any]) -> Ite
             )
             if left_out := str(summary.left_out):
                 say(f"As no eye would see them, {left_out}.")
-        yield path
+        yield path, summary
 
 
 def _take_picture(rrd: Path, png: Path, **how: Any) -> None:

@@ -164,8 +164,8 @@ class CsvBlocks:
             try:
                 cells = next(reader, None)
             except csv.Error as error:
-                found = [*self._problems.found, (before + reader.line_num, f"not CSV: {error}")]
-                raise FormatError(self._path, found) from None
+                line = before + reader.line_num
+                raise self._problems.with_last(line, f"not CSV: {error}") from None
             if cells:
                 yield Row(before + reader.line_num, cells)
 

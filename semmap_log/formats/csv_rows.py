@@ -63,8 +63,7 @@ def _cells(reader: Iterator[list[str]], problems: Problems) -> Iterator[Row]:
             cells = next(reader, None)
         except csv.Error as error:
             line: int = reader.line_num  # type: ignore[attr-defined]
-            found = [*problems.found, (line, f"not CSV: {error}")]
-            raise FormatError(problems.path, found) from None
+            raise problems.with_last(line, f"not CSV: {error}") from None
         if cells is None:
             return
         if cells:

@@ -149,7 +149,7 @@ class _LineReader:
             raise _WrongError("commit: expected a command_id with it, got none")
         values = self.floor_map() if kind is FloorMap else self.fields(kind)
         if self.left:
-            known = ", ".join(["happened", *_keys_of(kind)])
+            known = ", ".join(["happened", *keys_of(kind)])
             raise _WrongError(
                 f"unknown key {shown(next(iter(self.left)))}: {kind.__name__} has the keys {known}"
             )
@@ -192,7 +192,7 @@ class _LineReader:
             key = "at" if name == "at_ns" else name
             if name != "salt" and key in self.left:
                 values[name] = self.value(key)
-        missing = [key for key, name in _required(kind) if name not in values]
+        missing = [key for key, name in required_keys(kind) if name not in values]
         if missing:
             raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
         return values
@@ -362,7 +362,7 @@ _TEXTS = frozenset({"key", "value", "name", "format", "file_name"})
 _WHOLES = frozenset({"door_id", "level", "patrol", "first_event", "last_event"})
 
 
-def _required(kind: type[Event]) -> list[tuple[str, str]]:
+def required_keys(kind: type[Event]) -> list[tuple[str, str]]:
     """Return (key, field) of each field of the kind that has no default."""
     return [
         ("at" if f.name == "at_ns" else f.name, f.name)
@@ -371,7 +371,8 @@ def _required(kind: type[Event]) -> list[tuple[str, str]]:
     ]
 
 
-def _keys_of(kind: type[Event]) -> list[str]:
+def keys_of(kind: type[Event]) -> list[str]:
+    """Return the keys that a line of the kind may have, beside `kind` and `happened`."""
     if kind is FloorMap:
         return [*FLOOR_MAP_KEYS]
     names = ["at" if name == "at_ns" else name for name in field_names(kind) if name != "salt"]

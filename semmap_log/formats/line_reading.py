@@ -53,7 +53,7 @@ class LineReader:
                 text, tz=self.tz, lookup=self.lookup, path=self.path, line=number
             )
         except FormatError as error:
-            self.problems.add(number, error.problems[0].removeprefix(f"{self.path}:{number}: "))
+            self.problems.add(number, error.first)
             return None
         if isinstance(parsed.event, DoorEvent):
             self._learn(parsed.event)

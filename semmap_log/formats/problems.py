@@ -5,27 +5,27 @@ from __future__ import annotations
 from pathlib import Path
 
 from semmap_log.errors import FormatError
+from semmap_log.repeats import Repeats
 
-MOST_KEPT = 1_000
+MOST_KINDS = 1_000
 """More than anybody reads, few enough that a wrong file of a million lines needs no memory."""
 
 
 class Problems:
-    """A list of what is wrong with a file."""
+    """What is wrong with a file, by kind: the first lines of each, and how many there are."""
 
     def __init__(self, path: Path | str) -> None:
         self.path = path
-        self.found: list[tuple[int, str]] = []
+        self.found = Repeats()
 
     def add(self, line: int, text: str) -> None:
         """Note that `text` is wrong on `line` (1-based)."""
-        if len(self.found) < MOST_KEPT:
-            self.found.append((line, text))
+        self.found.add(line, text)
 
     @property
     def is_full(self) -> bool:
         """True once it is not worth reading on."""
-        return len(self.found) >= MOST_KEPT
+        return len(self.found) >= MOST_KINDS
 
     def raise_any(self) -> None:
         """Raise what was found.
@@ -34,7 +34,12 @@ class Problems:
             FormatError: Something was; problems in order of their lines.
         """
         if self.found:
-            raise FormatError(self.path, sorted(self.found, key=lambda problem: problem[0]))
+            raise FormatError(self.path, self.found)
+
+    def with_last(self, line: int, text: str) -> FormatError:
+        """Return what was found, and what made an end of reading, as an error to raise."""
+        self.add(line, text)
+        return FormatError(self.path, self.found)
 
 
 def shown(value: object, *, most: int = 60) -> str:

@@ -171,7 +171,7 @@ class _Builder:
 
     def _refuse(self, event: Any, text: str) -> FormatError:
         """Return an error that ends the reading: there may be no end of such problems."""
-        return FormatError(self.problems.path, [*self.problems.found, (_line(event), text)])
+        return self.problems.with_last(_line(event), text)
 
 
 def _events(text: str, path: Path) -> Iterator[Any]:

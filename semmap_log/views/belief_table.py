@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.beliefs.beliefs import DoorBelief
 from semmap_log.doors import DoorState
+from semmap_log.moments import format_local
 from semmap_log.views.belief_words import (
     CARRIED_OVER,
     moment_in_words,
@@ -18,6 +18,7 @@ from semmap_log.views.belief_words import (
     short_number,
     with_interval,
 )
+from semmap_log.views.columns import Both, Cell, Column, ColumnTable
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS, age
 
@@ -32,52 +33,67 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
         beliefs: Of one moment, one a door.
         tz: IANA zone of the caption's times.
     """
-    if not beliefs:
-        return Text("No door is in the map then.")
     named_doors = any(belief.door.name for belief in beliefs)
     levels = not all(_names_its_level(belief) for belief in beliefs)
     levels = levels and len({belief.level_name for belief in beliefs}) > 1
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("id", justify="right")
-    if named_doors:
-        table.add_column("name", overflow="fold", min_width=SHORTEST_NAME)
-    if levels:
-        table.add_column("level", overflow="fold", max_width=8)
-    table.add_column("P(open)", no_wrap=True)
-    for head in ("P of\nclosed", "days\nseen", "events", "visits", "last\nseen", "hours\nunseen"):
-        table.add_column(head, justify="right", no_wrap=True)
+    table = ColumnTable(_columns(names=named_doors, levels=levels))
     for belief in beliefs:
-        table.add_row(
+        table.add(
             str(belief.door.door_id),
-            *[Text(printable(belief.door.name or ABSENT))] * named_doors,
-            *[Text(printable(belief.level_name))] * levels,
+            Text(printable(belief.door.name or ABSENT)),
+            Text(printable(belief.level_name or ABSENT)),
             *_numbers(belief),
-            *_evidence(belief),
+            *_evidence(belief, tz),
         )
-    return Group(table, *(Text(line, style="dim") for line in _notes(beliefs, tz)))
+    notes = _notes(beliefs, tz) if beliefs else ["No door is in the map then."]
+    return Group(table, *(Text(line, style="dim") for line in notes))
+
+
+def _columns(*, names: bool, levels: bool) -> list[Column]:
+    return [
+        Column("door_id", "id", right=True),
+        Column("name", "name" if names else None, least=SHORTEST_NAME),
+        Column("level", "level" if levels else None, least=8, yields=1),
+        Column("", "P(open)"),
+        Column("p_open"),
+        Column("low"),
+        Column("high"),
+        Column("p_closed", "P of\nclosed", right=True, yields=2),
+        Column("days_seen", "days\nseen", right=True, yields=5),
+        Column("events", "events", right=True, yields=4),
+        Column("visits", "visits", right=True, yields=4),
+        Column("age", "last\nseen", right=True, yields=3),
+        Column("last_seen"),
+        Column("hours_unseen", "hours\nunseen", right=True, yields=5),
+    ]
 
 
 def _names_its_level(belief: DoorBelief) -> bool:
     return bool(belief.level_name) and (belief.door.name or "").startswith(belief.level_name)
 
 
-def _numbers(belief: DoorBelief) -> tuple[Text, str]:
+def _numbers(belief: DoorBelief) -> tuple[Cell, ...]:
+    """Return P(open) as it is drawn, then alone and with its interval, and P(closed)."""
     if not belief.is_known:
-        return Text("UNKNOWN", style=OTHER_STATE_COLOUR), ABSENT
+        return Text("UNKNOWN", style=OTHER_STATE_COLOUR), *[ABSENT] * 4
     state = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
     said = with_interval(belief.p_open, belief.low, belief.high)
-    return Text(said, style=STATE_COLOURS[state]), short_number(belief.p_closed)
+    exact = (f"{p:.4f}" for p in (belief.p_open, belief.low, belief.high))
+    p_closed = Both(short_number(belief.p_closed), f"{belief.p_closed:.4f}")
+    return Text(said, style=STATE_COLOURS[state]), *exact, p_closed
 
 
-def _evidence(belief: DoorBelief) -> tuple[str, ...]:
+def _evidence(belief: DoorBelief, tz: str) -> tuple[Cell, ...]:
     """Return days seen, events, visits, how long ago the last was, hours of the week unseen."""
-    seen = belief.evidence
+    seen, unseen = belief.evidence, belief.evidence.coverage.hours_never_seen
+    last_ns = seen.counts.last_seen_ns
     return (
         f"{seen.coverage.days:.1f}",
-        f"{seen.counts.words:,}",
-        f"{seen.counts.visits:,}",
-        age(seen.counts.last_seen_ns, belief.known_ns),
-        str(seen.coverage.hours_never_seen or ABSENT),
+        Both(f"{seen.counts.words:,}", str(seen.counts.words)),
+        Both(f"{seen.counts.visits:,}", str(seen.counts.visits)),
+        age(last_ns, belief.known_ns),
+        ABSENT if last_ns is None else format_local(last_ns, tz),
+        Both(str(unseen or ABSENT), str(unseen)),
     )
 
 

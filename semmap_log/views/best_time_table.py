@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.beliefs.best_time import BestTime, Window
 from semmap_log.moments import SECOND_NS, format_local
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
 from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
+from semmap_log.views.columns import Column, ColumnTable
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
 
@@ -26,19 +26,24 @@ def best_time_table(found: BestTime) -> RenderableType:
     next_ones = [_from_to(window, found.tz) for window in found.next_ones]
     of_the_week = [_of_week(window) for window in found.of_the_week]
     return Group(
-        _table(f"{label} {found.state}, from now on", found.next_ones, next_ones),
+        _table(f"{label} {found.state}, from now on", found.next_ones, next_ones, name="next"),
         Text(),
-        _table("in a typical week", found.of_the_week, of_the_week),
+        _table("in a typical week", found.of_the_week, of_the_week, name="of_the_week"),
         *(Text(line, style="dim") for line in _notes(found)),
     )
 
 
-def _table(title: str, windows: Sequence[Window], when: Sequence[str]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(title, overflow="fold", min_width=len("Mon 2026-03-02 08:00 to Tue 09:00"))
-    table.add_column("P (90 % interval)", no_wrap=True)
+def _table(title: str, windows: Sequence[Window], when: Sequence[str], *, name: str) -> ColumnTable:
+    table = ColumnTable([
+        Column(name, title, least=len("Mon 2026-03-02 08:00 to Tue 09:00")),
+        Column("", "P (90 % interval)"),
+        Column("p"),
+        Column("low"),
+        Column("high"),
+    ], gap=2)  # fmt: skip
     for window, said in zip(windows, when, strict=True):
-        table.add_row(said, with_interval(window.probability, window.low, window.high))
+        numbers = (window.probability, window.low, window.high)
+        table.add(said, with_interval(*numbers), *(f"{number:.4f}" for number in numbers))
     return table
 
 

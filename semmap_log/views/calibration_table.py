@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.beliefs.calibration import Calibration, DoorCalibration, Hits
 from semmap_log.command_lines import command_line
 from semmap_log.doors import DoorId
+from semmap_log.views.columns import Both, Cell, Column, ColumnTable
 from semmap_log.views.event_words import printable
 from semmap_log.views.health import pasteable, plain_lines
 from semmap_log.views.tables import ABSENT
@@ -34,14 +34,10 @@ def calibration_table(
         names: What the doors are called.
         log: Where the log is, for the line to type.
     """
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("door", min_width=NAME_WIDTH, overflow="fold")
-    for state in ("open", "closed"):
-        table.add_column(f"reads {state}\nwhen {state}", justify="right", no_wrap=True)
-        table.add_column("visits", justify="right", vertical="bottom")
+    table = ColumnTable([Column("door", "door", least=NAME_WIDTH), *_columns()])
     for door_id, door in calibration.doors.items():
-        table.add_row(printable(names.get(door_id, str(door_id))), *_cells(door))
-    table.add_row(TOGETHER, *_cells(calibration.together), style="bold")
+        table.add(printable(names.get(door_id, str(door_id))), *_cells(door))
+    table.add(TOGETHER, *_cells(calibration.together), style="bold")
     lines = ["in brackets: where it lies, nine times in ten; a pass is one visit"]
     if calibration.unseen:
         unseen = ", ".join(printable(names.get(d, str(d))) for d in calibration.unseen)
@@ -50,18 +46,27 @@ def calibration_table(
     return Group(table, Text("\n".join(lines), style="dim"), Text(), to_type)
 
 
-def _cells(door: DoorCalibration) -> tuple[str, str, str, str]:
-    return (
-        _accuracy(door.when_open), f"{door.when_open.visits:,}",
-        _accuracy(door.when_closed), f"{door.when_closed.visits:,}",
-    )  # fmt: skip
+def _columns() -> Iterator[Column]:
+    """Yield the columns of the two states."""
+    for state in ("open", "closed"):
+        yield Column("", f"reads {state}\nwhen {state}", right=True)
+        yield Column(f"accuracy_{state}")
+        yield Column(f"low_{state}")
+        yield Column(f"high_{state}")
+        yield Column(f"visits_{state}", "\nvisits", right=True, yields=1)
 
 
-def _accuracy(hits: Hits) -> str:
+def _cells(door: DoorCalibration) -> tuple[Cell, ...]:
+    return (*_hits(door.when_open), *_hits(door.when_closed))
+
+
+def _hits(hits: Hits) -> tuple[Cell, ...]:
+    """Return the accuracy as it is drawn, then alone and with its interval, and the visits."""
+    visits = Both(f"{hits.visits:,}", str(hits.visits))
     if hits.accuracy is None:
-        return ABSENT
-    low, high = hits.interval
-    return f"{hits.accuracy:.3f} [{low:.3f}, {high:.3f}]"
+        return *[ABSENT] * 4, visits
+    exact = [f"{value:.3f}" for value in (hits.accuracy, *hits.interval)]
+    return f"{exact[0]} [{exact[1]}, {exact[2]}]", *exact, visits
 
 
 def _to_type(calibration: Calibration, log: Path) -> str:

@@ -1,22 +1,24 @@
 """A day of the doors in a terminal: a line of bars a door, readable without colours, too.
 
-The higher a bar, the more of its half hour the door was open, of the time in which that was known.
+The higher a bar, the more of its half hour (in narrow terminals: of its hour) the door was open, of
+the time in which that was known.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.day import Day
 from semmap_log.doors import DoorState
 from semmap_log.moments import format_local
 from semmap_log.projections.time_shares import TimeShares
+from semmap_log.views.columns import Column, ColumnTable, Picture
 from semmap_log.views.event_words import printable
-from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
+from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS
 
 BARS = "▁▂▃▄▅▆▇█"
 """Closed all the time; six in between; open all the time."""
@@ -28,22 +30,47 @@ EVERY_HOURS = 3
 
 
 def day_chart(day: Day, most: int | None) -> RenderableType:
-    """Return a row a door, in 80 columns; the liveliest where there are more than `most`."""
+    """Return a row a door; drawn, only the liveliest where there are more than `most`."""
     shown = list(day.doors) if most is None else day.liveliest(most)
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column(day.date, max_width=NAME_WIDTH, overflow="fold")
-    table.add_column(_scale(day), no_wrap=True)
-    for door in shown:
-        table.add_row(Text(printable(door.label)), _bars(door.shares))
     left_out = len(day.doors) - len(shown)
     doors = "door" if left_out == 1 else "doors"
     more = f"; {left_out} {doors} that changed less: --all-doors" if left_out else ""
-    return Group(table, Text(f"{LEGEND}{more}", style="dim"))
+
+    def drawn(width: int) -> RenderableType:
+        every = 1 if width > len(day.edges_ns) + SHORTEST_NAME else 2
+        table = ColumnTable([
+            Column("", day.date, least=SHORTEST_NAME, most=NAME_WIDTH),
+            Column("", _scale(day, every)),
+        ])  # fmt: skip
+        for door in shown:
+            table.add(Text(printable(door.label)), _bars(door.shares, every))
+        return Group(table, Text(f"{LEGEND}{more}", style="dim"))
+
+    return Picture(drawn, _told(day))
 
 
-def _bars(shares: TimeShares) -> Text:
+def _told(day: Day) -> ColumnTable:
+    """Return all doors for programs: how much of each half hour they were open."""
+    starts = [format_local(ns, day.tz) for ns in day.edges_ns[:-1].tolist()]
+    table = ColumnTable([Column(name) for name in ("door_id", "name", "changes", *starts)])
+    for door in day.doors:
+        opened = (f"{share:.4f}" for share in door.shares.opened.tolist())
+        cells = (ABSENT if share == "nan" else share for share in opened)
+        table.add(str(door.door_id), door.label, str(door.changes), *cells)
+    return table
+
+
+def _bars(shares: TimeShares, every: int) -> Text:
+    """Return a bar for each half hour, or for so many of them together."""
     line = Text()
-    for opened, there in zip(shares.opened.tolist(), shares.there.tolist(), strict=True):
+    known = shares.known.reshape(-1, every)
+    opened_known = np.where(known > 0, shares.opened.reshape(-1, every), 0) * known
+    with np.errstate(invalid="ignore"):
+        opened_shares = opened_known.sum(axis=1) / known.sum(axis=1)
+    is_there = shares.there.reshape(-1, every).max(axis=1)
+    if every == 1:
+        opened_shares = shares.opened
+    for opened, there in zip(opened_shares.tolist(), is_there.tolist(), strict=True):
         if not there:
             line.append(NOT_THERE)
         elif math.isnan(opened):
@@ -62,11 +89,11 @@ def _bar(opened: float) -> str:
     return between[min(int(opened * len(between)), len(between) - 1)]
 
 
-def _scale(day: Day) -> str:
+def _scale(day: Day, every: int) -> str:
     """Return the hours above the bars, as the building's clocks show them."""
-    line, last = [" "] * len(day.edges_ns), ""
+    line, last = [" "] * (len(day.edges_ns) // every + 1), ""
     for place, start_ns in enumerate(day.edges_ns[:-1].tolist()):
         hour, minute = format_local(start_ns, day.tz)[len("2026-03-08 ") :].split(":")[:2]
         if minute == "00" and int(hour) % EVERY_HOURS == 0 and hour != last:  # it may come twice
-            line[place : place + 2] = last = hour
-    return "".join(line)[: len(day.edges_ns) - 1]
+            line[place // every : place // every + 2] = last = hour
+    return "".join(line)[: (len(day.edges_ns) - 1) // every]

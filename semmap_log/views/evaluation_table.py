@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.beliefs.evaluation import Evaluation
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.scores import Scores
+from semmap_log.views.columns import Both, Cell, Column, ColumnTable, Picture
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
 
@@ -46,37 +46,44 @@ def evaluation_table(
     return Group(*parts)
 
 
-def _means(evaluation: Evaluation) -> Table:
+def _means(evaluation: Evaluation) -> ColumnTable:
     mean = evaluation.mean
     best = {figure: _best(mean, figure) for figure in FIGURES}
-    table = _table()
-    table.add_column("estimator", min_width=NAME_WIDTH, overflow="fold")
-    for head in HEADS:
-        table.add_column(head, justify="right", min_width=9)
+    heads = zip(FIGURES, HEADS, range(len(FIGURES)), strict=True)
+    table = ColumnTable([
+        Column("estimator", "estimator", least=NAME_WIDTH),
+        *(Column(name, head, right=True, yields=place) for name, head, place in heads),
+    ])  # fmt: skip
     for name, scores in mean.items():
         cells = [_cell(scores, figure, is_best=best[figure] == name) for figure in FIGURES]
-        table.add_row(printable(name), *cells)
+        table.add(printable(name), *cells)
     return table
 
 
-def _doors(evaluation: Evaluation, names: Names) -> Table:
-    """Return the Brier scores of each door."""
+def _doors(evaluation: Evaluation, names: Names) -> RenderableType:
+    """Return the Brier scores of each door; of many, and of many estimators, a part is drawn."""
     mean = evaluation.mean
     ranked = sorted(mean, key=lambda name: mean[name].brier or 0.0)[:MOST_ESTIMATORS]
-    shown = [name for name in mean if name in ranked]
-    table = _table()
-    table.add_column("door (Brier)", min_width=NAME_WIDTH, overflow="fold")
-    for name in shown:
-        table.add_column(printable(name), justify="right", min_width=7, overflow="fold")
-    for door in evaluation.doors[:MOST_DOORS]:
+    drawn = _brier_scores(evaluation, names, [name for name in mean if name in ranked], MOST_DOORS)
+    return Picture(lambda _: drawn, _brier_scores(evaluation, names, list(mean), None))
+
+
+def _brier_scores(
+    evaluation: Evaluation, names: Names, estimators: list[str], most: int | None
+) -> ColumnTable:
+    mean = evaluation.mean
+    worst_first = sorted(estimators, key=lambda name: -(mean[name].brier or 0.0))
+    table = ColumnTable([
+        Column("door", "door (Brier)", least=NAME_WIDTH),
+        *(Column(f"brier_{name}", printable(name), right=True, least=7,
+                 yields=max(0, len(worst_first) - 1 - worst_first.index(name)))
+          for name in estimators),
+    ])  # fmt: skip
+    for door in evaluation.doors[:most]:
         best = _best(door.scores, "brier")
-        cells = [_cell(door.scores[name], "brier", is_best=name == best) for name in shown]
-        table.add_row(printable(names.get(door.door_id, str(door.door_id))), *cells)
+        cells = [_cell(door.scores[name], "brier", is_best=name == best) for name in estimators]
+        table.add(printable(names.get(door.door_id, str(door.door_id))), *cells)
     return table
-
-
-def _table() -> Table:
-    return Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
 
 
 def _best(scores: Mapping[str, Scores], figure: str) -> str | None:
@@ -86,10 +93,10 @@ def _best(scores: Mapping[str, Scores], figure: str) -> str | None:
     return min(scores, key=lambda name: abs(getattr(scores[name], figure)))
 
 
-def _cell(scores: Scores, figure: str, *, is_best: bool) -> Text:
+def _cell(scores: Scores, figure: str, *, is_best: bool) -> Cell:
     value = getattr(scores, figure)
     said = f"{value:+.4f}" if figure == "bias" else f"{value:.4f}"
-    return Text(f"{said}{BEST if is_best else ' '}", style="bold" if is_best else "")
+    return Both(Text(f"{said}{BEST if is_best else ' '}", style="bold" if is_best else ""), said)
 
 
 def _said(evaluation: Evaluation) -> str:

@@ -1,4 +1,4 @@
-"""Events as lines of text, one an event, for who watches a log grow."""
+"""Events as lines, one an event, for who watches a log grow: people, or programs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,35 @@ from semmap_log.event_batch import RecordedEvent
 from semmap_log.events import DoorEvent
 from semmap_log.moments import format_local
 from semmap_log.views.event_words import printable, words_of
+from semmap_log.views.tables import ABSENT
 
 DOOR_WIDTH = 14
 NUMBER_WIDTH = 6
 LATE_NS = 60 * 10**9
 """An event that was recorded so much later than it happened says so."""
+
+
+ROW = ("event", "happened", "recorded", "kind", "door_id", "door", "what",
+       "actor", "source", "reason")  # fmt: skip
+"""What `event_row` says, for programs; the columns of a history, too."""
+
+
+def event_row(
+    recorded: RecordedEvent, *, tz: str, names: Mapping[DoorId, str], note: Note = Note()
+) -> tuple[str, ...]:
+    """Return an event as the cells of `ROW`; arguments are those of `event_line`."""
+    event = recorded.event
+    door_id = event.door_id if isinstance(event, DoorEvent) else None
+    return (
+        str(recorded.number),
+        format_local(recorded.happened_ns, tz),
+        format_local(recorded.recorded_ns, tz),
+        type(event).__name__,
+        ABSENT if door_id is None else str(door_id),
+        ABSENT if door_id is None else names.get(door_id, str(door_id)),
+        words_of(event),
+        *(text or ABSENT for text in (note.actor, note.source, note.reason)),
+    )
 
 
 def event_line(

@@ -1,6 +1,7 @@
-"""Tables for people. They fit 80 columns; colours only where there is a terminal (rich sees to it).
+"""Tables of doors and events, drawn for people and as lines for programs (`columns`).
 
-Nothing is cut off: what does not fit goes on in the next line, since half a name is no name.
+Drawn they fit 80 columns. Nothing is cut off: what does not fit goes on in the next line, since
+half a name is no name; in less than 80, columns are left out.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.doors import Door, DoorId, DoorMap, DoorState
@@ -20,6 +20,7 @@ from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.formats.event_json import CHANGED_FIELDS
 from semmap_log.levels import levels_of
 from semmap_log.moments import format_local
+from semmap_log.views.columns import Both, Cell, Column, ColumnTable, Picture, add_pair, pairs
 from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
@@ -50,60 +51,66 @@ Names = Mapping[DoorId, str]
 SHORTEST_NAME = 14
 
 
-def door_table(door_map: DoorMap, *, tz: str, width: int | None = None) -> RenderableType:
-    """Return the doors of a map, ids ascending; columns that no door fills are left out.
+def door_table(door_map: DoorMap, *, tz: str) -> RenderableType:
+    """Return the doors of a map, ids ascending; columns that no door fills are not drawn.
 
     The age of a state counts from the moment that the map is of.
 
     Args:
         door_map: The doors.
-        tz: IANA zone of the caption's time.
-        width: Columns of text; None: what the doors need.
+        tz: IANA zone of the times.
     """
     doors = list(door_map.doors.values())
+    table, known = ColumnTable(_door_columns(door_map)), levels_of(door_map)
+    for door in doors:
+        table.add(
+            str(door.door_id),
+            _text(door.name or ABSENT),
+            _text(door_map.level_name(door.level) if door.level in known else ABSENT),
+            *(_number(getattr(door, name)) for name in ("x", "y", "theta", "width")),
+            _state(door.state),
+            *(_number(getattr(door, name)) for name in ("prob_open", "prob_closed")),
+            age(door.last_seen_ns, door_map.moment_ns),
+            ABSENT if door.last_seen_ns is None else format_local(door.last_seen_ns, tz),
+        )
+    caption = Text(f"{_count(len(doors), 'door')}, {_moment(door_map, tz)}", style="dim")
+    return Group(table, caption)
+
+
+def _door_columns(door_map: DoorMap) -> list[Column]:
+    doors = door_map.doors.values()
     levels = any(level.name for level in door_map.levels.values())
-    known = levels_of(door_map)
     named, placed = any(door.name for door in doors), any(door.is_placed for door in doors)
     open_given, closed_given = (
         any(not math.isnan(getattr(door, name)) for door in doors)
         for name in ("prob_open", "prob_closed")
     )
-    table = _plain_table(width=width)
-    table.add_column("id", justify="right")
-    if named:
-        table.add_column("name", overflow="fold", min_width=SHORTEST_NAME)
-    if levels:
-        table.add_column("level", overflow="fold")
-    for name in ("x", "y", "theta", "width") if placed else ():
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("state", no_wrap=True)
-    for name, given in (("P of\nopen", open_given), ("P of\nclosed", closed_given)):
-        if given:
-            table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("age", justify="right", no_wrap=True)
-    for door in doors:
-        cells: list[RenderableType] = [str(door.door_id)]
-        cells += [_text(door.name or ABSENT)] * named
-        level = door_map.level_name(door.level) if door.level in known else ABSENT
-        cells += [_text(level)] * levels
-        cells += [_number(getattr(door, n)) for n in ("x", "y", "theta", "width")] * placed
-        cells.append(_state(door.state))
-        cells += [_number(door.prob_open)] * open_given + [_number(door.prob_closed)] * closed_given
-        table.add_row(*cells, age(door.last_seen_ns, door_map.moment_ns))
-    caption = Text(f"{_count(len(doors), 'door')}, {_moment(door_map, tz)}", style="dim")
-    return Group(table, caption) if doors else caption
+    return [
+        Column("door_id", "id", right=True),
+        Column("name", "name" if named else None, least=SHORTEST_NAME),
+        Column("level", "level" if levels else None, least=3, yields=1),
+        Column("x", "x" if placed else None, right=True, yields=4),
+        Column("y", "y" if placed else None, right=True, yields=4),
+        Column("theta", "theta" if placed else None, right=True, yields=5),
+        Column("width", "width" if placed else None, right=True, yields=5),
+        Column("state", "state"),
+        Column("prob_open", "P of\nopen" if open_given else None, right=True, yields=2),
+        Column("prob_closed", "P of\nclosed" if closed_given else None, right=True, yields=3),
+        Column("age", "age", right=True),
+        Column("last_seen"),
+    ]
 
 
 def history_table(
     entries: Iterable[HistoryEntry], *, tz: str, names: Names = MappingProxyType({})
-) -> RenderableType:
+) -> ColumnTable:
     """Return events with who and why, one a row; for many, print `history_pages` one by one."""
-    return Group(*history_pages(entries, tz=tz, names=names))
+    return _history_page(list(entries), tz=tz, names=names, before=None)
 
 
 def history_pages(
     entries: Iterable[HistoryEntry], *, tz: str, names: Names = MappingProxyType({})
-) -> Iterator[Table]:
+) -> Iterator[ColumnTable]:
     """Yield the table of `history_table` in pieces whose columns line up; the first has the head.
 
     Args:
@@ -130,31 +137,42 @@ def diff_table(found: Diff, *, tz: str) -> RenderableType:
         found: The difference.
         tz: IANA zone of the times.
     """
-    table = _plain_table()
-    table.add_column("door", overflow="fold")
-    table.add_column("what", no_wrap=True)
-    table.add_column("before", overflow="fold")
-    table.add_column("after", overflow="fold")
+    table = ColumnTable([
+        Column("door_id"),
+        Column("name"),
+        Column("", "door", least=SHORTEST_NAME),
+        Column("what", "what"),
+        Column("before", "before", least=SHORTEST_NAME),
+        Column("after", "after", least=SHORTEST_NAME),
+    ])  # fmt: skip
     for door in found.added:
-        table.add_row(_who(door), "added", ABSENT, _door_in_short(door))
+        table.add(*_who(door), "added", ABSENT, _door_in_short(door))
     for door in found.removed:
-        table.add_row(_who(door), "removed", _door_in_short(door), ABSENT)
+        table.add(*_who(door), "removed", _door_in_short(door), ABSENT)
     for change in found.changed:
-        table.add_row(_who(change.door), change.field, *_before_and_after(change))
+        for before, after in _before_and_after(change):
+            table.add(*_who(change.door), change.field, before, after)
     moments = Text(
         f"before: {_moment(found.before, tz)}\nafter:  {_moment(found.after, tz)}", style="dim"
     )
     told = [entry for entry in found.events if not isinstance(entry.event, RobotPose)]
-    parts: list[RenderableType] = [table if found else Text("No door is different."), moments]
-    if told:
-        parts += [Text(), history_table(told[-MOST_EVENTS_OF_A_DIFF:], tz=tz, names=_names(found))]
+    nothing = [] if found else [Text("No door is different.")]
+    return Group(table, *nothing, moments, *_last_events(told, tz=tz, names=_names(found)))
+
+
+def _last_events(told: list[HistoryEntry], *, tz: str, names: Names) -> list[RenderableType]:
+    """Return a table of events of which the last are drawn, and how many there are before."""
+    if not told:
+        return []
+    drawn = history_table(told[-MOST_EVENTS_OF_A_DIFF:], tz=tz, names=names)
+    parts: list[RenderableType] = [Text(), drawn]
     if len(told) > MOST_EVENTS_OF_A_DIFF:
         earlier = _count(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
         parts.append(Text(f"… and {earlier} before these", style="dim"))
-    return Group(*parts)
+    return [Picture(lambda _: Group(*parts), history_table(told, tz=tz, names=names))]
 
 
-def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> Table:
+def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
     """Return all that is known about one event, a field a row; an update: only what it sets.
 
     Args:
@@ -162,23 +180,24 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> Table:
         tz: IANA zone of the times.
         name: What the door is called.
     """
-    table = _pairs()
-    table.add_row("event", f"{entry.number}{_taken_back(entry)}")
-    table.add_row("kind", entry.kind)
+    table = pairs([
+        ("event", f"{entry.number}{_taken_back(entry)}"),
+        ("kind", entry.kind),
+    ])  # fmt: skip
     if entry.door_id is not None:
-        table.add_row("door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id)))
+        add_pair(table, "door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id)))
     for field in _telling_fields(entry.event):
-        table.add_row(field, _value(getattr(entry.event, field)))
+        add_pair(table, field, _value(getattr(entry.event, field)))
     for change in entry.changes:
         if not _is_absent(change.before):
-            table.add_row("changed", _text(f"{change.field}: {_short(change.before)} -> "
-                                           f"{_short(change.after)}"))  # fmt: skip
-    table.add_row("happened", format_local(entry.happened_ns, tz))
-    table.add_row("recorded", format_local(entry.recorded_ns, tz))
+            said = f"{change.field}: {_short(change.before)} -> {_short(change.after)}"
+            add_pair(table, "changed", _text(said))
+    add_pair(table, "happened", format_local(entry.happened_ns, tz))
+    add_pair(table, "recorded", format_local(entry.recorded_ns, tz))
     for part in ("actor", "source", "reason", "correlation"):
         if said := getattr(entry, part):
-            table.add_row(part, _text(said))
-    table.add_row("command id", entry.command_id.hex())
+            add_pair(table, part, _text(said))
+    add_pair(table, "command id", entry.command_id.hex())
     return table
 
 
@@ -198,33 +217,40 @@ def _telling_fields(event: Event) -> Iterator[str]:
 def summary_table(summary: LogSummary) -> RenderableType:
     """Return what a log holds, a fact a row; then what looks wrong."""
     info, tz = summary.info, summary.info.timezone
-    table = _pairs()
+    table = pairs()
     for name, text in (("building", info.building), ("robot", info.robot)):
         if text:
-            table.add_row(name, _text(text))
-    table.add_row("log id", info.log_id)
-    table.add_row("time zone", tz)
-    table.add_row("doors", str(len(summary.door_map)))
-    table.add_row("events", f"{summary.events:,} in {_count(summary.commits, 'commit')}")
+            add_pair(table, name, _text(text))
+    add_pair(table, "log id", info.log_id)
+    add_pair(table, "time zone", tz)
+    add_pair(table, "doors", str(len(summary.door_map)))
+    events = f"{summary.events:,} in {_count(summary.commits, 'commit')}"
+    add_pair(table, "events", Both(events, str(summary.events)))
     for kind, count in summary.counts.items():
-        table.add_row("", f"{count:>9,} {kind}")
+        add_pair(table, "", Both(f"{count:>9,} {kind}", str(count)), told_name=f"events: {kind}")
     for name, span in (("happened", summary.happened_ns), ("recorded", summary.recorded_ns)):
         if span is not None:
-            table.add_row(name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
+            add_pair(table, name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
     if summary.durability:
         levels = (f"{level} {count:,}" for level, count in summary.durability.items())
-        table.add_row("durability", ", ".join(levels))
-    files = _count(len(summary.segments), "file")
-    table.add_row("size", f"{_size(summary.bytes)} in {files}")
-    table.add_row("head", summary.head.hex())
-    suspects = [f"suspect clock: {_suspect(suspect, tz)}" for suspect in summary.suspects]
-    if len(suspects) > MOST_SUSPECTS:
-        more = _count(len(suspects) - MOST_SUSPECTS, "commit")
-        suspects[MOST_SUSPECTS:] = [f"suspect clock: {more} more (all: --json)"]
-    wrong = [*(f"warning: {warning}" for warning in summary.warnings), *suspects]
-    if not wrong:
-        return Group(table, Text("nothing looks wrong", style="dim"))
-    return Group(table, *(_text(text, style="yellow") for text in wrong))
+        add_pair(table, "durability", ", ".join(levels))
+    size = f"{_size(summary.bytes)} in {_count(len(summary.segments), 'file')}"
+    add_pair(table, "size", Both(size, str(summary.bytes)), told_name="bytes")
+    add_pair(table, "head", summary.head.hex())
+    wrong = [*summary.warnings, *_suspects(summary)]
+    for text in wrong:
+        add_pair(table, "warning", _text(text, style="yellow"))
+    return Group(table, *[Text("nothing looks wrong", style="dim")] * (not wrong))
+
+
+def _suspects(summary: LogSummary) -> list[str]:
+    """Return the commits whose clock is suspect, in words."""
+    tz = summary.info.timezone
+    told = [f"suspect clock: {_suspect(suspect, tz)}" for suspect in summary.suspects]
+    if len(told) > MOST_SUSPECTS:
+        more = _count(len(told) - MOST_SUSPECTS, "commit")
+        told[MOST_SUSPECTS:] = [f"suspect clock: {more} more (all: --json)"]
+    return told
 
 
 def _suspect(suspect: Suspect, tz: str) -> str:
@@ -248,28 +274,44 @@ def age(then_ns: int | None, now_ns: int) -> str:
 
 def _history_page(
     entries: list[HistoryEntry], *, tz: str, names: Names, before: HistoryEntry | None
-) -> Table:
-    """Return one page: a date stands once a day, who and why once a commit."""
-    table = _plain_table(show_header=before is None, expand=True)
-    table.add_column("event", justify="right", width=6, overflow="fold")
-    table.add_column("happened", width=DATE_WIDTH, overflow="fold")
-    table.add_column("door", width=16, overflow="fold")
-    table.add_column("what", ratio=3, overflow="fold")
-    table.add_column("who: why", ratio=2, overflow="fold")
+) -> ColumnTable:
+    """Return one page: drawn, a date stands once a day, who and why once a commit."""
+    table = ColumnTable(HISTORY_COLUMNS, has_head=before is None)
     for entry in entries:
         day, clock = _day_and_clock(entry, tz)
-        door = ABSENT if entry.door_id is None else names.get(entry.door_id, str(entry.door_id))
+        door_id = ABSENT if entry.door_id is None else str(entry.door_id)
         said = ": ".join(part for part in (entry.actor, entry.reason) if part)
-        table.add_row(
+        is_same_day = before and day == _day_and_clock(before, tz)[0]
+        is_same_commit = before and entry.command_id == before.command_id
+        table.add(
             str(entry.number),
-            clock if before and day == _day_and_clock(before, tz)[0] else f"{day}\n{clock}",
-            _text(door),
+            Both(clock if is_same_day else f"{day}\n{clock}", format_local(entry.happened_ns, tz)),
+            format_local(entry.recorded_ns, tz),
+            entry.kind,
+            door_id,
+            _text(door_id if entry.door_id is None else names.get(entry.door_id, door_id)),
             _what(entry),
-            _text("" if before and entry.command_id == before.command_id else said),
+            _text("" if is_same_commit else said),
+            *(getattr(entry, part) or ABSENT for part in ("actor", "source", "reason")),
             style="dim" if entry.retracted else "",
         )
         before = entry
     return table
+
+
+HISTORY_COLUMNS = [
+    Column("event", "event", right=True, width=6),
+    Column("happened", "happened", width=DATE_WIDTH),
+    Column("recorded"),
+    Column("kind"),
+    Column("door_id"),
+    Column("door", "door", width=16),
+    Column("what", "what", ratio=3, least=14),
+    Column("", "who: why", ratio=2, least=14, yields=1),
+    Column("actor"),
+    Column("source"),
+    Column("reason"),
+]
 
 
 def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
@@ -317,29 +359,6 @@ def _short(value: object) -> str:
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def _plain_table(
-    *, width: int | None = None, show_header: bool = True, expand: bool = False
-) -> Table:
-    return Table(
-        box=None,
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-        width=width,
-        show_header=show_header,
-        expand=expand,
-        caption_justify="left",
-        caption_style="dim",
-    )
-
-
-def _pairs() -> Table:
-    """Return a table of names and values."""
-    table = Table.grid(padding=(0, 2, 0, 0))
-    table.add_column(style="dim")
-    table.add_column(overflow="fold")
-    return table
-
-
 def _state(state: DoorState) -> Text:
     return Text(state.name, style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
 
@@ -348,7 +367,7 @@ def _number(value: float) -> str:
     return ABSENT if math.isnan(value) else f"{value:.3f}"
 
 
-def _value(value: object) -> RenderableType:
+def _value(value: object) -> Cell:
     if isinstance(value, DoorState):
         return _state(value)
     if isinstance(value, float):
@@ -361,8 +380,11 @@ def _value(value: object) -> RenderableType:
     return _text(str(value))
 
 
-def _who(door: Door) -> Text:
-    return _text(str(door.door_id) if door.name is None else f"{door.door_id} {door.name}")
+def _who(door: Door) -> tuple[Cell, Cell, Cell]:
+    """Return the id and the name, and both as they are drawn."""
+    number = str(door.door_id)
+    drawn = number if door.name is None else f"{number} {door.name}"
+    return number, _text(door.name or ABSENT), _text(drawn)
 
 
 def _door_in_short(door: Door) -> Text:
@@ -376,16 +398,15 @@ def _names(found: Diff) -> Names:
     return {door_id: door.name for door_id, door in doors.items() if door.name}
 
 
-def _before_and_after(change: FieldChange) -> tuple[RenderableType, RenderableType]:
+def _before_and_after(change: FieldChange) -> Iterator[tuple[Cell, Cell]]:
+    """Yield what a field was and is; of annotations, of each that changed."""
     if change.field != "annotations":
-        return _value(change.before), _value(change.after)
-    keys = sorted(k for k in {**change.before, **change.after}
-                  if change.before.get(k) != change.after.get(k))  # fmt: skip
-    before, after = (
-        Text("\n").join(_text(f"{key} = {said.get(key, ABSENT)}") for key in keys)
-        for said in (change.before, change.after)
-    )
-    return before, after
+        yield _value(change.before), _value(change.after)
+        return
+    for key in sorted({**change.before, **change.after}):
+        before, after = change.before.get(key), change.after.get(key)
+        if before != after:
+            yield _text(f"{key} = {before or ABSENT}"), _text(f"{key} = {after or ABSENT}")
 
 
 def _moment(door_map: DoorMap, tz: str) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.doors import DoorState
 from semmap_log.moments import DAY_NS, SECOND_NS, format_local
 from semmap_log.projections.timeline import Interval, Timeline
+from semmap_log.views.columns import Both, Column, ColumnTable
 from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
 
 PAGE_ROWS = 500
@@ -19,7 +19,7 @@ UNITS = ((DAY_NS, "d"), (3600 * SECOND_NS, "h"), (60 * SECOND_NS, "min"), (SECON
 """Nanoseconds in a unit, and its name."""
 
 
-def timeline_pages(timeline: Timeline, *, tz: str) -> Iterator[Table]:
+def timeline_pages(timeline: Timeline, *, tz: str) -> Iterator[ColumnTable]:
     """Yield the intervals as tables whose columns line up; the first has the head.
 
     Args:
@@ -29,7 +29,7 @@ def timeline_pages(timeline: Timeline, *, tz: str) -> Iterator[Table]:
     waiting = iter(timeline)
     page = list(islice(waiting, PAGE_ROWS))
     is_first = True
-    while page:
+    while page or is_first:
         yield _page(page, tz=tz, show_header=is_first)
         page, is_first = list(islice(waiting, PAGE_ROWS)), False
 
@@ -63,21 +63,28 @@ def duration(ns: int) -> str:
     return " ".join(filter(None, parts))
 
 
-def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), show_header=show_header)
-    table.add_column("since", width=TIME_WIDTH, overflow="fold")
-    table.add_column("until", width=TIME_WIDTH, overflow="fold")
-    table.add_column("lasted", width=len("23 h 59 min"), justify="right", overflow="fold")
-    table.add_column("state", width=len(DoorState.UNKNOWN.name))
-    table.add_column("seen", width=5, justify="right", overflow="fold")
-    table.add_column("event", width=9, justify="right", overflow="fold")
+def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> ColumnTable:
+    table = ColumnTable(COLUMNS, has_head=show_header)
     for interval in intervals:
-        table.add_row(
-            format_local(interval.start_ns, tz)[:TIME_WIDTH],
-            format_local(interval.end_ns, tz)[:TIME_WIDTH],
+        since, until = (format_local(ns, tz) for ns in (interval.start_ns, interval.end_ns))
+        table.add(
+            Both(since[:TIME_WIDTH], since),
+            Both(until[:TIME_WIDTH], until),
             duration(interval.duration_ns),
+            f"{interval.duration_ns / SECOND_NS:.3f}",
             Text(interval.state.name, style=STATE_COLOURS.get(interval.state, OTHER_STATE_COLOUR)),
             str(interval.sightings),
             str(interval.event),
         )
     return table
+
+
+COLUMNS = [
+    Column("since", "since", width=TIME_WIDTH),
+    Column("until", "until", width=TIME_WIDTH, yields=1),
+    Column("", "lasted", width=len("23 h 59 min"), right=True),
+    Column("seconds"),
+    Column("state", "state", width=len(DoorState.UNKNOWN.name)),
+    Column("seen", "seen", width=5, right=True, yields=2),
+    Column("event", "event", width=9, right=True, yields=3),
+]

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from semmap_log.beliefs.typical_week import Pattern, TypicalWeek
@@ -22,10 +21,12 @@ from semmap_log.views.belief_words import (
     never_seen_lines,
     short_number,
     why_unknown,
+    with_interval,
 )
+from semmap_log.views.columns import Column, ColumnTable, Picture
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import Rgb
-from semmap_log.views.tables import OTHER_STATE_COLOUR, SHORTEST_NAME
+from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME
 from semmap_log.views.week_shades import ink_on, shade
 
 NEVER_SEEN = "·"
@@ -37,32 +38,61 @@ LEGEND = (
 
 WIDE, NARROW = 3, 2
 """Columns of text a cell: of a map of its own, and of one of many rows."""
+FULL_WIDTH = 80
+"""Columns of text in which seven days stand side by side."""
+
+NAMES = [Column("", "id", right=True), Column("", "name", least=SHORTEST_NAME)]
 
 
 def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
     """Return a map for each door, 7 rows of 24 cells."""
-    parts: list[RenderableType] = []
+
+    def drawn(width: int) -> RenderableType:
+        cell = _cell_width(width, WIDE, beside=len("Mon "))
+        parts: list[RenderableType] = []
+        for week in weeks:
+            parts += [_title(week), *_map(week, cell), Text()]
+        return Group(*parts)
+
+    table = _told_table("weekday", "hour")
     for week in weeks:
-        parts += [_title(week), *_map(week), Text()]
-    return Group(*parts, *_notes(weeks))
+        for day, name in enumerate(DAY_NAMES):
+            _tell(table, week, week.hours.taken(day), [(name, str(hour)) for hour in range(HOURS)])
+    return Group(Picture(drawn, table), *_notes(weeks))
 
 
 def hour_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     """Return a row of 24 cells for each door: its typical day."""
-    table = _table()
-    table.add_column(_scale(NARROW), no_wrap=True, min_width=HOURS * NARROW)
+
+    def drawn(width: int) -> RenderableType:
+        cell = _cell_width(width, NARROW, beside=len("123 ") + SHORTEST_NAME + 1)
+        table = ColumnTable([*NAMES, Column("", _scale(cell).plain)])
+        for week in weeks:
+            is_seen = np.asarray(week.is_seen.any(axis=0))
+            cells = _row(week.by_hour(), is_seen, cell) if week.is_known else _unknown(week)
+            table.add(*_names(week), cells)
+        return table
+
+    table = _told_table("hour")
     for week in weeks:
-        is_seen = np.asarray(week.is_seen.any(axis=0))
-        cells = _row(week.by_hour(), is_seen, NARROW) if week.is_known else _unknown(week)
-        table.add_row(*_names(week), cells)
-    return Group(table, *_notes(weeks))
+        _tell(table, week, week.by_hour(), [(str(hour),) for hour in range(HOURS)])
+    return Group(Picture(drawn, table), *_notes(weeks))
 
 
 def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     """Return P(open) and its interval for the seven days, two lines for each door."""
-    table = _table()
-    for day in DAY_NAMES:
-        table.add_column(day, no_wrap=True)
+
+    def drawn(width: int) -> RenderableType:
+        return _days_across(weeks) if width >= FULL_WIDTH else _days_below(weeks)
+
+    table = _told_table("weekday")
+    for week in weeks:
+        _tell(table, week, week.by_weekday(), [(name,) for name in DAY_NAMES])
+    return Group(Picture(drawn, table), *_notes(weeks, legend="P(open), and its 90 % interval"))
+
+
+def _days_across(weeks: Sequence[TypicalWeek]) -> ColumnTable:
+    table = ColumnTable([*NAMES, *(Column("", day) for day in DAY_NAMES)])
     for week in weeks:
         days = week.by_weekday()
         cells = [
@@ -72,22 +102,51 @@ def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
             )
         ]
         if week.is_known:
-            table.add_row(*_names(week), *cells)
+            table.add(*_names(week), *cells)
         else:
             number, name = _names(week)
-            table.add_row(number, name.append("\n").append(_unknown(week)), *[NEVER_SEEN] * 7)
-    return Group(table, *_notes(weeks, legend="P(open), and its 90 % interval"))
+            table.add(number, name.append("\n").append(_unknown(week)), *[NEVER_SEEN] * 7)
+    return table
+
+
+def _days_below(weeks: Sequence[TypicalWeek]) -> ColumnTable:
+    """Return the same, a row a day, for narrow terminals."""
+    table = ColumnTable([*NAMES, Column("", "day"), Column("", "P(open)")])
+    for week in weeks:
+        days, names = week.by_weekday(), _names(week)
+        if not week.is_known:
+            table.add(*names, "", _unknown(week))
+            continue
+        for day, name in enumerate(DAY_NAMES):
+            p, low, high = days.p_open[day], days.low[day], days.high[day]
+            said = with_interval(p, low, high) if days.is_known[day] else NEVER_SEEN
+            table.add(*(names if day == 0 else ("", "")), name, said)
+    return table
+
+
+def _told_table(*of: str) -> ColumnTable:
+    """Return the table for programs: a row a cell, whose place in the week `of` names."""
+    names = ("door_id", "name", *of, "p_open", "low", "high")
+    return ColumnTable([Column(name) for name in names])
+
+
+def _tell(
+    table: ColumnTable, week: TypicalWeek, cells: Pattern, places: Sequence[tuple[str, ...]]
+) -> None:
+    """Add a row for each cell; those of which too little is known have no numbers."""
+    numbers = zip(places, cells.p_open, cells.low, cells.high, cells.is_known, strict=True)
+    for place, p_open, low, high, is_known in numbers:
+        known = [f"{value:.4f}" for value in (p_open, low, high)]
+        table.add(*_names(week), *place, *(known if is_known and week.is_known else [ABSENT] * 3))
+
+
+def _cell_width(width: int, wanted: int, *, beside: int) -> int:
+    """Return how many columns of text a cell may take, where so many are beside the cells."""
+    return max(1, min(wanted, (width - beside) // HOURS))
 
 
 def _title(week: TypicalWeek) -> Text:
     return Text(f"{week.door.door_id} {printable(week.door.label)}", style="bold")
-
-
-def _table() -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("id", justify="right", no_wrap=True)
-    table.add_column("name", overflow="fold", min_width=SHORTEST_NAME)
-    return table
 
 
 def _names(week: TypicalWeek) -> tuple[str, Text]:
@@ -98,12 +157,12 @@ def _unknown(week: TypicalWeek) -> Text:
     return Text(f"UNKNOWN, {why_unknown(week.evidence)}", style=OTHER_STATE_COLOUR)
 
 
-def _map(week: TypicalWeek) -> list[Text]:
+def _map(week: TypicalWeek, width: int) -> list[Text]:
     if not week.is_known:
         return [_unknown(week)]
-    rows = [Text("    ").append(_scale(WIDE))]
+    rows = [Text("    ").append(_scale(width))]
     for day, name in enumerate(DAY_NAMES):
-        cells = _row(week.hours.taken(day), week.is_seen[day], WIDE)
+        cells = _row(week.hours.taken(day), week.is_seen[day], width)
         rows.append(Text(f"{name} ").append(cells))
     return rows
 

@@ -10,6 +10,8 @@ import pytest
 from semmap_log.cli import main
 from tests.beliefs.patrolled import patrolled
 
+pytestmark = pytest.mark.usefixtures("terminal")
+
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 
 

@@ -148,6 +148,7 @@ def test_a_door_through_its_life(run) -> None:
     assert 6 == replayed["event"]
 
 
+@pytest.mark.usefixtures("terminal")
 def test_history_says_who_and_why(run) -> None:
     """
     As JSON with the names of the design, and as a table of at most 80 columns.
@@ -183,6 +184,7 @@ def test_replay_at_and_known_at(run) -> None:
     assert 1 == known["event"]
 
 
+@pytest.mark.usefixtures("terminal")
 def test_diff_and_show(run) -> None:
     """
     Between two events: what changed, and what did it.
@@ -238,7 +240,7 @@ def test_history_as_a_picture(run, tmp_path: Path) -> None:
     assert "front" in (tmp_path / "all.svg").read_text()
     assert b"\x89PNG" == (tmp_path / "one.png").read_bytes()[:4]
     assert "expected a name that ends in .png or .svg" in wrong.err
-    assert "--plot" in both.err
+    assert "--plot" in both.json["error"]["message"]
     assert "no door was in the map then" in nothing.err
     assert not (tmp_path / "none.svg").exists()
 
@@ -294,9 +296,10 @@ def test_no_name_is_no_zone(run, arguments: tuple[str, ...]) -> None:
     done = run(*arguments, "--tz", "")
 
     assert 1 == done.code
-    assert "No time zone '': expected an IANA name" in " ".join(done.err.split())
+    assert "No time zone '': expected an IANA name" in " ".join((done.err + done.out).split())
 
 
+@pytest.mark.usefixtures("terminal")
 def test_info_draws_a_day(run) -> None:
     """
     The last, or the one asked for; of a single file, which knows not all of it, none.
@@ -639,7 +642,7 @@ def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
     assert "front" in done.stdout
     assert re.fullmatch(
         r"semmap-log: warning: .*log_000001.mcap: the keyframe at byte \d+ is not used: it is of "
-        r"state version 99, ours is \d+\n", done.stderr
+        r"state version 99, ours is \d+\n2 doors, up to event \d\n", done.stderr
     )  # fmt: skip
 
 

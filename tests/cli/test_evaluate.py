@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.importing import import_file
+
+pytestmark = pytest.mark.usefixtures("terminal")
 
 
 @pytest.fixture
@@ -58,7 +61,7 @@ def test_the_table_fits_a_terminal_and_marks_the_best(
     out = capsys.readouterr().out
     assert 0 == code
     assert max(map(len, out.splitlines())) <= 80
-    assert "constant          0.1111" in out
+    assert re.search("^constant +0.1111", out, re.MULTILINE)
     assert "front" in out
     assert "2 doors, 17,280 samples after the first 70%; mean over doors, * best" in out
     assert "known at each forecast: all up to the midnight before it" in out

@@ -76,11 +76,11 @@ def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run,
 
 def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
     """
-    --from and --to, --palette, --every and --default-prob.
+    --since and --until, --palette, --every and --default-prob.
     """
     code, _, _ = run(
-        "export", "office", "part.mcap", "--markers", "--from", f"@{START // SECOND + 60}",
-        "--to", f"@{START // SECOND + 1900}", "--palette", "colour-blind", "--every", "900",
+        "export", "office", "part.mcap", "--markers", "--since", f"@{START // SECOND + 60}",
+        "--until", f"@{START // SECOND + 1900}", "--palette", "colour-blind", "--every", "900",
         "--default-prob", "0.5",
     )  # fmt: skip
 
@@ -128,12 +128,16 @@ def test_many_changes_are_thinned_out_and_that_is_said(
     [
         (["x.zip"], 1, "over time .mcap, .bag (ROS 1)"),
         (["x.yaml", "--markers"], 1, "tells no bag"),
-        (["x.mcap", "--markers", "--at", "12:00"], 2, "--at: a bag shows a range: --from, --to"),
+        (
+            ["x.mcap", "--markers", "--at", "12:00"],
+            2,
+            "--at: a bag shows a range: --since, --until",
+        ),
         (["x", "--known-at", "12:00"], 2, "a bag shows a range"),
         (["x.bag", "--event", "3"], 2, "a bag shows a range"),
         (["x.yaml", "--palette", "default"], 2, "--palette: only with --markers"),
         (["x.mcap", "--palette", "default"], 2, "--palette: only with --markers"),
-        (["x.yaml", "--from", "12:00"], 2, "--from: only for bags"),
+        (["x.yaml", "--since", "12:00"], 2, "--since: only for bags"),
         (["x.jsonl", "--every", "1"], 2, "--every: only for bags"),
         (["x.mcap", "--markers", "--every", "-1"], 2, "from 0 to 1e+09, got -1"),
         (["x.mcap", "--markers", "--every", "1e300"], 2, "from 0 to 1e+09, got 1e+300"),

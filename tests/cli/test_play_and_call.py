@@ -49,7 +49,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
         (["office", "--ros2", "--skip-empty", "inf"], 2, "--skip-empty"),
         (["office", "--ros2", "--palette", "default"], 2, "--palette: only with --markers"),
         (["office", "--ros2", "--default-prob", "2"], 2, "--default-prob"),
-        (["office", "--ros1", "--from", "12:00", "--to", "11:00"], 1, "swap them"),
+        (["office", "--ros1", "--since", "12:00", "--until", "11:00"], 1, "swap them"),
         (["new", "--ros1"], 1, "new: nothing to play: no event in that range"),
         (["nowhere", "--ros1"], 1, "nowhere"),
     ],

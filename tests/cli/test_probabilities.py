@@ -15,6 +15,8 @@ from semmap_log.errors import EarlyEventsWarning
 from tests.beliefs.patrolled import patrolled
 from tests.conftest import SteadyClock
 
+pytestmark = pytest.mark.usefixtures("terminal")
+
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 
 

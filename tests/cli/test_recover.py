@@ -12,6 +12,8 @@ from semmap_log.log.reading.scan import open_segment
 from tests.cli.test_verify import semmap
 from tests.log.eventful import contents, eventful_log, flip
 
+pytestmark = pytest.mark.usefixtures("terminal")
+
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> Path:

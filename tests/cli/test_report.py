@@ -45,7 +45,7 @@ def test_its_options_choose_what_is_shown(folder: Path) -> None:
     """
     Span, doors, zone and colours.
     """
-    code = run("report", "log", "page.html", "--from", "2026-03-01T21:30Z", "--to",
+    code = run("report", "log", "page.html", "--since", "2026-03-01T21:30Z", "--until",
                "2026-03-01T21:45Z", "--door", "front", "--tz", "Asia/Tokyo",
                "--palette", "colour-blind")  # fmt: skip
 
@@ -69,7 +69,7 @@ def test_its_options_choose_what_is_shown(folder: Path) -> None:
         (("report", "log", "page.html", "--tz", "Mars"), 1, "No time zone 'Mars'"),
         (("report", "log", "page.html", "--tz", ""), 1, "No time zone ''"),
         (("report", "log", "page.html", "--door", "back"), 1, "back"),
-        (("report", "log", "page.html", "--from", "now", "--to", "1h ago"), 1, "swap them"),
+        (("report", "log", "page.html", "--since", "now", "--until", "1h ago"), 1, "swap them"),
         (("report", "log", "page.html", "--palette", "grey"), 2, "colour-blind"),
     ],
 )

@@ -11,6 +11,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 
+pytestmark = pytest.mark.usefixtures("terminal")
+
 Run = Callable[..., tuple[int, str, str]]
 
 

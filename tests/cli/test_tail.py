@@ -14,6 +14,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.cli.verbs import READER_GONE
 from semmap_log.events import RobotPose
 from tests.live.running import DEADLINE_S
 
@@ -37,6 +38,7 @@ def _lines(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
+@pytest.mark.usefixtures("terminal")
 def test_ten_lines_unless_told_otherwise(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     Number, time in the log's zone, the door's name, what; robot poses only if asked for.
@@ -52,6 +54,7 @@ def test_ten_lines_unless_told_otherwise(office: Path, capsys: pytest.CaptureFix
     assert "robot at 1.00, 2.00" in _lines(capsys, office, "-n", 1, "--poses")[0]
 
 
+@pytest.mark.usefixtures("terminal")
 def test_who_and_why_stand_in_brackets(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     As the commit says it, behind each of its events.
@@ -61,6 +64,7 @@ def test_who_and_why_stand_in_brackets(office: Path, capsys: pytest.CaptureFixtu
     assert lines[0].endswith("added without a place, UNKNOWN  [survey: first round]")
 
 
+@pytest.mark.usefixtures("terminal")
 def test_the_last_of_one_door(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     By its name, however far back its events lie.
@@ -124,7 +128,7 @@ def test_following_until_ctrl_c(office: Path) -> None:
     """
     with _tail(office, "-f", "-n", 1) as process:
         assert process.stdout is not None
-        first = process.stdout.readline()
+        head, first = process.stdout.readline(), process.stdout.readline()
         with sl.append(office) as log:
             log.annotate(2, "name", "rear")
             log.observe(2, "closed")
@@ -132,8 +136,9 @@ def test_following_until_ctrl_c(office: Path) -> None:
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=DEADLINE_S)
 
+    assert head.startswith("event\thappened\t")
     assert ["23", "25", "26"] == [line.split()[0] for line in (first, *later)]
-    assert "rear            seen CLOSED" in later[1]
+    assert "\trear\tseen CLOSED\t" in later[1]
     assert (0, "", "") == (process.returncode, out, err)
 
 
@@ -146,4 +151,4 @@ def test_a_closed_pipe_ends_it(office: Path) -> None:
         process.stdout.readline()
         process.stdout.close()
 
-        assert 0 == process.wait(timeout=DEADLINE_S)
+        assert READER_GONE == process.wait(timeout=DEADLINE_S)

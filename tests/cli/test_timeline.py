@@ -10,6 +10,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 
+pytestmark = pytest.mark.usefixtures("terminal")
+
 
 @pytest.fixture
 def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

@@ -100,7 +100,7 @@ def test_names_that_the_viewer_cannot_draw_are_told_once(
         (["--follow", "--save", "x.rrd"], "--follow does not go with --save"),
         (["--follow", "--screenshot", "x.png"], "--follow does not go with --screenshot"),
         (["--follow", "--at", "@0"], "--follow does not go with --at"),
-        (["--follow", "--to", "@0"], "--follow does not go with --to"),
+        (["--follow", "--until", "@0"], "--follow does not go with --until"),
         (["--web", "--save", "x.rrd"], "--web does not go with --save"),
         (["--web", "--screenshot", "x.png"], "--web does not go with --screenshot"),
         (["--theme", "dark"], "--theme is of use with --web alone"),

@@ -95,8 +95,8 @@ def test_with_a_clock_subscribers_live_in_the_logs_time(
     ros_1_or_2: RosWorld, log: sl.DoorLog
 ) -> None:
     """
-    Who has `use_sim_time` hears each door map when it became true, from --from to --to: within half
-    a second of the wall's, in the first round or, while the machine is busy, in a later one.
+    Who has `use_sim_time` hears each door map when it became true, from --since to --until: within
+    half a second of the wall's, in the first round or, while the machine is busy, in a later one.
     """
     ros = ros_1_or_2
     rate, since_ns, until_ns = 2000, START + 6000 * SECOND, START + 12_000 * SECOND
@@ -106,7 +106,8 @@ def test_with_a_clock_subscribers_live_in_the_logs_time(
     with (
         _listen_in_sim_time(ros) as listener,
         ros.semmap("play", log.path, ros.option, "--rate", rate, "--wait", "--clock", "--loop",
-                   "--from", f"@{since_ns // SECOND}", "--to", f"@{until_ns // SECOND}") as player,
+                   "--since", f"@{since_ns // SECOND}",
+                   "--until", f"@{until_ns // SECOND}") as player,
     ):  # fmt: skip
         wait_until(lambda: _late(expected[1:], heard(listener), rate * SECOND // 2) == [],
                    "each door map in time")  # fmt: skip

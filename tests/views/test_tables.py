@@ -47,10 +47,10 @@ def test_the_door_table(tmp_path: Path) -> None:
 
     assert (
         """\
-                                                    P of   P of
-id name                x     y theta width state    open closed    age
- 1 front          -1.000 0.000 0.000 1.000 OPEN    0.500  0.750  3 min
- 2 -               2.000 1.000 1.571 0.800 UNKNOWN     -      - 14 min
+                                           P of   P of
+id name       x     y theta width state    open closed    age
+ 1 front -1.000 0.000 0.000 1.000 OPEN    0.500  0.750  3 min
+ 2 -      2.000 1.000 1.571 0.800 UNKNOWN     -      - 14 min
 2 doors, at 2026-03-01 21:35:00+00:00, up to event 16"""
         == text
     )

@@ -12,6 +12,7 @@ from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
+from mutation.habit_guards import HABITS
 from mutation.level_guards import LEVELS
 from mutation.line_guards import LINES
 from mutation.live_guards import LIVE_ROOMS
@@ -354,5 +355,5 @@ GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS,
 )  # fmt: skip

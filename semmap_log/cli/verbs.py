@@ -1,0 +1,111 @@
+"""What makes a verb of a function: its old spellings, help that is made when asked for, its group.
+
+Help is plain text, as that of any Unix program: no frames, and quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+from typer import core
+from typer.core import TyperCommand, TyperGroup
+
+from semmap_log.cli.completion import OFFERS, Offers
+from semmap_log.cli.plain_streams import forget_output
+
+OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
+"""Of ranges of time: still taken by every verb that has no such option of its own."""
+
+READER_GONE = 141
+"""Exit code where the reader of our output has gone, as `head` does: as of any program that SIGPIPE
+ends."""
+
+HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
+"""Verb -> what makes the end of its help, which is asked for only then: it is slow to make."""
+
+
+class Verb(TyperCommand):
+    """A verb."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        for param in self.params:
+            if offer := OFFERS.get(param.name or ""):
+                param.shell_complete = partial(_offered, offer)  # type: ignore[method-assign]
+
+    def make_parser(self, ctx: Any) -> Any:
+        """Return the parser, which takes old spellings, too; help shows the new ones only."""
+        parser: Any = super().make_parser(ctx)
+        options: dict[str, Any] = {
+            spelling: option for option in self.params for spelling in option.opts
+        }
+        for old, new in OLD_SPELLINGS.items():
+            if new in options and old not in options:
+                parser.add_option(options[new], [old], dest=options[new].name)
+        return parser
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write what is made late of this verb's help."""
+        if self.name in HELP_MADE_LATE:
+            formatter.write_paragraph()
+            formatter.write(HELP_MADE_LATE[self.name]())
+        super().format_epilog(ctx, formatter)
+
+
+class Verbs(TyperGroup):
+    """The program: its verbs in groups, each under a head."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the verbs, group after group, in the order in which they were added."""
+        verbs = [(name, self.commands[name]) for name in self.list_commands(ctx)]
+        shown = [(name, verb) for name, verb in verbs if not verb.hidden]
+        widest = max(len(name) for name, _ in shown)
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for name, verb in shown:
+            said = verb.get_short_help_str(formatter.width - 6 - widest)
+            groups.setdefault(_group_of(verb), []).append((f"{name:<{widest}}", said))
+        for group, rows in groups.items():
+            with formatter.section(group):
+                formatter.write_dl(rows)
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Return the context of a command line; it may print help, whose reader may go."""
+        with _reader_may_go():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb."""
+        with _reader_may_go():
+            done = super().invoke(ctx)
+            sys.stdout.flush()
+            return done
+
+
+def _offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:
+    """Return what a shell is offered, as typer wants it."""
+    item: Any = getattr(core, "CompletionItem", None)
+    if item is None:  # an older typer, with click beside it
+        item = core.click.shell_completion.CompletionItem  # type: ignore[attr-defined]
+    return [item(word, help=said or None) for word, said in offer(ctx, incomplete)]
+
+
+def _group_of(verb: Any) -> str:
+    group = verb.rich_help_panel
+    return group if isinstance(group, str) else "Commands"
+
+
+@contextmanager
+def _reader_may_go() -> Iterator[None]:
+    """End quietly, as `cat` does, when the reader of our output has gone.
+
+    Here, since typer would end with exit code 1.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        forget_output()
+        sys.exit(READER_GONE)

@@ -1,0 +1,79 @@
+"""Texts that say the same again and again, told a few times and counted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+MOST_KEPT = 20
+"""So many of a kind are kept."""
+MOST_TOLD = 3
+"""So many of a kind are told where there are many."""
+
+
+@dataclass(slots=True)
+class Kind:
+    """Texts that are the same but for the values in them."""
+
+    kept: list[tuple[int, str]] = field(default_factory=list)
+    """The first ones: line and text."""
+    count: int = 0
+    last_line: int = 0
+
+    def rest(self) -> list[str]:
+        """Return in words how many more there are than are told; nothing where there are none."""
+        more = self.count - MOST_TOLD
+        last = f", the last on line {self.last_line}" if self.last_line else ""
+        return [f"… and {more:,} more like that{last}"] * (more > 0)
+
+
+@dataclass(slots=True)
+class Repeats:
+    """The kinds of what was said of lines: as many as there are kinds, however many the lines."""
+
+    _kinds: dict[str, Kind] = field(default_factory=dict)
+
+    def add(self, line: int, text: str) -> Kind:
+        """Count a text, and keep it if it is one of the first of its kind; return the kind.
+
+        Args:
+            line: Where, 1-based; 0: on none.
+            text: What is said of it.
+        """
+        kind = self._kinds.setdefault(_without_values(text), Kind())
+        kind.count += 1
+        kind.last_line = max(kind.last_line, line)
+        if len(kind.kept) < MOST_KEPT:
+            kind.kept.append((line, text))
+        return kind
+
+    def __len__(self) -> int:
+        return len(self._kinds)
+
+    def __iter__(self) -> Iterator[Kind]:
+        """Yield the kinds by their first lines."""
+        return iter(sorted(self._kinds.values(), key=lambda kind: kind.kept[0][0]))
+
+    @property
+    def count(self) -> int:
+        """How many texts there were."""
+        return sum(kind.count for kind in self._kinds.values())
+
+
+_VALUES = re.compile(r"'(?:[^'\\]|\\.)*'?|\"(?:[^\"\\]|\\.)*\"?|\d[\w.:+-]*")
+"""What is quoted, to its end or to where it was cut, and what begins with a digit."""
+
+
+def _without_values(text: str) -> str:
+    return _VALUES.sub("…", text)
+
+
+def told_once(texts: Iterable[str]) -> Iterator[str]:
+    """Yield texts; of those that are the same but for their values the first ones and a count."""
+    found = Repeats()
+    for text in texts:
+        found.add(0, text)
+    for kind in found:
+        yield from (text for _, text in kind.kept[:MOST_TOLD])
+        yield from kind.rest()
