@@ -158,7 +158,7 @@ def run(
     Examples:
       semmap-log serve office --ros2 --yaml doors.yaml
       semmap-log serve --log office --ros1 --yaml doors.yaml
-      semmap-log serve office --ros1 --costmap --by belief --door-inflate 0.8 --scaling 3
+      semmap-log serve office --ros1 --costmap --by belief --door-inflate 0.8
       semmap-log serve office --ros1 --costmap --map map.yaml
       semmap-log serve office --ros2 --read-only --ros-args -r __ns:=/robot1
       semmap-log serve office --ros1 _add_door:=doors/add

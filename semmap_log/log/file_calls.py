@@ -42,7 +42,7 @@ def check_can_write(path: Path) -> None:
     """
     missing = ["fcntl (locks on files)"] if find_spec("fcntl") is None else []
     missing += [f"os.{name}" for name in _NEEDED if not hasattr(os, name)]
-    if os.open not in os.supports_dir_fd:
+    if not os.supports_dir_fd:
         missing.append("dir_fd (folders that are held open)")
     if missing:
         raise LogAccessError(

@@ -271,7 +271,7 @@ def test_doors_of_other_levels_and_without_a_place_are_not_drawn(tmp_path: Path)
         log.append([LevelAdded(level=1, name="ground"), LevelAdded(level=2, name="upper")])
         log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, state="closed", level=1)
         upper = log.add_door(x=1.0, y=2.0, theta=0.0, width=1.0, state="closed", level=2)
-        log.add_door(state="open")
+        log.add_door(state="open", level=1)
     log = sl.read(tmp_path / "log")
 
     assert [upper] == list(costmap_at(log, CostmapOptions(level="upper")).lines)

@@ -59,7 +59,7 @@ def test_an_invented_commit_is_found(played: Played) -> None:
     """
     told, log, said = played
     with sl.append(log) as writer:
-        writer.add_door()
+        writer.add_door(level=0)
 
     outcome = Examiner(told).examine("one more", log, said, must=said.durable)
 

@@ -16,7 +16,7 @@ VALUES = {
     "file_name": ("file_name", '"x.yaml"'), "cells_zlib_base64": ("", ""),
     "changed": ("changed", '["WIDTH"]'), "width": ("width", "1"),
 }  # fmt: skip
-LOOKUP = DoorLookup(lambda _: DoorId(7), lambda: DoorId(8), lambda _: 0)
+LOOKUP = DoorLookup(lambda _: DoorId(7), lambda: DoorId(8), lambda _: 0, lambda _: 0)
 
 
 def test_the_page_is_up_to_date() -> None:

@@ -91,7 +91,7 @@ def test_each_block_of_a_file(whole: Path, name: str, tmp_path: Path) -> None:
                 if kind == "answer":
                     assert right[question] == text, (block, question)
                 else:
-                    wanted = rf"{name}: cannot be read at byte (\d+): Input/output error; semmap"
+                    wanted = rf"{name}: cannot be read at byte (\d+): Input/output error; all such"
                     place = re.search(wanted, text)
                     assert place, text
                     assert block == int(place[1]) // BLOCK

@@ -28,7 +28,9 @@ def _seen(door: int, state: str, log: sl.DoorLogWriter) -> object:
 
 
 FOURTH: tuple[Callable[[sl.DoorLogWriter], object], ...] = (
-    lambda log: log.append([DoorAdded(door_id=DoorId(11), x=4.0, y=1.0, theta=0.0, width=0.8)]),
+    lambda log: log.append(
+        [DoorAdded(door_id=DoorId(11), level=0, x=4.0, y=1.0, theta=0.0, width=0.8)]
+    ),
     partial(_seen, 7, "open"),
     lambda log: log.annotate(11, "name", "back"),
     partial(_seen, 11, "closed"),

@@ -145,7 +145,7 @@ def _plan(log: sl.DoorLogWriter) -> Commit:
 def _sightings(log: sl.DoorLogWriter) -> Commit:
     states = (DoorState.OPEN, DoorState.CLOSED)
     seen = [DoorObserved(door_id=DoorId(1), state=states[i % 2]) for i in range(LONG_COMMIT)]
-    return _append([RobotPose(x=1.0, y=2.0, theta=0.5), *seen], log, source="camera")
+    return _append([RobotPose(level=0, x=1.0, y=2.0, theta=0.5), *seen], log, source="camera")
 
 
 def _named(log: sl.DoorLogWriter) -> Commit:
@@ -160,7 +160,9 @@ def _observed(state: str, log: sl.DoorLogWriter) -> Commit:
 FIRST: tuple[Do, ...] = (
     _named,
     _plan,
-    partial(_append, [DoorAdded(door_id=DoorId(7)), DoorAdded(door_id=DoorId(9), level=1)]),
+    partial(
+        _append, [DoorAdded(door_id=DoorId(7), level=0), DoorAdded(door_id=DoorId(9), level=1)]
+    ),
     _sightings,
     partial(_observed, "open"),
 )

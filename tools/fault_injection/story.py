@@ -136,7 +136,8 @@ class _Teller:
         self._next_id += 1
         self._doors.append(door)
         x, y = (self.random.uniform(0, 20) for _ in range(2))
-        yield DoorAdded(happened_ns=self._now(), door_id=door, x=x, y=y, theta=0.5, width=0.9)
+        yield DoorAdded(happened_ns=self._now(), door_id=door, level=0, x=x, y=y,
+                        theta=0.5, width=0.9)  # fmt: skip
 
     def _one_sighting(self) -> Iterator[Event]:
         state = self.random.choice((DoorState.OPEN, DoorState.CLOSED))

@@ -22,7 +22,7 @@ NEWER = (
              "if newer.reach(limit):", PYTHON, put="if False:"),
     _without("an answer of before an unknown event", "reading/newer_events.py",
              "(limit is None or self.first <= limit)", PYTHON, put="True"),
-    _without("what is left out is said", "reading/reader.py",
+    _without("what a newer version wrote and is left out is said", "reading/reader.py",
              "warnings.warn(newer.warning(self.folder), stacklevel=3)", PYTHON),
     _without("a commit with what may change others", "reading/following.py",
              "if not with_newer and _may_change_others(batch, source):", PYTHON, put="if False:"),

@@ -51,7 +51,7 @@ class Session:
 
     def add(self) -> None:
         note = {"actor": "survey"} if self.rng.random() < 0.5 else {}
-        door = self.log.add_door(x=self.rng.random(), y=1.0, theta=0.0, width=0.9, **note)
+        door = self.log.add_door(level=0, x=self.rng.random(), y=1.0, theta=0.0, width=0.9, **note)
         self.doors.append(door)
 
     def see(self) -> None:
