@@ -87,7 +87,7 @@ def add(
     \b
     Examples:
       semmap-log call add --ros2 --x 2 --y 1.5 --theta 0 --width 0.9
-      semmap-log call add --ros1 --from 2,1 --to 3,1 --prob-open .2 --prob-closed .8
+      semmap-log call add --ros1 --from 2,1 --to 3,1 --prob-open .2
     """
     line = line_of(Line(x, y, theta, width), start, end)
     door = _fields(line, state, prob_open, prob_closed)
