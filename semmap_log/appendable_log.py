@@ -337,6 +337,9 @@ class AppendableLog(DoorLog):
 
     def resolve(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name, as of now."""
+        return self._resolve(door)
+
+    def _resolve(self, door: str | int) -> DoorId:
         if not isinstance(door, str) and is_whole_number(door):
             return DoorId(int(door))  # whether it is there, the gatekeeper says
         with self._mutex:

@@ -101,7 +101,7 @@ class DoorLogWriter(AppendableLog):
             UnknownLevelError: There is no such level, or there are several and none is told.
             InvalidEventError: A value that no door can have.
         """
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
 
         def events() -> list[Event]:
             given = self.roster.next_free_id if door_id is None else door_id
@@ -157,10 +157,10 @@ class DoorLogWriter(AppendableLog):
             UnknownLevelError: There is no level of that number or name.
             InvalidEventError: Nothing is given, or a value that no door can have.
         """
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
 
         def event() -> DoorUpdated:
-            door_id = self.resolve(door)
+            door_id = self._resolve(door)
             known = self.state.door(door_id)
             if known is None:
                 raise self.roster.absent(door_id)
@@ -206,9 +206,9 @@ class DoorLogWriter(AppendableLog):
         expected_event: int | None = None,
     ) -> Appended:
         """Take a door out of the map; its history stays, its id is never used again."""
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
-            lambda: DoorRemoved(door_id=self.resolve(door), happened_ns=self._happened(about)),
+            lambda: DoorRemoved(door_id=self._resolve(door), happened_ns=self._happened(about)),
             about,
             ("remove_door", door),
         )
@@ -247,10 +247,10 @@ class DoorLogWriter(AppendableLog):
             command_id: 16 bytes: the same command, sent again, is stored once.
             expected_event: Number of the last event about the door, as the caller knows it.
         """
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
             lambda: DoorObserved(
-                door_id=self.resolve(door),
+                door_id=self._resolve(door),
                 state=_state(state),
                 accuracy_open=accuracy if accuracy_open is None else accuracy_open,
                 accuracy_closed=accuracy if accuracy_closed is None else accuracy_closed,
@@ -276,10 +276,10 @@ class DoorLogWriter(AppendableLog):
         expected_event: int | None = None,
     ) -> Appended:
         """Say something about a door in words; an empty value takes it back."""
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
 
         def event() -> DoorAnnotated:
-            door_id = self.resolve(door)
+            door_id = self._resolve(door)
             if key == "name" and value:
                 self._check_unused(value, self.level_of(door_id), but=door_id)
             return DoorAnnotated(
@@ -302,10 +302,10 @@ class DoorLogWriter(AppendableLog):
         expected_event: int | None = None,
     ) -> Appended:
         """Record that somebody asked for a state; the door's state stays as it is."""
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
             lambda: DoorRequested(
-                door_id=self.resolve(door), state=_state(state), happened_ns=self._happened(about)
+                door_id=self._resolve(door), state=_state(state), happened_ns=self._happened(about)
             ),
             about,
             ("request", door, _state(state)),
@@ -326,10 +326,10 @@ class DoorLogWriter(AppendableLog):
         expected_event: int | None = None,
     ) -> Appended:
         """Record that a robot went through a door, or gave up waiting."""
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
         return self._commit_one(
             lambda: DoorPassed(
-                door_id=self.resolve(door),
+                door_id=self._resolve(door),
                 passed=passed,
                 waited_s=waited_s,
                 happened_ns=self._happened(about),
@@ -372,7 +372,7 @@ class DoorLogWriter(AppendableLog):
             CommandError: There is no such event, the range runs backwards, or nothing in it can be
                 taken back.
         """
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
         last = first if last is None else last
 
         def event() -> Retracted:
@@ -393,7 +393,7 @@ class DoorLogWriter(AppendableLog):
         expected_event: int | None = None,
     ) -> tuple[Appended, int]:
         """Record that a round began; return its number, one more than the last one's."""
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
 
         def events() -> list[Event]:
             number = self._last_patrol(PatrolStarted) + 1
@@ -418,7 +418,7 @@ class DoorLogWriter(AppendableLog):
         Raises:
             CommandError: No round is under way.
         """
-        about = _About(at, Note(actor, source, reason, correlation), command_id, expected_event)
+        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
 
         def events() -> list[Event]:
             number = self._last_patrol(PatrolStarted)
@@ -502,7 +502,10 @@ class DoorLogWriter(AppendableLog):
 
     def _happened(self, about: _About) -> int | None:
         """Return when a command says that it happened; what is relative counts from now."""
-        moment = self.moment(about.at, now_ns=self.now_ns())
+        now_ns = self.now_ns()
+        if about.at is None:
+            return None
+        moment = self.moment(about.at, now_ns=now_ns)
         if moment.event is not None:
             raise MomentError("when it happened is a time, not an event number.")
         return moment.ns
@@ -511,6 +514,15 @@ class DoorLogWriter(AppendableLog):
         """Return the greatest round number of that kind of event; 0: none."""
         batches = self.batches(kinds=[kind])
         return max((int(batch[kind]["patrol"].max()) for batch in batches), default=0)
+
+
+def _note(actor: str, source: str, reason: str, correlation: str) -> Note:
+    if actor == source == reason == correlation == "":
+        return _NO_NOTE
+    return Note(actor, source, reason, correlation)
+
+
+_NO_NOTE = Note()
 
 
 def _state(state: DoorState | str) -> DoorState:
