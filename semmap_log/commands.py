@@ -148,11 +148,11 @@ class Roster:
         Raises:
             UnknownLevelError: There is none of that name, or there are several and none is told.
         """
-        if isinstance(level, int) and is_given(level):
-            return level
-        return (
-            level_called(level, self.levels) if isinstance(level, str) else only_level(self.levels)
-        )
+        if isinstance(level, str):
+            return level_called(level, self.levels)
+        if level is None or not is_given(level):
+            return only_level(self.levels)
+        return int(level) if isinstance(level, np.integer) else level
 
     @property
     def next_free_id(self) -> DoorId:

@@ -278,7 +278,7 @@ def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportP
     sightings = read_door_csv(path, windows=options.windows, tz=zone)
     door_map = log.state.door_map()
     level = None if options.level is None else resolve_level(options.level, door_map)
-    return plan_sightings(sightings, _present(log), level=level)
+    return plan_sightings(sightings, _present(log), level=level, renumber=options.renumber)
 
 
 def _import_lines(

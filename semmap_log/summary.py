@@ -22,6 +22,7 @@ from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.moments import format_local
 from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.early_events import EarlyEvents
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,7 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
             f"{tally.late_clock} events say that they happened after they were recorded; "
             "they count from their recorded time"
         )
-    early = early_events(reader)
+    early = EarlyEvents.none() if newer.first is not None else early_events(reader)
     if early.counts:
         since = format_local(min(early.first_ns.values()), reader.info.timezone)
         names = {door.door_id: door.label for door in door_map.doors.values()}

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.doors import LEVEL_NOT_GIVEN, DoorId, DoorState, is_given
-from semmap_log.errors import UnknownLevelError
+from semmap_log.errors import InvalidEventError, UnknownLevelError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
@@ -103,6 +105,32 @@ def test_of_several_levels_one_must_be_told(tmp_path: Path, way: str) -> None:
         WAYS[way](log)
 
     assert [] == levels_in(sl.read(tmp_path / "log"))
+
+
+@pytest.mark.parametrize("level", [np.int64(2), np.uint8(2), np.int32(2)])
+def test_a_number_out_of_an_array_is_a_number(tmp_path: Path, level: int) -> None:
+    """
+    As those of a table of pandas or numpy are.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.append([LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2")])
+        door = log.add_door(**PLACE, level=level)
+        log.robot_pose(RobotPose(**POSE, level=level))
+
+    replayed = sl.read(tmp_path / "log")
+    assert 2 == replayed.replay().doors[door].level
+    assert [2] == [batch[RobotPose]["level"][0] for batch in replayed.batches(kinds=[RobotPose])]
+
+
+@pytest.mark.parametrize("level", [2.0, math.nan, np.float64(1), b"L1", True, [1]])
+def test_what_is_no_level_is_refused(tmp_path: Path, level: Any) -> None:
+    """
+    It is not taken for one that was not told.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.append([LevelAdded(level=1, name="L1")])
+        with pytest.raises(InvalidEventError, match="level: expected a whole number from 0"):
+            log.add_door(**PLACE, level=level)
 
 
 def test_waiting_poses_are_put_on_the_level_at_once(tmp_path: Path) -> None:

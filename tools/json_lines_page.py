@@ -15,8 +15,9 @@ HEAD = f"""\
 # JSON lines
 
 One event is one JSON object on one line: what `record` and `import` take, and what
-`tail --json`, `history --json` and `export … events.jsonl` write. This page is made from the
-table of events by `python tools/json_lines_page.py`; a test compares the two.
+`tail --json` and `export … events.jsonl` write; `history --json` has the same objects in a list.
+This page is made from the table of events by `python tools/json_lines_page.py`; a test compares
+the two.
 
 ```json
 {{"kind": "DoorObserved", "door": "front", "state": "OPEN", "accuracy": 0.9}}
@@ -28,6 +29,10 @@ when it happened, who did it, by which sensor or file, why, what it belongs to, 
 hexadecimal digits by which a line that is sent again is stored once. A time is ISO-8601 text
 (without an offset: in the log's zone) or a number: seconds since 1970, from 10^14 on nanoseconds.
 `null` stands for a number that is not known. A key that a kind does not have is an error.
+
+An export has more keys, by which `import` makes the same log again: `event` and `recorded` (its
+number and when it was recorded), `commit` (first and last number, where a commit has several
+events), `content` (the digest of its command), and `retracted` of an event that was taken back.
 
 """
 

@@ -60,12 +60,13 @@ def run(
     from semmap_log.formats.beliefs_json import best_time_to_json
     from semmap_log.views.best_time_table import best_time_table
 
+    opened = sl.read(log)
     with progress("Reading") as told:
         found = best_time(
-            sl.read(log), door, state.value, at=at, known_at=known_at, estimator=estimator, tz=tz,
+            opened, door, state.value, at=at, known_at=known_at, estimator=estimator, tz=tz,
             most=most, progress=told,
         )  # fmt: skip
     if as_json:
-        print_json(best_time_to_json(found))
+        print_json(best_time_to_json(found, known_at_ns=opened.moment(known_at).ns))
         return
     console().print(best_time_table(found))

@@ -132,7 +132,8 @@ def run(
     zone = opened.info.timezone if tz is None else tz
     if as_json:
         print_json(
-            beliefs_to_json(beliefs, tz=zone) | (_applied_to_json(applied) if applied else {})
+            beliefs_to_json(beliefs, tz=zone, known_at_ns=opened.moment(known_at).ns)
+            | (_applied_to_json(applied) if applied else {})
         )
         return
     console().print(belief_table(beliefs, tz=zone))
@@ -185,7 +186,11 @@ def _show_typical(
             return
     if as_json:
         zone = opened.info.timezone if asked["tz"] is None else asked["tz"]
-        print_json(weeks_to_json(weeks, which.value, tz=zone))
+        print_json(
+            weeks_to_json(
+                weeks, which.value, tz=zone, known_at_ns=opened.moment(asked["known_at"]).ns
+            )
+        )
         return
     _print_weeks(weeks, which)
     if not weeks:

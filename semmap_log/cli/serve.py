@@ -40,6 +40,12 @@ def run(
             "--log", metavar="LOG", help="Instead: a log that is made if it is not there."
         ),
     ] = None,
+    tz: Annotated[
+        str | None,
+        typer.Option(
+            "--tz", metavar="ZONE", help="IANA zone of a log that --log makes; the machine's."
+        ),
+    ] = None,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
     yaml: Annotated[
@@ -193,7 +199,7 @@ def run(
             f"expected a folder that is there, got {save_root}", param_hint="--save-root"
         )
     with stopped_for_good():
-        log = _chosen_log(log, log_option, yaml, read_only=read_only)
+        log = _chosen_log(log, log_option, yaml, tz, read_only=read_only)
     stopping, wake = threading.Event(), threading.Event()
     on_stop(stopping.set)
     doors: DoorServer | DoorFollower
@@ -241,7 +247,7 @@ def run(
 
 
 def _chosen_log(
-    log: Path | None, log_option: Path | None, yaml: Path | None, *, read_only: bool
+    log: Path | None, log_option: Path | None, yaml: Path | None, tz: str | None, *, read_only: bool
 ) -> Path:
     """Return the log to serve; --log's is made if it is not there.
 
@@ -255,12 +261,14 @@ def _chosen_log(
     if (log is None) == (log_option is None):
         raise typer.BadParameter("give the log: LOG, or --log LOG", param_hint="LOG")
     if log is not None:
+        if tz is not None:
+            raise typer.BadParameter("only with --log: LOG has its zone", param_hint="--tz")
         return log
     assert log_option is not None
     if not (read_only or log_option.exists()):
         if yaml is not None:
             read_thesis_yaml(yaml)
-        make_log(log_option)
+        make_log(log_option, tz=tz)
     return log_option
 
 

@@ -59,6 +59,12 @@ class Verb(TyperCommand):
 class Verbs(TyperGroup):
     """The program: its verbs in groups, each under a head."""
 
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        for param in self.params:
+            if param.name == "install_completion" and param.callback is not None:
+                param.callback = partial(_uncoloured, param.callback)
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the verbs, group after group, in the order in which they were added."""
         verbs = [(name, self.commands[name]) for name in self.list_commands(ctx)]
@@ -83,6 +89,12 @@ class Verbs(TyperGroup):
             done = super().invoke(ctx)
             sys.stdout.flush()
             return done
+
+
+def _uncoloured(tell: Callable[..., Any], ctx: Any, param: Any, value: Any) -> Any:
+    """Call what typer prints something by, in a colour that `plain_streams` would spell out."""
+    ctx.color = False
+    return tell(ctx, param, value)
 
 
 def _offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:

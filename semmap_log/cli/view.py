@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -247,7 +248,7 @@ def _recording(
         if save is not None:
             say(
                 f"{save}: {summary.events} events, {size_of(summary.bytes)}, "
-                f"{summary.seconds:.1f} s. To look at it: rerun {save}"
+                f"{summary.seconds:.1f} s. To look at it: rerun {shlex.quote(str(save))}"
             )
             if left_out := str(summary.left_out):
                 say(f"As no eye would see them, {left_out}.")

@@ -20,11 +20,14 @@ ROUNDED = 6
 """Digits of probabilities."""
 
 
-def beliefs_to_json(beliefs: Sequence[DoorBelief], *, tz: str) -> dict[str, Any]:
+def beliefs_to_json(
+    beliefs: Sequence[DoorBelief], *, tz: str, known_at_ns: int | None = None
+) -> dict[str, Any]:
     """Return P(open) of doors at one moment; where `is_known` is false, it is a guess."""
     first = beliefs[0] if beliefs else None
     return {
-        "known_at": format_utc(first.known_ns) if first else None,
+        "at": format_utc(first.known_ns) if first else None,
+        "known_at": None if known_at_ns is None else format_utc(known_at_ns),
         "time": format_utc(first.time_ns) if first else None,
         "tz": tz,
         "estimator": first.estimator if first else None,
@@ -46,7 +49,9 @@ def belief_to_json(belief: DoorBelief) -> dict[str, Any]:
     }
 
 
-def weeks_to_json(weeks: Sequence[TypicalWeek], by: By, *, tz: str) -> dict[str, Any]:
+def weeks_to_json(
+    weeks: Sequence[TypicalWeek], by: By, *, tz: str, known_at_ns: int | None = None
+) -> dict[str, Any]:
     """Return P(open) of typical hours, days or weeks: lists of 24, of 7, or of 7 lists of 24.
 
     Days begin with Monday. `cell_is_known`: those that were ever seen; others are carried over.
@@ -54,7 +59,8 @@ def weeks_to_json(weeks: Sequence[TypicalWeek], by: By, *, tz: str) -> dict[str,
     first = weeks[0] if weeks else None
     return {
         "by": by,
-        "known_at": format_utc(first.known_ns) if first else None,
+        "at": format_utc(first.known_ns) if first else None,
+        "known_at": None if known_at_ns is None else format_utc(known_at_ns),
         "tz": tz,
         "estimator": first.estimator if first else None,
         "interval": INTERVAL,
@@ -62,13 +68,14 @@ def weeks_to_json(weeks: Sequence[TypicalWeek], by: By, *, tz: str) -> dict[str,
     }
 
 
-def best_time_to_json(found: BestTime) -> dict[str, Any]:
+def best_time_to_json(found: BestTime, *, known_at_ns: int | None = None) -> dict[str, Any]:
     """Return when a door is likeliest in a state."""
     now = found.now
     return {
         **_door(now.door, now.level_name),
         "state": found.state.upper(),
-        "known_at": format_utc(now.known_ns),
+        "at": format_utc(now.known_ns),
+        "known_at": None if known_at_ns is None else format_utc(known_at_ns),
         "tz": found.tz,
         "interval": INTERVAL,
         "is_known": found.is_known,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap
+from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap
 from semmap_log.errors import CommandError, UnknownDoorError, UnknownLevelError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
@@ -26,25 +26,30 @@ from semmap_log.levels import resolve_level
 
 
 def plan_sightings(
-    sightings: Sightings, present: Present, *, level: int | None = None
+    sightings: Sightings, present: Present, *, level: int | None = None, renumber: bool = False
 ) -> ImportPlan:
     """Return how the rows of a door CSV come into the log.
 
     A name means the one door that bears it, else `level name/name`, else the id of a door without
-    a name; else it is a new, unplaced door, added when its first row happened.
+    a name, else a door that was removed and bore it; else it is a new, unplaced door, added when
+    its first row happened.
 
     Args:
         sightings: What was read from the file.
         present: What the log holds.
-        level: Only doors of that level are meant, and new ones are added there; None: of any
-            level, and new ones are on the one that is meant where none is told.
+        level: Names without a level mean doors of that one, and new ones are added there; None: of
+            any level, and new ones are on the one that is meant where none is told.
+        renumber: A name that a removed door bore is that of a new one.
 
     Raises:
-        UnknownDoorError: A name that several doors bear.
+        UnknownDoorError: A name that several doors bear, or a level that has no door of the name.
         UnknownLevelError: Doors are new, there are several levels, and none is told.
         CommandError: Ids have run out.
     """
-    known = _names(present, level)
+    known = _names(present.door_map.doors.values(), present.door_map, level)
+    if not renumber:
+        removed = [removed.door for removed in present.removed.values()]
+        known = _names(removed, present.door_map, level) | known
     ids: list[DoorId] = []
     new: list[bool] = []
     next_id = present.next_id
@@ -55,6 +60,8 @@ def plan_sightings(
                 f"{sightings.path}: {name!r} is the name of {len(found)} doors "
                 f"({', '.join(map(str, found))}); say which level is meant."
             )
+        if not found:
+            _check_no_level(sightings, name, present.door_map)
         new.append(not found)
         ids.append(found[0] if found else next_id)
         next_id = next_id if found else DoorId(next_id + 1)
@@ -63,13 +70,14 @@ def plan_sightings(
     if level is None:
         level = _level_of_new(sightings, new, present.door_map) if any(new) else 0
     events = _SightingEvents(sightings, tuple(ids), tuple(new), level)
-    added = sum(new)
+    added = [name for name, is_new in zip(sightings.doors, new, strict=True) if is_new]
     extra = len(sightings) - sightings.rows_in_file
     return ImportPlan(
         events,
-        count=len(sightings) + 2 * added,
+        count=len(sightings) + 2 * len(added),
         summary=(
-            f"doors: {len(ids)}, of which {added} new, without a place yet",
+            f"doors: {len(ids)}, of which {len(added)} new, without a place yet"
+            + (f": {_few(added)}" if added else ""),
             f"rows: {sightings.rows_in_file:,}"
             + (f", and {extra:,} states at the ends and starts of windows" if extra else ""),
         ),
@@ -81,16 +89,32 @@ def _level_of_new(sightings: Sightings, new: list[bool], door_map: DoorMap) -> i
     try:
         return resolve_level(None, door_map)
     except UnknownLevelError as error:
-        names = [shown(name) for name, is_new in zip(sightings.doors, new, strict=True) if is_new]
-        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        names = [name for name, is_new in zip(sightings.doors, new, strict=True) if is_new]
         raise UnknownLevelError(
-            f"{sightings.path}: no door is called {', '.join(names[:MOST_NAMED])}{more}, so they "
-            f"would be new; {error}"
+            f"{sightings.path}: no door is called {_few(names)}, so they would be new; {error}"
         ) from None
 
 
 MOST_NAMED = 3
-"""So many of the doors that would be new are named."""
+"""So many of the doors that are new are named."""
+
+
+def _few(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(map(shown, names[:MOST_NAMED])) + more
+
+
+def _check_no_level(sightings: Sightings, name: str, door_map: DoorMap) -> None:
+    """Return unless a name that no door bears begins as `level/name` does: it is mistyped.
+
+    Raises:
+        UnknownDoorError: It does.
+    """
+    level = name.partition("/")[0]
+    if level != name and level in {known.name for known in door_map.levels.values()}:
+        raise UnknownDoorError(
+            f"{sightings.path}: {shown(name)}: level {level} has no door of that name."
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,15 +186,16 @@ def _batch_of(rows: Rows, ids: NDArray[np.uint32]) -> EventBatch:
     return EventBatch.mixed(np.where(seen, DoorObserved.kind, DoorUpdated.kind), observed, updated)
 
 
-def _names(present: Present, level: int | None) -> dict[str, list[DoorId]]:
+def _names(
+    doors: Collection[Door], door_map: DoorMap, level: int | None
+) -> dict[str, list[DoorId]]:
     """Return what a file may call each door: its name before level/name, before its id."""
-    door_map = present.door_map
-    doors = [door for door in door_map.doors.values() if level in (None, door.level)]
     by_name: dict[str, list[DoorId]] = {}
     by_level: dict[str, list[DoorId]] = {}
     for door in doors:
         if door.name:
-            by_name.setdefault(door.name, []).append(door.door_id)
+            if level in (None, door.level):
+                by_name.setdefault(door.name, []).append(door.door_id)
             by_level.setdefault(f"{door_map.level_name(door.level)}/{door.name}", []).append(
                 door.door_id
             )

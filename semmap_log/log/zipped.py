@@ -24,7 +24,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
-from semmap_log.errors import LogAccessError, LogError, NotALogError
+from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.log.file_calls import open_plainly
 from semmap_log.log.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
 
@@ -114,7 +114,7 @@ def _unpack(path: Path, folder: Path) -> None:
                 for member in members:
                     most -= _unpack_one(path, packed, member, folder, most)
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
-            raise LogError(f"{path}: damaged, or no zip file that can be read: {error}.") from None
+            raise CorruptLogError(path, None, f"no zip file that can be read: {error}") from None
 
 
 def _members_of_log(path: Path, packed: zipfile.ZipFile) -> list[zipfile.ZipInfo]:

@@ -1,10 +1,12 @@
 """What a door CSV means for a log as it stands."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level, RemovedDoor
 from semmap_log.errors import UnknownDoorError
 from semmap_log.event_batch import one_by_one
 from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorUpdated
@@ -31,6 +33,11 @@ def present(*doors, used=(), levels=()):
     ids = {found.door_id for found in doors} | set(map(DoorId, used))
     return Present(DoorMap({d.door_id: d for d in doors}, {lv.level: lv for lv in levels}),
                    frozenset(ids))  # fmt: skip
+
+
+def with_removed(found, *removed):
+    gone = {door.door_id: RemovedDoor(door, 10 + door.door_id) for door in removed}
+    return replace(found, removed=gone, used_ids=found.used_ids | gone.keys())
 
 
 def meant(plan):
@@ -131,3 +138,58 @@ def test_doors_are_added_before_their_first_rows(tmp_path_factory, drawn):
     events = list(one_by_one(plan.events))
     assert expected == [(type(event).__name__, event.door_id) for event in events]
     assert plan.count == len(events)
+
+
+LEVELS = (Level(1, "L1"), Level(2, "L2"))
+
+
+@pytest.mark.parametrize("level", [None, 1, 2])
+def test_a_name_with_its_level_means_that_door(tmp_path, level):
+    """
+    Whatever level is told for those without one, and for new ones.
+    """
+    text = ROWS.replace("front", "L2/front")
+    found = present(door(1, "front", 1), door(3, "front", 2), levels=LEVELS)
+
+    assert {DoorId(3)} == meant(plan_sightings(rows(tmp_path, text), found, level=level))
+
+
+def test_a_level_without_such_a_door_is_told(tmp_path):
+    """
+    A slip of the pen makes no door.
+    """
+    text = ROWS.replace("front", "L2/fornt")
+    found = present(door(3, "front", 2), levels=LEVELS)
+
+    with pytest.raises(UnknownDoorError, match="'L2/fornt': level L2 has no door of that name"):
+        plan_sightings(rows(tmp_path, text), found, level=2)
+
+
+def test_new_doors_are_named(tmp_path):
+    """
+    So that a slip of the pen is seen.
+    """
+    text = "".join(ROWS.replace("front", f"door {i}") for i in range(5))
+
+    said = plan_sightings(rows(tmp_path, text), present()).summary[0]
+
+    assert "5 new, without a place yet: 'door 0', 'door 1', 'door 2' and 2 more" in said
+
+
+def test_a_name_that_a_removed_door_bore_means_that_door(tmp_path):
+    """
+    Its past belongs to it; a new door of the name is made where that is asked for.
+    """
+    found = with_removed(present(door(2, "back")), door(1, "front"))
+
+    assert {DoorId(1)} == meant(plan_sightings(rows(tmp_path), found))
+    assert {DoorId(3)} == meant(plan_sightings(rows(tmp_path), found, renumber=True))
+
+
+def test_a_door_that_is_there_goes_before_one_that_was_removed(tmp_path):
+    """
+    Of the same name.
+    """
+    found = with_removed(present(door(2, "front")), door(1, "front"))
+
+    assert {DoorId(2)} == meant(plan_sightings(rows(tmp_path), found))

@@ -285,7 +285,7 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path, temporary: Path, *, is_honest: b
         path.write_bytes(data)
 
     assert path.stat().st_size * MOST_RATIO < FREE_BYTES
-    with pytest.raises(LogError, match=r"refused: expected files of at most|damaged, or no zip"):
+    with pytest.raises(LogError, match=r"refused: expected files of at most|damaged: no zip"):
         sl.read(path)
 
     gc.collect()
@@ -362,6 +362,18 @@ def test_verify_names_the_zip(tmp_path: Path) -> None:
     assert {finding.path.parent for finding in found.findings} <= {path, path.parent}
     with pytest.raises(LogError, match=r"office\.zip/"):
         sl.read(path).replay()
+
+
+def test_verify_tells_what_is_no_log_from_damage(tmp_path: Path) -> None:
+    """
+    By the exit codes that it has for folders.
+    """
+    nothing = _zip(tmp_path / "nothing.zip", {"readme.txt": b"hello"})
+    cut = tmp_path / "cut.zip"
+    cut.write_bytes(_zip(tmp_path / "whole.zip", _office()).read_bytes()[:-30])
+
+    assert 5 == _main("verify", str(nothing))
+    assert 4 == _main("verify", str(cut))
 
 
 def _main(*arguments: str) -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from semmap_log.errors import LogError
+from semmap_log.errors import CorruptLogError, LogError, NotALogError
 from semmap_log.log.bag_metadata import ClosedSegment
 from semmap_log.log.commits import NO_HASH
 from semmap_log.log.form import FORMAT_MINOR, FORMAT_VERSION
@@ -67,12 +67,22 @@ def verify(path: Path, head: bytes | None = None, progress: Progress | None = No
         LogError: It is of another format version.
     """
     if is_zip(path):
-        files = unpacked(path)
+        try:
+            files = unpacked(path)
+        except (NotALogError, CorruptLogError) as error:
+            return Verification(path, (_of_zip(path, error),))
         return verify(files.path, head, progress).moved(files.path, path)
     for _ in range(_ATTEMPTS):
         with suppress(Vanished):
             return Verifier(path, head, progress).run()
     raise LogError(f"{path}: its files change faster than they can be read; try again.")
+
+
+def _of_zip(path: Path, error: NotALogError | CorruptLogError) -> Finding:
+    text = str(error).removeprefix(f"{path}: ")
+    if isinstance(error, NotALogError):
+        return Finding("not a log", Severity.NOT_A_LOG, path, None, None, text)
+    return Finding("zip", Severity.DAMAGE, path, None, None, text)
 
 
 class Verifier:
