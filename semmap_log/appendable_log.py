@@ -143,6 +143,7 @@ class AppendableLog(DoorLog):
             self._take_in()
             if self._roster is None:
                 self._roster = Roster.of(self._writer.state)
+                self._roster.log = self.path
             return self._roster
 
     @property

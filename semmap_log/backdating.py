@@ -6,11 +6,12 @@ the door again, under its id, at the earlier time. Questions as known before sti
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import groupby
+from pathlib import Path
 
+from semmap_log.command_lines import command_line
 from semmap_log.commits import Commit
 from semmap_log.doors import NAN, DoorId, DoorState
 from semmap_log.event_batch import RecordedEvent
@@ -52,7 +53,8 @@ def early_events(reader: LogReader) -> EarlyEvents:
 
 def remedy(log: str) -> str:
     """Return what to do about events that are told of doors before they were added."""
-    return f"if they were there already, say so: semmap-log import {shlex.quote(log)} --since-ever"
+    line = command_line("import", Path(log), "--since-ever")
+    return f"if they were there already, say so: {line}"
 
 
 def since_ever_ns(reader: LogReader) -> int | None:

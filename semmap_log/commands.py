@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.command_lines import command_line
 from semmap_log.commits import Commit
 from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given
 from semmap_log.errors import (
@@ -79,7 +81,9 @@ class Roster:
     """Levels that have a name or a floor map -> the name."""
     removals: dict[int, Removal]
     """Doors that were removed, as far as that can be taken back."""
-    _levels: dict[int, str | None] | None = None
+    log: Path = field(default=Path("LOG"), repr=False, compare=False)
+    """Where the log is, for messages."""
+    _levels: dict[int, str | None] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, state: DoorMapState) -> Roster:
@@ -127,6 +131,7 @@ class Roster:
             dict(self.level_of),
             dict(self.level_names),
             dict(self.removals),
+            self.log,
         )
 
     @property
@@ -171,7 +176,8 @@ class Roster:
         removal = self.removals.get(door_id)
         if removal is None:
             return ""
-        return f" To bring it back, take the removal back: semmap-log retract LOG {removal.event}"
+        line = command_line("retract", self.log, str(removal.event))
+        return f" To bring it back, take the removal back: {line}"
 
     def absent(self, door_id: int) -> CommandError:
         """Return the error that a door is not in the map, and why."""
@@ -416,6 +422,8 @@ class Gatekeeper:
             return event
         if not isinstance(event, DoorUpdated):
             return replace(event, level=self.roster.level_meant(event.level))
+        if Changed.POSE not in event.changed:
+            return event  # its level means nothing
         return replace(event, level=self.roster.level_of.get(event.door_id, 0))
 
     def settle(self, commit: Commit) -> None:

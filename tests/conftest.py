@@ -90,3 +90,10 @@ def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if done.returncode:
         pytest.skip(f"npm cannot install @mcap/core here: {done.stderr.strip()[:200]}")
     return folder
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let tables be drawn, 80 columns wide and without colours, as people see them."""
+    monkeypatch.setattr("semmap_log.cli.printer.is_for_people", lambda: True)
+    monkeypatch.setenv("COLUMNS", "80")

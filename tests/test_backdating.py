@@ -352,6 +352,7 @@ LINES = "".join(
 )  # fmt: skip
 
 
+@pytest.mark.usefixtures("terminal")
 def test_from_the_warning_to_the_right_answer(run: Run) -> None:
     """
     A building, last week's sightings, the line that the warning tells, and the timeline knows.

@@ -100,6 +100,7 @@ def test_a_log_whose_end_is_missing(log: Path) -> None:
     assert Path(words[2]).absolute() == log.absolute()
 
 
+@pytest.mark.usefixtures("terminal")
 def test_verify_and_info_say_what_to_keep(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     In one line, however long the path is.

@@ -320,5 +320,5 @@ def test_a_number_behind_the_end_is_the_end(tmp_path: Path) -> None:
         log.add_door()
 
         assert 1 == len(log.replay(event=1000))
-        with pytest.raises(sl.SemmapError, match="begin at 0"):
+        with pytest.raises(sl.SemmapError, match="from 0 on"):
             log.replay(event=-1)

@@ -230,7 +230,7 @@ def test_a_removal_that_is_taken_back_brings_the_door_back(tmp_path: Path) -> No
         log.add_door(x=5.0, y=2.0, theta=0.0, width=0.9, level=1)
         before = log.replay()[door]
         removed = log.remove_door(door).commit.first_event
-        with pytest.raises(DoorRemovedError, match=f"semmap-log retract LOG {removed}$"):
+        with pytest.raises(DoorRemovedError, match=f"semmap-log retract .*log {removed}$"):
             log.observe(str(door), "open")
 
         log.append(
@@ -243,7 +243,7 @@ def test_a_removal_that_is_taken_back_brings_the_door_back(tmp_path: Path) -> No
         log.observe("front", "closed")
         again = log.remove_door(door).commit.first_event
         refused = [Retracted(first_event=removed - 1, last_event=again)]
-        with pytest.raises(DoorRemovedError, match=f"retract LOG {again}$"):
+        with pytest.raises(DoorRemovedError, match=f"retract .*log {again}$"):
             log.append([*refused, DoorObserved(door_id=door, state=DoorState.OPEN)])
         log.retract(again)
         after = log.replay()[door]
@@ -284,7 +284,7 @@ def test_what_is_said_of_a_removed_door(tmp_path: Path) -> None:
             lambda: log.remove_door("1"),
             lambda: log.add_door(door_id=door),
         ):
-            with pytest.raises(DoorRemovedError, match=r"door 1 was removed.* retract LOG 1$"):
+            with pytest.raises(DoorRemovedError, match=r"door 1 was removed.* retract .*log 1$"):
                 ask()
         with pytest.raises(UnknownDoorError, match="door 7 is not in the map"):
             log.observe("7", "open")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 import semmap_log as sl
 from semmap_log.summary import open_any, summarize
 from tests.cli.test_verify import semmap
@@ -49,6 +51,7 @@ def test_suspect_commits_have_event_time_and_reason(tmp_path: Path) -> None:
     assert [] == summary.warnings or all("happened after" in text for text in summary.warnings)
 
 
+@pytest.mark.usefixtures("terminal")
 def test_info_tells_people_and_machines(tmp_path: Path, capsys) -> None:
     """
     The head with what it is good for; suspects with their local time.

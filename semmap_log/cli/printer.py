@@ -55,7 +55,8 @@ class Printer:
                 self._draw(each)
             return
         if not isinstance(part, ColumnTable):
-            self._console.print(part, crop=False)  # a line to paste is longer, and whole
+            is_whole = isinstance(part, Text) and bool(part.no_wrap)  # a line to paste
+            self._console.print(part, soft_wrap=is_whole)
             return
         if part.is_empty:
             return

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import shlex
+from functools import partial
 from typing import TYPE_CHECKING
+
+from semmap_log.command_lines import command_line
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
 
 NOT_IN_THIS_PART = (
-    "No door is in this part of the log. To see more of it, leave out --from, --to or --door."
+    "No door is in this part of the log. To see more of it, leave out --since, --until or --door."
 )
 
 
@@ -17,10 +19,14 @@ def how_to_begin(log: DoorLog) -> str | None:
     """Return what to type to fill an empty log; None: it has events."""
     if next(log.commits(), None) is not None:
         return None
-    place = shlex.quote(str(log.path))
+    line = partial(_line, log)
     return (
         "The log has no events yet. To begin, one of:\n"
-        f"  semmap-log import {place} FILE   # a building, a door database, a CSV, a bag\n"
-        f"  semmap-log add {place} --x 2 --y 1.5 --theta 0 --width 0.9 --name front\n"
-        f"  semmap-log record {place}   # events as JSON lines, or from ROS"
+        f"  {line('import')} FILE   # a building, a door database, a CSV, a bag\n"
+        f"  {line('add')} --x 2 --y 1.5 --theta 0 --width 0.9 --name front\n"
+        f"  {line('record')}   # events as JSON lines, or from ROS"
     )
+
+
+def _line(log: DoorLog, verb: str) -> str:
+    return command_line(verb, log.path)

@@ -51,7 +51,7 @@ ONE_OF_EACH: list[Event] = [
         level=1, resolution=0.5, origin_x=0.0, origin_y=0.0, cells=np.ones((300, 400), np.int8)
     ),
     DoorAdded(door_id=DOOR, level=1, x=1.5, y=2.5, theta=0.25, width=0.9, state=DoorState.CLOSED),
-    DoorAdded(door_id=DoorId(2)),
+    DoorAdded(door_id=DoorId(2), level=0),
     DoorAnnotated(door_id=DOOR, key="name", value="Tür 1 / вход"),
     DoorUpdated(door_id=DOOR, changed=Changed.PROB_OPEN, prob_open=0.125),
     DoorObserved(door_id=DOOR, state=DoorState.OPEN, accuracy_open=0.9, accuracy_closed=0.8),

@@ -135,7 +135,10 @@ def test_the_page_opens_on_the_level_with_doors(tmp_path: Path) -> None:
     elsewhere = old_log(tmp_path / "a", "A", "B", doors_on=2, robot_on=1)
     nowhere = old_log(tmp_path / "b", "A", "B", doors_on=2)
     with a_page() as page:
-        for log, said in ((elsewhere, "Robot: A, 32.0, 0.0 m."), (nowhere, "Robot: 32.0, 0.0 m.")):
+        for log, said in (
+            (elsewhere, "Robot: A, 32.0,\xa00.0\xa0m."),
+            (nowhere, "Robot: 32.0,\xa00.0\xa0m."),
+        ):
             file = tmp_path / "x.html"
             file.write_text(report(log).html)
             page.open(as_url(file))
