@@ -64,11 +64,13 @@ def verification_report(found: Verification) -> RenderableType:
     return Group(*parts)
 
 
-def head_hint(log: Path) -> Text:
+def head_hint(log: Path) -> Group:
     """Return what a log's head is good for."""
-    hint = Text("Keep the head elsewhere; a cut tail then shows:\n", style="dim")
     line = command_line("verify", log, "--head", "HASH")
-    return pasteable(hint.append_text(plain_text(f"  {line}")))
+    return Group(
+        Text("Keep the head elsewhere; a cut tail then shows:", style="dim"),
+        pasteable(plain_text(f"  {line}")),
+    )
 
 
 def pasteable(text: Text) -> Text:
