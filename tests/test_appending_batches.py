@@ -88,7 +88,7 @@ def _refusal(log: sl.DoorLogWriter, events: Events, note: sl.Note) -> str:
     try:
         log.append(events, note=note)
     except SemmapError as error:
-        return f"{type(error).__name__} {error}"
+        return f"{type(error).__name__} {error}".replace(str(log.path), "LOG")
     return ""
 
 
