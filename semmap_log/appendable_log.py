@@ -485,7 +485,7 @@ class AppendableLog(DoorLog):
         self._early_told = count
         since = format_local(min(self._early.first_ns.values()), self.info.timezone)
         said = self._early.in_words(self._writer.state.names(), since)
-        text = f"{said}; {remedy(str(self.path))}"
+        text = f"{said}; {remedy(self.path)}"
         warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours())
 
     def _take_in(self) -> None:

@@ -6,6 +6,7 @@ the door again, under its id, at the earlier time. Questions as known before sti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import groupby
@@ -51,9 +52,9 @@ def early_events(reader: LogReader) -> EarlyEvents:
     return found
 
 
-def remedy(log: str) -> str:
+def remedy(log: Path) -> str:
     """Return what to do about events that are told of doors before they were added."""
-    line = command_line("import", Path(log), "--since-ever")
+    line = command_line("import", log, "--since-ever")
     return f"if they were there already, say so: {line}"
 
 
@@ -115,7 +116,7 @@ def added_since(added: DoorAdded, since_ns: int | None) -> Iterator[Event]:
         changed |= Changed.STATE
     for bit, value in ((Changed.PROB_OPEN, added.prob_open),
                        (Changed.PROB_CLOSED, added.prob_closed)):  # fmt: skip
-        changed |= bit if value == value else Changed(0)  # noqa: PLR0124 - NaN
+        changed |= Changed(0) if math.isnan(value) else bit
     if changed:
         yield DoorUpdated(
             happened_ns=added.happened_ns,

@@ -141,7 +141,7 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
     if early.counts:
         since = format_local(min(early.first_ns.values()), reader.info.timezone)
         names = {door.door_id: door.label for door in door_map.doors.values()}
-        warnings.append(f"{early.in_words(names, since)}; {remedy(str(reader.folder))}")
+        warnings.append(f"{early.in_words(names, since)}; {remedy(reader.folder)}")
     warnings += [
         f"{door.label}: P(open) + P(closed) = {door.prob_open + door.prob_closed:.3g}, above 1"
         for door in door_map.doors.values()
