@@ -201,10 +201,14 @@ class Roster:
         self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level
         self.removed_ns.pop(door_id)
 
+    def added_by(self, first: int, last: int) -> list[int]:
+        """Return the doors whose adding is one of these events."""
+        return [i for i, number in self.added_event.items() if first <= number <= last]
+
     def take_back(self, first: int, last: int) -> dict[int, int]:
         """Take doors out whose adding is retracted; return when each had been added."""
         self._levels = None
-        gone = [i for i, number in self.added_event.items() if first <= number <= last]
+        gone = self.added_by(first, last)
         for door_id in gone:
             self.placed.pop(door_id, None)
             self.level_of.pop(door_id, None)
@@ -364,6 +368,9 @@ class Gatekeeper:
             harmless &= ~np.isin(ids, list(doors - self.roster.placed.keys()))
         if DoorRemoved in batch:
             harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])
+        if Retracted in batch:
+            for first, last in batch[Retracted][["first_event", "last_event"]].tolist():
+                harmless &= ~np.isin(ids, self.roster.added_by(first, last))
         return ~harmless
 
     def check(self, event: Event) -> Event:
@@ -458,11 +465,15 @@ class Gatekeeper:
         times = batch.happened_ns
         if not ((times >= 0) & (times < latest_ns)).any():
             return
-        stamps = {i: (self._since_ns(ns), -1) for i, ns in self.roster.added_ns.items()}
-        early = Addings.of(stamps).early(batch, batch.happened_ns)
+        added_ns = self.roster.added_ns
+        early = Addings.of({i: (ns, -1) for i, ns in added_ns.items()}).early(batch, times)
+        timeless = [i for i, ns in added_ns.items() if ns == MAX_TIME_NS]
+        unsure = early & np.isin(batch.door_ids(), timeless)
+        if unsure.any():
+            early &= ~unsure | (times < self._since_ns(MAX_TIME_NS))
         if early.any():
             self.early = self.early or EarlyEvents.none()
-            self.early.add_rows(batch.door_ids()[early], batch.happened_ns[early])
+            self.early.add_rows(batch.door_ids()[early], times[early])
 
     def _since_ns(self, added_ns: int) -> int:
         """Return when a door was added; one that is added without a time: now."""

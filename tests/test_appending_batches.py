@@ -106,7 +106,7 @@ def cut(events: list[Event], at: list[int]) -> list[Event | EventBatch]:
 notes = st.sampled_from([sl.Note(), sl.Note(actor="me")])
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(
     st.lists(st.lists(kinds_about(strangers), min_size=1, max_size=30), min_size=1, max_size=3),
     st.lists(st.integers(0, 9), max_size=6),
@@ -126,6 +126,20 @@ def test_bytes_and_errors_are_those_of_single_events(
     one_by_one = written(tmp_path_factory.mktemp("bytes") / "log", single, note)
 
     assert one_by_one == written(tmp_path_factory.mktemp("bytes") / "log", mixed, note)
+
+
+def test_a_batch_that_takes_an_adding_back_is_asked_about_that_door(tmp_path: Path) -> None:
+    """
+    The third event added door 3: behind its retraction nothing can be said of it.
+    """
+    events: list[Event] = [
+        Retracted(first_event=2, last_event=2),
+        DoorObserved(door_id=DoorId(3), state=DoorState.OPEN),
+    ]
+
+    said = written(tmp_path / "log", [[EventBatch.from_events(events)]])
+
+    assert said[0] == "UnknownDoorError door 3 is not in the map."
 
 
 @settings(max_examples=60, deadline=None)
