@@ -248,17 +248,18 @@ class DoorLogWriter(AppendableLog):
             expected_event: Number of the last event about the door, as the caller knows it.
         """
         about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
+        seen = _state(state)
         return self._commit_one(
             lambda: DoorObserved(
                 door_id=self._resolve(door),
-                state=_state(state),
+                state=seen,
                 accuracy_open=accuracy if accuracy_open is None else accuracy_open,
                 accuracy_closed=accuracy if accuracy_closed is None else accuracy_closed,
                 opening=opening,
                 happened_ns=self._happened(about),
             ),
             about,
-            ("observe", door, _state(state), accuracy, accuracy_open, accuracy_closed, opening),
+            ("observe", door, seen, accuracy, accuracy_open, accuracy_closed, opening),
         )
 
     def annotate(
@@ -303,12 +304,13 @@ class DoorLogWriter(AppendableLog):
     ) -> Appended:
         """Record that somebody asked for a state; the door's state stays as it is."""
         about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
+        wanted = _state(state)
         return self._commit_one(
             lambda: DoorRequested(
-                door_id=self._resolve(door), state=_state(state), happened_ns=self._happened(about)
+                door_id=self._resolve(door), state=wanted, happened_ns=self._happened(about)
             ),
             about,
-            ("request", door, _state(state)),
+            ("request", door, wanted),
         )
 
     def passed(
@@ -502,10 +504,9 @@ class DoorLogWriter(AppendableLog):
 
     def _happened(self, about: _About) -> int | None:
         """Return when a command says that it happened; what is relative counts from now."""
-        now_ns = self.now_ns()
         if about.at is None:
             return None
-        moment = self.moment(about.at, now_ns=now_ns)
+        moment = self.moment(about.at, now_ns=self.now_ns())
         if moment.event is not None:
             raise MomentError("when it happened is a time, not an event number.")
         return moment.ns
