@@ -17,7 +17,6 @@ from semmap_log.commits import Commit
 from semmap_log.doors import NAN, DoorId, DoorState
 from semmap_log.event_batch import RecordedEvent
 from semmap_log.events import (
-    Changed,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -30,6 +29,7 @@ from semmap_log.events import (
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.window import Window
+from semmap_log.meaning import Changed
 from semmap_log.moments import SECOND_NS
 from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 

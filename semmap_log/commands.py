@@ -29,7 +29,6 @@ from semmap_log.events import (
     KINDS,
     MAX_TIME_NS,
     NO_LEVEL,
-    Changed,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -49,6 +48,7 @@ from semmap_log.events import (
     is_whole_number,
 )
 from semmap_log.levels import level_called, only_level, told
+from semmap_log.meaning import PLACING, Changed
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 
@@ -585,9 +585,6 @@ FEW_ROWS = 256
 
 NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
 """Kinds that may change which name means which door (an update: by its level)."""
-
-PLACING = Changed.POSE | Changed.WIDTH
-"""What an update must set together to give a door its first place."""
 
 
 def _kinds_of(batch: EventBatch) -> list[type[Event]]:

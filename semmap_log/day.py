@@ -11,10 +11,9 @@ import numpy as np
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded
+from semmap_log.events import STATE_KINDS, DoorAdded
 from semmap_log.moments import HOUR_NS, format_local
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.projections.state_words import STATE_WORDS
 from semmap_log.projections.time_shares import TimeShares, time_shares
 from semmap_log.projections.timeline import Times, timelines
 
@@ -80,7 +79,7 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
         state=[int(door.state) for door in earlier.values()],
         happened_ns=max(start_ns, 0),
     )
-    today = log.batches(max(start_ns, 0), end_ns, kinds=STATE_WORDS)
+    today = log.batches(max(start_ns, 0), end_ns, kinds=STATE_KINDS)
     found = timelines(chain([opening], today), end_ns=last_ns)
     names = log.door_names()
     edges_ns = np.arange(start_ns, end_ns + 1, SLOT_NS)

@@ -22,14 +22,7 @@ from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import LogError, MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import (
-    KINDS,
-    DoorAdded,
-    DoorAnnotated,
-    Event,
-    FloorMap,
-    is_whole_number,
-)
+from semmap_log.events import KINDS, DoorAdded, DoorAnnotated, Event, FloorMap, is_whole_number
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live import LiveState, fold_live
 from semmap_log.keywords import knows_its_keywords

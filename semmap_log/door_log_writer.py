@@ -13,7 +13,6 @@ from semmap_log.door_log import Time
 from semmap_log.doors import NAN, DoorId, DoorState
 from semmap_log.errors import CommandError, InvalidEventError, MomentError
 from semmap_log.events import (
-    Changed,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -29,6 +28,7 @@ from semmap_log.events import (
     is_whole_number,
 )
 from semmap_log.keywords import knows_its_keywords
+from semmap_log.meaning import Changed
 from semmap_log.retracting import check_can_retract
 
 E = TypeVar("E", bound=Event)

@@ -16,18 +16,17 @@ from numpy.typing import NDArray
 from semmap_log.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, DoorState, is_given
 from semmap_log.errors import InvalidEventError
 from semmap_log.events import (
-    ALL_CHANGED,
     KINDS,
     MAX_EVENT,
     MAX_TIME_NS,
     NO_LEVEL,
-    Changed,
     DoorAdded,
     DoorUpdated,
     Event,
     Retracted,
     defaults_of,
 )
+from semmap_log.meaning import ALL_CHANGED, Changed
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 
 Rows = NDArray[np.void]

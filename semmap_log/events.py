@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from enum import IntFlag
 from functools import cache
 from typing import Any, ClassVar
 
@@ -27,6 +26,8 @@ from semmap_log.doors import (
     DoorState,
 )
 from semmap_log.errors import InvalidEventError
+from semmap_log.meaning import ALL_CHANGED, NO_EFFECT, PARTS, Effect, Presence
+from semmap_log.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
 
 MAX_EVENT = 2**63 - 1
 MAX_TIME_NS = 2**63 - 1
@@ -57,6 +58,9 @@ class Event:
     numbers: ClassVar[tuple[str, ...]] = ()
     """Its fields that are numbers, whole or not."""
 
+    effect: ClassVar[Effect] = NO_EFFECT
+    """What it does to the door that it is about."""
+
     changes_nothing: ClassVar[bool] = False
     """Of a kind that was added to the format later: programs that do not know it may leave it out,
     since no answer about other events depends on it. `log.form` tells what that promises."""
@@ -69,6 +73,20 @@ class Event:
             if type(value) is not float and not is_number(value):
                 self._refuse(name, "a number", value)
         self._check()
+
+    def sets(self) -> Changed:
+        """Return the parts of its door that it sets."""
+        effect = self.effect
+        if effect.only_if and not getattr(self, effect.only_if):
+            return Changed(0)
+        return self.changed if effect.says_what else effect.sets  # type: ignore[attr-defined]
+
+    def values_set(self) -> dict[str, Any]:
+        """Return what it sets: fields of its door and their values."""
+        known = self.effect.values
+        sets = self.sets()
+        names = (name for part in PARTS if part & sets for name in PARTS[part])
+        return {name: known[name] if name in known else getattr(self, name) for name in names}
 
     def _check(self) -> None:
         """Raise InvalidEventError where a value is one that no door can have."""
@@ -121,6 +139,8 @@ def _check_place(event: DoorAdded | DoorUpdated) -> None:
 class DoorAdded(DoorEvent):
     """A door came into the map (thesis: AddDoor). x, y, theta and width NaN: an unplaced door."""
 
+    effect = Effect(sets=ALL_CHANGED, presence=Presence.COMES)
+
     level: int = LEVEL_NOT_GIVEN
     """Not given: the log's only one; see `levels`."""
     x: float = NAN
@@ -144,23 +164,11 @@ class DoorAdded(DoorEvent):
         self._share(0, prob_open=self.prob_open, prob_closed=self.prob_closed)
 
 
-class Changed(IntFlag):
-    """Which fields a DoorUpdated sets."""
-
-    POSE = 1
-    """x, y, theta and level."""
-    WIDTH = 2
-    STATE = 4
-    PROB_OPEN = 8
-    PROB_CLOSED = 16
-
-
-ALL_CHANGED = Changed.POSE | Changed.WIDTH | Changed.STATE | Changed.PROB_OPEN | Changed.PROB_CLOSED
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoorUpdated(DoorEvent):
     """Some fields of a door were set (thesis: UpdateDoor); those not in `changed` mean nothing."""
+
+    effect = Effect(says_what=True)
 
     changed: Changed
     level: int = LEVEL_NOT_GIVEN
@@ -189,10 +197,14 @@ class DoorUpdated(DoorEvent):
 class DoorRemoved(DoorEvent):
     """A door left the map (thesis: RemoveDoor); its id is never used again."""
 
+    effect = Effect(presence=Presence.GOES)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoorObserved(DoorEvent):
     """A sighting: sets the map's state as an update does, and is evidence for the belief."""
+
+    effect = Effect(sets=Changed.STATE, is_sighting=True)
 
     state: DoorState
     accuracy_open: float = 1.0
@@ -226,6 +238,10 @@ class DoorRequested(DoorEvent):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoorPassed(DoorEvent):
     """A robot went through (a sighting of OPEN), or gave up (which sets nothing)."""
+
+    effect = Effect(
+        sets=Changed.STATE, only_if="passed", values={"state": DoorState.OPEN}, is_sighting=True
+    )
 
     passed: bool
     waited_s: float = NAN
@@ -419,6 +435,19 @@ with it the format's minor version: `log.form.KINDS_OF_MINOR`."""
 for _number, _kind in enumerate(KINDS, start=1):
     _kind.kind = _number
     _kind.numbers = tuple(f.name for f in fields(_kind) if f.type in ("float", float))
+
+SETTING_KINDS = tuple(kind for kind in KINDS if kind.effect is not NO_EFFECT)
+"""The kinds that do something to a door, in the order of their numbers."""
+
+STATE_KINDS = tuple(
+    kind
+    for kind in SETTING_KINDS
+    if kind.effect.can_set & Changed.STATE or kind.effect.presence is not Presence.STAYS
+)
+"""Those that may set its state, or end it."""
+
+ADDING_KINDS = tuple(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.COMES)
+"""Those that bring a door into the map."""
 
 DOOR_KINDS = frozenset(kind.kind for kind in KINDS if issubclass(kind, DoorEvent))
 """The numbers of the kinds that are about a door."""

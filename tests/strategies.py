@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from semmap_log.doors import MAX_DOOR_ID, MAX_LEVEL, DoorId, DoorState
 from semmap_log.events import (
-    ALL_CHANGED,
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -27,6 +26,7 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.meaning import ALL_CHANGED
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 lengths = st.floats(0, 1e6)

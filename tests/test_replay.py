@@ -17,7 +17,6 @@ from semmap_log.commands import Gatekeeper
 from semmap_log.doors import DoorId, DoorMap, DoorState
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.events import (
-    ALL_CHANGED,
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -31,6 +30,7 @@ from semmap_log.events import (
     Retracted,
 )
 from semmap_log.log.keyframes import decode, encode
+from semmap_log.meaning import ALL_CHANGED
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.replay import visible_batches
 from tests.conftest import SteadyClock

@@ -17,14 +17,7 @@ from semmap_log.errors import (
     UnexpectedEventError,
     UnknownDoorError,
 )
-from semmap_log.events import (
-    Changed,
-    DoorObserved,
-    DoorUpdated,
-    LevelAdded,
-    Retracted,
-    RobotPose,
-)
+from semmap_log.events import Changed, DoorObserved, DoorUpdated, LevelAdded, Retracted, RobotPose
 from semmap_log.retracting import newly_hidden
 from tests.conftest import SteadyClock
 from tests.folding.test_fold import expected_numbers

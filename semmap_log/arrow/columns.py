@@ -13,7 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from semmap_log.doors import DoorState
-from semmap_log.events import ALL_CHANGED, KINDS, Changed, field_names
+from semmap_log.events import KINDS, field_names
+from semmap_log.meaning import ALL_CHANGED, Changed
 
 SCHEMA_VERSION = 1
 """Counts up when a column changes its meaning or goes; a new column does not."""

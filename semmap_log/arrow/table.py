@@ -12,18 +12,12 @@ from semmap_log.arrow.columns import CELLS, CHANGED, COLUMNS, KIND, STATE, TIME,
 from semmap_log.arrow.schema import DICTIONARIES, schema_of, type_of
 from semmap_log.arrow.sdk import pa
 from semmap_log.doors import DoorState
-from semmap_log.events import ALL_CHANGED, Changed, DoorUpdated, Event
+from semmap_log.events import KINDS, Event
+from semmap_log.meaning import ALL_CHANGED, PART_OF
 
 Array = NDArray[Any]
 
 SCHEMA = schema_of(COLUMNS)
-
-_BIT_OF = {
-    "level": Changed.POSE, "x": Changed.POSE, "y": Changed.POSE, "theta": Changed.POSE,
-    "width": Changed.WIDTH, "state": Changed.STATE,
-    "prob_open": Changed.PROB_OPEN, "prob_closed": Changed.PROB_CLOSED,
-}  # fmt: skip
-"""Field of a DoorUpdated -> the bit that says that it is set."""
 
 _WORDS = {name: pa.array(words) for name, words in DICTIONARIES.items()}
 
@@ -91,8 +85,8 @@ def _nulls(column: Column, count: int) -> pa.Array:
 
 def _is_set(field: str, kind: int, rows: NDArray[np.void]) -> Array | bool:
     """Return which rows mean something by this field: an update's only what it changes."""
-    if kind == DoorUpdated.kind and field in _BIT_OF:
-        set_: Array = (rows["changed"] & int(_BIT_OF[field])) != 0
+    if KINDS[kind - 1].effect.says_what and field in PART_OF:
+        set_: Array = (rows["changed"] & int(PART_OF[field])) != 0
         return set_
     return True
 

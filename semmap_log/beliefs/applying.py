@@ -15,9 +15,10 @@ from semmap_log.commits import Note
 from semmap_log.door_log import Time
 from semmap_log.door_log_writer import DoorLogWriter
 from semmap_log.doors import Door, DoorId
-from semmap_log.events import Changed, DoorUpdated
+from semmap_log.events import DoorUpdated
 from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
+from semmap_log.meaning import Changed
 from semmap_log.moments import format_local
 
 DIGITS = 6

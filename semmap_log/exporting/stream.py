@@ -15,8 +15,8 @@ from typing import Any
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.events import DoorEvent, FloorMap, LevelAdded, RobotPose
-from semmap_log.exporting.door_table import DoorTable
 from semmap_log.exporting.in_order import Times, moments, times_of
+from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.exporting.stream_plan import ROBOT, THESIS, StreamPlan, plan_of
 from semmap_log.exporting.stream_topics import LevelDoors, ThesisDoors, WholeTopic, heights_of
 from semmap_log.formats.bags import BagTopic
@@ -161,7 +161,7 @@ class _Fold:
         self._plan = plan
         self._version = version
         self._messages = Messages(version)
-        self._table = DoorTable.of(before)
+        self._table = LatestDoors.of(before)
         self._heights = heights_of(self._table, plan.levels)
         self._floors = {level: floor for level in plan.floors
                         if (floor := log.floor_of(before, level)) is not None}  # fmt: skip

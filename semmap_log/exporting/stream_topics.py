@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from semmap_log.doors import Door, DoorId
-from semmap_log.exporting.door_table import DoorTable
+from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.formats.array_messages import Part
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.door_markers import DoorLook, DoorMarkers, is_drawn
@@ -116,12 +116,12 @@ class ThesisDoors:
         return self._messages.message(self._entries[door] for door in sorted(self._entries))
 
 
-def heights_of(table: DoorTable, levels: Mapping[int, object]) -> dict[int, float]:
+def heights_of(doors: LatestDoors, levels: Mapping[int, object]) -> dict[int, float]:
     """Return how high each level is drawn, metres.
 
     Several levels lie above each other, as far as their elevations are known; one alone lies at 0.
     """
     if len(levels) < 2:
         return dict.fromkeys(levels, 0.0)
-    told = {level: table.elevations.get(level, math.nan) for level in levels}
+    told = {level: doors.elevations.get(level, math.nan) for level in levels}
     return {level: z if math.isfinite(z) else 0.0 for level, z in told.items()}

@@ -15,14 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import NAN, DoorState
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorObserved,
-    DoorPassed,
-    DoorUpdated,
-    Event,
-)
+from semmap_log.events import DoorAdded, DoorObserved, DoorPassed, DoorUpdated, Event
 from semmap_log.formats.csv_blocks import Columns, CsvBlocks
 from semmap_log.formats.csv_rows import Row
 from semmap_log.formats.csv_text import harmless, is_written_otherwise, meant
@@ -31,6 +24,7 @@ from semmap_log.formats.csv_windows import KnownTimes, Window, read_windows
 from semmap_log.formats.problems import Problems, shown
 from semmap_log.formats.sightings import Sighting, SightingColumns, Sightings
 from semmap_log.formats.text_column import TextCodes, TextColumn, decimals_in
+from semmap_log.meaning import Changed
 from semmap_log.moments import format_wall, zone
 
 COLUMNS = ("timestamp", "door", "state", "accuracy")

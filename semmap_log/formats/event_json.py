@@ -24,24 +24,10 @@ from numpy.typing import NDArray
 from semmap_log.commits import NO_CONTENT, Commit
 from semmap_log.doors import DoorState, is_given
 from semmap_log.event_batch import RecordedEvent
-from semmap_log.events import (
-    Changed,
-    DoorObserved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    UnknownEvent,
-    field_names,
-)
+from semmap_log.events import DoorObserved, DoorUpdated, Event, FloorMap, UnknownEvent, field_names
+from semmap_log.meaning import PARTS
 from semmap_log.moments import format_utc
 
-CHANGED_FIELDS: Mapping[Changed, tuple[str, ...]] = {
-    Changed.POSE: ("level", "x", "y", "theta"),
-    Changed.WIDTH: ("width",),
-    Changed.STATE: ("state",),
-    Changed.PROB_OPEN: ("prob_open",),
-    Changed.PROB_CLOSED: ("prob_closed",),
-}
 NOTE_KEYS = ("actor", "source", "reason", "correlation")
 
 
@@ -102,10 +88,9 @@ def _fields(event: Event) -> dict[str, Any]:
         return {"newer": True, "cdr_base64": base64.b64encode(event.data).decode()}
     values = {name: getattr(event, name) for name in field_names(type(event)) if name != "salt"}
     if isinstance(event, DoorUpdated):
-        bits = [bit for bit in CHANGED_FIELDS if bit in event.changed]
-        kept = {"door_id", *(name for bit in bits for name in CHANGED_FIELDS[bit])}
+        kept = {"door_id", *event.values_set()}
         values = {name: value for name, value in values.items() if name in kept}
-        values["changed"] = [bit.name for bit in bits]
+        values["changed"] = [part.name for part in PARTS if part & event.changed]
     if isinstance(event, DoorObserved) and event.accuracy_open == event.accuracy_closed:
         values["accuracy"] = values.pop("accuracy_open")
         del values["accuracy_closed"]

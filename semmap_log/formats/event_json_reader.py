@@ -15,7 +15,6 @@ from semmap_log.errors import FormatError, SemmapError
 from semmap_log.events import (
     KIND_BY_NAME,
     MAX_EVENT,
-    Changed,
     DoorAdded,
     DoorEvent,
     DoorObserved,
@@ -25,9 +24,10 @@ from semmap_log.events import (
     RobotPose,
     field_names,
 )
-from semmap_log.formats.event_json import CHANGED_FIELDS, FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
+from semmap_log.formats.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
 from semmap_log.formats.problems import shown
 from semmap_log.formats.strict_json import StrictJsonError, load_object
+from semmap_log.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.moments import parse_instant
 
 
@@ -234,26 +234,23 @@ class _LineReader:
 
     def changed(self) -> Changed:
         """Return which fields are there; a key `changed` must say the same."""
-        there = [bit for bit, names in CHANGED_FIELDS.items() if {*names} & {*self.left}]
+        there = changed(self.left.keys())
         if Changed.POSE in there and not {"x", "y", "theta"} <= {*self.left}:
             raise _WrongError(
                 "expected x, y and theta together (and level with them), got only some of them"
             )
         if not there:
+            others = ", ".join(name for name, part in PART_OF.items() if part != Changed.POSE)
             raise _WrongError(
-                "DoorUpdated: expected at least one of x, y, theta (together), "
-                "width, state, prob_open, prob_closed; got none"
+                f"DoorUpdated: expected at least one of x, y, theta (together), {others}; got none"
             )
         said = self.left.pop("changed", None)
-        names = [bit.name for bit in there]
+        names = [part.name for part in PARTS if part & there]
         if said is not None and (
             not isinstance(said, list) or sorted(map(str, said)) != sorted(map(str, names))
         ):
             raise _WrongError(f"changed: expected {names} as the other keys say, got {shown(said)}")
-        bits = Changed(0)
-        for bit in there:
-            bits |= bit
-        return bits
+        return there
 
     def floor_map(self) -> dict[str, Any]:
         may_lack = ("level", "origin_theta")

@@ -28,7 +28,6 @@ from semmap_log.doors import (
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
-    Changed,
     DoorAdded,
     DoorAnnotated,
     DoorUpdated,
@@ -38,6 +37,7 @@ from semmap_log.events import (
     Retracted,
 )
 from semmap_log.formats.door_table import DoorTable, TableDoor
+from semmap_log.meaning import PLACING, changed
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,17 +282,14 @@ class _DoorPlanner:
         yield from self.update_of(door, there, {name for name, _, _ in found})
 
     def update_of(self, door: TableDoor, there: Door, names: set[str]) -> Iterator[Event]:
-        changed = Changed(0)
-        for bit, members in _CHANGED_BY.items():
-            if names & members:
-                changed |= bit
-        if not there.is_placed and changed & (Changed.POSE | Changed.WIDTH):
-            changed |= Changed.POSE | Changed.WIDTH
-        if changed:
+        sets = changed(names - door.annotations.keys())
+        if not there.is_placed and sets & PLACING:
+            sets |= PLACING
+        if sets:
             yield DoorUpdated(
                 happened_ns=self.at_ns,
                 door_id=there.door_id,
-                changed=changed,
+                changed=sets,
                 level=there.level,
                 x=door.x,
                 y=door.y,
@@ -318,15 +315,6 @@ class _DoorPlanner:
 
     def where(self, door: TableDoor) -> str:
         return f"{self.table.path}:{door.line}"
-
-
-_CHANGED_BY: Mapping[Changed, frozenset[str]] = {
-    Changed.POSE: frozenset({"x", "y", "theta"}),
-    Changed.WIDTH: frozenset({"width"}),
-    Changed.STATE: frozenset({"state"}),
-    Changed.PROB_OPEN: frozenset({"prob_open"}),
-    Changed.PROB_CLOSED: frozenset({"prob_closed"}),
-}
 
 
 def differences(door: TableDoor, there: Door) -> Iterator[tuple[str, object, object]]:

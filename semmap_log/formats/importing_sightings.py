@@ -11,18 +11,12 @@ from numpy.typing import NDArray
 from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap
 from semmap_log.errors import CommandError, UnknownDoorError, UnknownLevelError
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorAnnotated,
-    DoorEvent,
-    DoorObserved,
-    DoorUpdated,
-)
+from semmap_log.events import DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorUpdated
 from semmap_log.formats.importing import ImportPlan, Present
 from semmap_log.formats.problems import shown
 from semmap_log.formats.sightings import Rows, Sightings
 from semmap_log.levels import resolve_level
+from semmap_log.meaning import Changed
 
 
 def plan_sightings(

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from semmap_log.doors import DoorId
 from semmap_log.errors import LogError
 
@@ -89,7 +91,7 @@ class Annotations:
 
 def _unpack(stored: Mapping[str, Any]) -> _Said:
     columns = [list(stored["key"]), list(stored["value"])]
-    columns += [stored[name].tolist() for name in ("door_id", "happened_ns", "event")]
+    columns += [np.asarray(stored[name]).tolist() for name in ("door_id", "happened_ns", "event")]
     said: _Said = {}
     for key, value, door_id, happened, event in zip(*columns, strict=True):
         said.setdefault(door_id, {})[key] = ((happened, event), value)

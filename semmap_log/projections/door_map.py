@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId, DoorMap, Level, RemovedDoor
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorAnnotated, FloorMap, LevelAdded
+from semmap_log.events import ADDING_KINDS, DoorAnnotated, DoorEvent, Event, FloorMap, LevelAdded
+from semmap_log.meaning import Presence
 from semmap_log.projections.annotations import Annotations, Stamp
 from semmap_log.projections.doors_present import DoorsPresent
 from semmap_log.projections.registers import NEVER, NOBODY, REGISTERS, DoorColumns, writes_of
@@ -70,10 +71,28 @@ class DoorMapState:
         self._columns.write(list(writes_of(batch)), rows, happened, batch.number)
         self._apply_objects(batch, happened)
 
+    def apply_one(self, event: Event, number: int) -> None:
+        """Fold one event in: the same as a batch of one, for who has them one by one.
+
+        Args:
+            event: With the time by which it is ordered.
+            number: Its number.
+        """
+        assert event.happened_ns is not None
+        stamp = (event.happened_ns, number)
+        self.event, self.latest = max(self.event, number), max(self.latest, stamp)
+        if isinstance(event, DoorEvent):
+            row = self._row(event.door_id)  # may make new columns
+            self._columns.write_one(row, event, stamp)
+        if event.effect.presence is Presence.COMES and isinstance(event, DoorEvent):
+            self.used_door_ids.add(event.door_id)
+        self._apply_object(event, stamp)
+
     def note_used_ids(self, batch: EventBatch) -> None:
         """Remember the ids that the batch gives away; retracted events count here, too."""
-        if DoorAdded in batch:
-            self.used_door_ids.update(batch[DoorAdded]["door_id"].tolist())
+        for kind in ADDING_KINDS:
+            if kind in batch:
+                self.used_door_ids.update(batch[kind]["door_id"].tolist())
 
     @property
     def latest_happened_ns(self) -> int:
@@ -317,15 +336,18 @@ class DoorMapState:
                 happened[positions].tolist(), batch.number[positions].tolist(), strict=True
             )
             for event, stamp in zip(batch.objects[kind.kind], stamps, strict=True):
-                if isinstance(event, DoorAnnotated):
-                    self._annotations.write(event.door_id, event.key, event.value, stamp)
-                elif isinstance(event, LevelAdded):
-                    if event.level not in self._levels or stamp > self._levels[event.level][0]:
-                        self._levels[event.level] = (stamp, event.name, event.elevation)
-                elif isinstance(event, FloorMap):
-                    drawn = self._floor_maps.get(event.level)
-                    if drawn is None or stamp > drawn:
-                        self._floor_maps[event.level] = stamp
+                self._apply_object(event, stamp)
+
+    def _apply_object(self, event: Event, stamp: Stamp) -> None:
+        if isinstance(event, DoorAnnotated):
+            self._annotations.write(event.door_id, event.key, event.value, stamp)
+        elif isinstance(event, LevelAdded):
+            if event.level not in self._levels or stamp > self._levels[event.level][0]:
+                self._levels[event.level] = (stamp, event.name, event.elevation)
+        elif isinstance(event, FloorMap):
+            drawn = self._floor_maps.get(event.level)
+            if drawn is None or stamp > drawn:
+                self._floor_maps[event.level] = stamp
 
 
 def _last_stamp(happened: Array, numbers: Array) -> Stamp:

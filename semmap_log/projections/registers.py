@@ -16,37 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorState
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-)
+from semmap_log.events import SETTING_KINDS, DoorEvent, Event
+from semmap_log.meaning import PARTS, Changed, Presence
 
 Array = NDArray[Any]
 
 REGISTERS: Mapping[str, Mapping[str, str]] = {
     "added": {},
     "removed": {},
-    "pose": {"level": "u2", "x": "f8", "y": "f8", "theta": "f8"},
-    "width": {"width": "f8"},
-    "state": {"state": "u1"},
-    "prob_open": {"prob_open": "f8"},
-    "prob_closed": {"prob_closed": "f8"},
+    **{(bit.name or "").lower(): fields for bit, fields in PARTS.items()},
 }
 """Register -> its values and their numpy types; each also has `_happened_ns` and `_event`."""
 
+REGISTER_OF: Mapping[Changed, str] = dict(zip(PARTS, list(REGISTERS)[2:], strict=True))
+
 _PLACE_OF = {register: place for place, register in enumerate(REGISTERS)}
 
-_CHANGED = {
-    "pose": int(Changed.POSE), "width": int(Changed.WIDTH), "state": int(Changed.STATE),
-    "prob_open": int(Changed.PROB_OPEN), "prob_closed": int(Changed.PROB_CLOSED),
-}  # fmt: skip
+_BY_PRESENCE = {Presence.COMES: "added", Presence.GOES: "removed"}
 
 NEVER = -1
 """The event number of a register that nothing has set."""
@@ -153,6 +140,19 @@ class DoorColumns(Mapping[str, Array]):
                 for name, values in writes.values_of(won - start).items():
                     self._named[name][mine] = values
 
+    def write_one(self, row: int, event: DoorEvent, stamp: tuple[int, int]) -> None:
+        """Write what one event sets, where that is newer; the same as `write`, for few of them."""
+        self._named["last_event"][row] = max(self._named["last_event"][row], stamp[1])
+        sets, values = event.sets(), event.values_set()
+        registers = [register for part, register in REGISTER_OF.items() if part & sets]
+        registers += [name for what, name in _BY_PRESENCE.items() if what is event.effect.presence]
+        for register in registers:
+            place = _PLACE_OF[register]
+            if stamp > (self._happened_ns[place, row], self._event[place, row]):
+                self._happened_ns[place, row], self._event[place, row] = stamp
+                for name in REGISTERS[register]:
+                    self._named[name][row] = values[name]
+
     def _settle(
         self, cells: Array, happened: Array, where: Array, numbers: Array
     ) -> NDArray[np.intp]:
@@ -181,28 +181,24 @@ class DoorColumns(Mapping[str, Array]):
 
 def writes_of(batch: EventBatch) -> Iterator[Writes]:
     """Yield what the batch writes, register by register."""
-    if DoorAdded in batch:
-        where = batch.where(DoorAdded)
-        for register in REGISTERS:
-            if register != "removed":
-                yield Writes(register, where, _ValuesOf(register, batch, DoorAdded))
-    if DoorUpdated in batch:
-        where, changed = batch.where(DoorUpdated), batch[DoorUpdated]["changed"]
-        for register, bit in _CHANGED.items():
-            places = np.flatnonzero(changed & bit != 0)
-            if len(places):
-                values = _ValuesOf(register, batch, DoorUpdated, places)
-                yield Writes(register, where[places], values)
-    if DoorRemoved in batch:
-        yield Writes("removed", batch.where(DoorRemoved), lambda _: {})
-    if DoorObserved in batch:
-        values = _ValuesOf("state", batch, DoorObserved)
-        yield Writes("state", batch.where(DoorObserved), values)
-    if DoorPassed in batch:
-        through = batch.where(DoorPassed)[batch[DoorPassed]["passed"]]
-        opened = np.full(len(through), int(DoorState.OPEN), "u1")
-        if len(opened):
-            yield Writes("state", through, lambda places: {"state": opened[places]})
+    for kind in SETTING_KINDS:
+        if kind in batch:
+            yield from _writes_of_kind(batch, kind)
+
+
+def _writes_of_kind(batch: EventBatch, kind: type[Event]) -> Iterator[Writes]:
+    effect, where = kind.effect, batch.where(kind)
+    if effect.presence in _BY_PRESENCE:
+        yield Writes(_BY_PRESENCE[effect.presence], where, lambda _: {})
+    among = np.flatnonzero(batch[kind][effect.only_if]) if effect.only_if else None
+    changed = batch[kind]["changed"] if effect.says_what else None
+    for part, register in REGISTER_OF.items():
+        if not part & effect.can_set:
+            continue
+        places = among if changed is None else np.flatnonzero(changed & int(part) != 0)
+        if places is None or len(places):
+            positions = where if places is None else where[places]
+            yield Writes(register, positions, _ValuesOf(register, batch, kind, places))
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,9 +208,17 @@ class _ValuesOf:
     register: str
     batch: EventBatch
     kind: type[Event]
-    among: NDArray[np.intp] | None = None
+    among: NDArray[np.intp] | None
 
     def __call__(self, places: NDArray[np.intp]) -> Mapping[str, Array]:
+        wanted, known = REGISTERS[self.register], self.kind.effect.values
+        always = {
+            name: np.full(len(places), known[name], wanted[name])
+            for name in wanted
+            if name in known
+        }
+        if len(always) == len(wanted):
+            return always
         places = places if self.among is None else self.among[places]
         rows = self.batch.some(self.kind, places)
-        return {name: rows[name] for name in REGISTERS[self.register]}
+        return always | {name: rows[name] for name in wanted if name not in known}

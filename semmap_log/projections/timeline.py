@@ -11,8 +11,17 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorRemoved, Event
-from semmap_log.projections.state_words import STATE_WORDS, sets_state, states_of
+from semmap_log.meaning import Presence
+from semmap_log.projections.door_changes import (
+    STATE,
+    STATE_CHANGE,
+    THERE,
+    Changes,
+    is_before,
+    known_states,
+    of_presence,
+    parts_of,
+)
 
 if TYPE_CHECKING:
     from semmap_log.arrow.sdk import DataFrame
@@ -162,52 +171,35 @@ def timelines(
         doors: Only these; None: all.
         end_ns: Where the last interval ends; default, and at the least: the latest event's time.
     """
-    told = _Told(None if doors is None else np.array(sorted(doors), np.int64))
+    reports = _Reports(None if doors is None else np.array(sorted(doors), np.int64))
     for batch in batches:
-        told.take(batch)
-    end_ns = max(told.latest_ns, end_ns or 0)
-    return {words.door_id: _intervals(words, end_ns) for words in told.doors()}
+        reports.take(batch)
+    end_ns = max(reports.latest_ns, end_ns or 0)
+    return {life.door_id: _intervals(life, end_ns) for life in reports.doors()}
 
 
-WORD = np.dtype([
-    ("door_id", "u4"), ("ns", "i8"), ("number", "i8"), ("kind", "u1"), ("state", "u1")
-])  # fmt: skip
-Words = NDArray[np.void]
-"""Rows of `WORD`: what an event says of a door's state."""
-
-
-class _Told:
+class _Reports:
     """What the events say about the states of doors, in any order."""
 
     def __init__(self, doors: NDArray[np.int64] | None) -> None:
         self._doors = doors
-        self._parts: list[Words] = []
+        self._parts: list[Changes] = []
         self.latest_ns = 0
         """Of all events, whatever they are about."""
 
     def take(self, batch: EventBatch) -> None:
         """Read a batch."""
         self.latest_ns = max(self.latest_ns, int(batch.folds_ns.max(initial=0)))
-        self._parts += [self._words(kind, batch) for kind in STATE_WORDS if kind in batch]
-
-    def _words(self, kind: type[Event], batch: EventBatch) -> Words:
-        rows = batch[kind]
-        chosen = sets_state(kind, rows)
-        if self._doors is not None:
-            chosen = chosen & np.isin(rows["door_id"], self._doors)
-        where = batch.where(kind)[chosen]
-        words = np.empty(len(where), WORD)
-        words["door_id"], words["kind"] = rows["door_id"][chosen], kind.kind
-        words["ns"], words["number"] = batch.folds_ns[where], batch.number[where]
-        words["state"] = states_of(kind, rows[chosen])
-        return words
+        self._parts += parts_of(batch, STATE_CHANGE, setting=STATE | THERE, doors=self._doors)
 
     def doors(self) -> Iterator[_Life]:
         """Yield what was said of each door that was added, ids ascending."""
-        words = np.concatenate([np.empty(0, WORD), *self._parts])
-        words = words[np.lexsort((words["number"], words["ns"], words["door_id"]))]
-        starts = np.flatnonzero(np.diff(words["door_id"].astype(np.int64), prepend=-1))
-        for rows in np.split(words, starts[1:]) if len(words) else []:
+        changes = np.concatenate([np.empty(0, STATE_CHANGE), *self._parts])
+        changes["state"] = known_states(changes["state"])
+        order = np.lexsort((changes["number"], changes["folds_ns"], changes["door_id"]))
+        changes = changes[order]
+        starts = np.flatnonzero(np.diff(changes["door_id"].astype(np.int64), prepend=-1))
+        for rows in np.split(changes, starts[1:]) if len(changes) else []:
             life = _Life(DoorId(int(rows["door_id"][0])), rows)
             if life.added is not None:
                 yield life
@@ -216,39 +208,38 @@ class _Told:
 class _Life:
     """What was said about one door, in the order of the fold."""
 
-    def __init__(self, door_id: DoorId, words: Words) -> None:
+    def __init__(self, door_id: DoorId, changes: Changes) -> None:
         self.door_id = door_id
-        self._words = words
-        self.added = self._stamp(DoorAdded)
+        self._changes = changes
+        self.added = self._stamp(Presence.COMES)
         """(time, event number)."""
-        removed = self._stamp(DoorRemoved)
+        removed = self._stamp(Presence.GOES)
         # A removal before the adding was of no door, and does not count.
         counts = removed is not None and (self.added is None or removed >= self.added)
         self.removed_ns = removed[0] if removed is not None and counts else None
 
-    def _stamp(self, kind: type[Event]) -> tuple[int, int] | None:
-        found = np.flatnonzero(self._words["kind"] == kind.kind)
+    def _stamp(self, presence: Presence) -> tuple[int, int] | None:
+        found = np.flatnonzero(of_presence(self._changes, presence))
         if not len(found):
             return None
-        first = self._words[found[0]]
-        return int(first["ns"]), int(first["number"])
+        first = self._changes[found[0]]
+        return int(first["folds_ns"]), int(first["number"])
 
-    def states(self) -> Words:
+    def states(self) -> Changes:
         """Return what counts: from the adding on, before the removal."""
         assert self.added is not None
-        words = self._words[self._words["kind"] != DoorRemoved.kind]
-        added_ns, added = self.added
-        counts = (words["ns"] > added_ns) | ((words["ns"] == added_ns) & (words["number"] >= added))
+        changes = self._changes[~of_presence(self._changes, Presence.GOES)]
+        counts = ~is_before(changes, self.added)
         if self.removed_ns is not None:
-            counts &= words["ns"] < self.removed_ns
-        found: Words = words[counts]
+            counts &= changes["folds_ns"] < self.removed_ns
+        found: Changes = changes[counts]
         return found
 
 
-def _intervals(told: _Life, end_ns: int) -> Timeline:
+def _intervals(life: _Life, end_ns: int) -> Timeline:
     """Join neighbours of one state; of events at the same time only the last one's state holds."""
-    words = told.states()
-    times, states = words["ns"], words["state"]
+    changes = life.states()
+    times, states = changes["folds_ns"], changes["state"]
     held = np.ones(len(times), np.bool_)
     held[:-1] = times[1:] != times[:-1]
     held_states = states[held]
@@ -260,13 +251,13 @@ def _intervals(told: _Life, end_ns: int) -> Timeline:
     start = times[held][begins]
     agrees = np.flatnonzero(states == state[interval])
     first = agrees[np.searchsorted(interval[agrees], np.arange(len(state)))]
-    last_ns = end_ns if told.removed_ns is None else told.removed_ns
+    last_ns = end_ns if life.removed_ns is None else life.removed_ns
     return Timeline(
-        told.door_id,
+        life.door_id,
         start_ns=start,
         end_ns=np.append(start, last_ns)[1:],
         state=state,
-        event=words["number"][first],
+        event=changes["number"][first],
         sightings=np.bincount(interval[agrees], minlength=len(state)),
-        removed=told.removed_ns is not None,
+        removed=life.removed_ns is not None,
     )

@@ -21,15 +21,9 @@ from typing import Any
 
 from semmap_log.doors import Door, DoorId, DoorState, reduced, thesis_state
 from semmap_log.errors import InvalidEventError
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorAnnotated,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-)
+from semmap_log.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
 from semmap_log.formats.problems import shown
+from semmap_log.meaning import PLACING, Changed
 from semmap_log.ros_mapping.mapping import ReadDoorMap
 from semmap_log.ros_mapping.reading import Context, TopicMessage
 
@@ -185,8 +179,8 @@ class DoorMaps:
             changed |= Changed.PROB_OPEN
         if _is_other(door.prob_closed, entry.prob_closed):
             changed |= Changed.PROB_CLOSED
-        if not door.is_placed and changed & (Changed.POSE | Changed.WIDTH):
-            changed |= Changed.POSE | Changed.WIDTH
+        if not door.is_placed and changed & PLACING:
+            changed |= PLACING
         if changed:
             moves, widens = Changed.POSE in changed, Changed.WIDTH in changed
             yield DoorUpdated(
@@ -210,7 +204,7 @@ class DoorMaps:
             if number in numbers:
                 continue
             if door in known.doors and self._rule.removes != "none":
-                if happened_ns is not None and happened_ns < known.added_ns.get(door, 0):
+                if happened_ns is not None and happened_ns < known.added_ns(door):
                     self._complain("a door that is gone before it came, by the clock; it stays",
                                    f"door {door}")  # fmt: skip
                     continue

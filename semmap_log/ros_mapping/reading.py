@@ -8,10 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from semmap_log.doors import DoorId
+from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.events import DoorAdded, DoorAnnotated, Event
 from semmap_log.formats.problems import shown
+from semmap_log.levels import resolve_level
 from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.mapping import RosMapping, Unknown
@@ -35,10 +36,11 @@ class Context:
     mapping: RosMapping
     known: Known
     complaints: Complaints
-    _levels: Known = field(init=False)
+    _begun: DoorMap = field(init=False)
+    """The map when the reading began."""
 
     def __post_init__(self) -> None:
-        self._levels = Known.of_levels(self.known)
+        self._begun = self.known.door_map()
 
     def level(self, text: str | None) -> int:
         """Return the level of that number or name; None: the one that is meant where none is told.
@@ -49,7 +51,7 @@ class Context:
         Raises:
             UnknownLevelError: There is none, or there are several.
         """
-        return self._levels.level(text)
+        return resolve_level(text, self._begun)
 
     def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int | None:
         """Return when what a message tells happened: see `stamps`."""

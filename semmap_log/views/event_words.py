@@ -6,7 +6,6 @@ import math
 
 from semmap_log.doors import DoorState
 from semmap_log.events import (
-    Changed,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -24,6 +23,7 @@ from semmap_log.events import (
     RobotPose,
     UnknownEvent,
 )
+from semmap_log.meaning import Changed
 
 
 def words_of(event: Event) -> str:
@@ -75,15 +75,7 @@ def printable(text: str) -> str:
 
 def state_told_by(event: Event) -> DoorState | None:
     """Return the state that an event gives to its door; None: it leaves the state alone."""
-    match event:
-        case DoorAdded() | DoorObserved():
-            return event.state
-        case DoorUpdated() if event.changed & Changed.STATE:
-            return event.state
-        case DoorPassed() if event.passed:
-            return DoorState.OPEN
-        case _:
-            return None
+    return event.values_set().get("state")
 
 
 def _update(event: DoorUpdated) -> str:

@@ -17,8 +17,8 @@ from rich.text import Text
 
 from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
-from semmap_log.formats.event_json import CHANGED_FIELDS
 from semmap_log.levels import levels_of
+from semmap_log.meaning import PART_OF
 from semmap_log.moments import format_local
 from semmap_log.views.columns import Both, Cell, Column, ColumnTable, Picture, add_pair, pairs
 from semmap_log.views.event_words import printable, words_of
@@ -203,12 +203,7 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
 
 def _telling_fields(event: Event) -> Iterator[str]:
     """Yield the fields of an event that say something."""
-    unset = {
-        field
-        for bit, fields in CHANGED_FIELDS.items()
-        if isinstance(event, DoorUpdated) and bit not in event.changed
-        for field in fields
-    }
+    unset = PART_OF.keys() - event.values_set().keys() if isinstance(event, DoorUpdated) else set()
     for field in field_names(type(event)):
         if field not in {"door_id", "salt", "changed"} | unset:
             yield field

@@ -11,7 +11,6 @@ from semmap_log.doors import MAX_DOOR_ID, NAN, DoorId, DoorState
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.event_batch import RecordedEvent
 from semmap_log.events import (
-    ALL_CHANGED,
     KINDS,
     MAX_EVENT,
     MAX_TIME_NS,
@@ -34,6 +33,7 @@ from semmap_log.events import (
 )
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.event_json_reader import DoorLookup, parse_event_line
+from semmap_log.meaning import ALL_CHANGED
 
 NOON_NS = 1_772_366_400 * 10**9
 NOON = "2026-03-01T12:00:00.000000000Z"

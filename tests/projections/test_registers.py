@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
     DoorAdded,
+    DoorEvent,
     DoorObserved,
     DoorPassed,
     DoorUpdated,
@@ -17,6 +22,7 @@ from semmap_log.events import (
     PatrolStarted,
 )
 from semmap_log.projections.door_map import DoorMapState
+from tests.strategies import events
 
 DOOR = DoorId(1)
 ADDED = DoorAdded(happened_ns=1, door_id=DOOR)
@@ -84,3 +90,27 @@ def test_what_is_about_no_door_leaves_every_door_alone() -> None:
 
 def _told(state: DoorMapState) -> str:
     return str({name: np.asarray(values).tolist() for name, values in state.to_arrays().items()})
+
+
+def _near(event: Event, door_id: int, happened_ns: int) -> Event:
+    """Return it about one of few doors, at one of few times, so that events meet."""
+    about = {"door_id": DoorId(door_id)} if isinstance(event, DoorEvent) else {}
+    return replace(event, happened_ns=happened_ns, **about)
+
+
+some = st.builds(_near, events, st.integers(0, 3), st.integers(0, 5))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(some, max_size=30), st.randoms(use_true_random=False))
+def test_events_one_by_one_in_any_order_make_the_state_of_their_batch(told, dice) -> None:
+    """
+    `apply_one` and `apply` say the same of every kind.
+    """
+    together, single = DoorMapState(), DoorMapState()
+    together.apply(EventBatch.from_events(told))
+
+    for number, event in dice.sample(list(enumerate(told)), len(told)):
+        single.apply_one(event, number)
+
+    np.testing.assert_equal(single.to_arrays(), together.to_arrays())

@@ -10,7 +10,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.doors import DoorState
-from semmap_log.events import DoorAdded, DoorObserved
+from semmap_log.events import Changed, DoorAdded, DoorObserved, DoorUpdated, Event
 from semmap_log.formats.ros_types import DOOR_MAP
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.mapping import ReadPose, ReadRmfState, ReadSensor, RosMapping
@@ -59,18 +59,30 @@ def test_a_flag_is_not_measured() -> None:
     assert DoorState.CLOSED == seen.state
 
 
-def test_what_was_seen_earlier_does_not_undo_what_was_seen_later() -> None:
+DOOR = sl.DoorId(1)
+EARLIER = START + 5 * S
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        DoorObserved(door_id=DOOR, state=DoorState.CLOSED, happened_ns=EARLIER),
+        DoorUpdated(
+            door_id=DOOR, changed=Changed.STATE, state=DoorState.CLOSED, happened_ns=EARLIER
+        ),
+    ],
+)
+def test_what_was_said_earlier_does_not_undo_what_was_seen_later(earlier: Event) -> None:
     """
     In what messages are compared with, as in the log's own map.
     """
     known = Known()
-    door = sl.DoorId(1)
-    known.apply(DoorAdded(door_id=door, happened_ns=START))
+    known.apply(DoorAdded(door_id=DOOR, happened_ns=START))
 
-    for at_s, state in ((10, DoorState.OPEN), (5, DoorState.CLOSED)):
-        known.apply(DoorObserved(door_id=door, state=state, happened_ns=START + at_s * S))
+    known.apply(DoorObserved(door_id=DOOR, state=DoorState.OPEN, happened_ns=START + 10 * S))
+    known.apply(earlier)
 
-    assert DoorState.OPEN == known.doors[door].state
+    assert DoorState.OPEN == known.doors[DOOR].state
 
 
 def test_a_stamp_of_zero_is_none_in_a_simulation_too() -> None:

@@ -14,13 +14,7 @@ from patrol_sim.routes import FloorRoutes, Point
 from patrol_sim.sensor import Sensor
 from patrol_sim.world import World
 from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import (
-    Changed,
-    DoorAnnotated,
-    DoorObserved,
-    DoorUpdated,
-    Event,
-)
+from semmap_log.events import Changed, DoorAnnotated, DoorObserved, DoorUpdated, Event
 
 TZ = "Europe/Vienna"
 ROBOT = "tinyRobot1"

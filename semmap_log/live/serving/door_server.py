@@ -26,19 +26,12 @@ from semmap_log.errors import (
     SemmapError,
     UnknownDoorError,
 )
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    LogExported,
-)
+from semmap_log.events import DoorAdded, DoorRemoved, DoorUpdated, Event, FloorMap, LogExported
 from semmap_log.levels import resolve_level
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_goals import AddAsk, Ask, RemoveAsk, SaveAsk, UpdateAsk, read_goal
 from semmap_log.live.serving.saving import DoorSaver
+from semmap_log.meaning import Changed
 
 ACTIONS = ("AddDoor", "UpdateDoor", "RemoveDoor", "SaveDoorDB")
 

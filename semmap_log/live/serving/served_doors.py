@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from semmap_log.doors import DoorMap
-from semmap_log.exporting.door_table import DoorTable
+from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.exporting.stream_topics import LevelDoors, ThesisDoors, heights_of
 from semmap_log.formats.bags import BagTopic, NewBag
 from semmap_log.formats.door_markers import DoorMarkers
@@ -73,7 +73,7 @@ class ServedDoors:
         """Take in new levels and their heights; return the new ones, and if any is drawn anew."""
         levels = levels_of(doors) | self._levels.keys() or {0}
         elevations = {n: level.elevation for n, level in doors.levels.items()}
-        heights = heights_of(DoorTable(elevations=elevations), dict.fromkeys(levels))
+        heights = heights_of(LatestDoors(elevations=elevations), dict.fromkeys(levels))
         if heights == self._heights:
             return set(), False
         new = levels - self._levels.keys()

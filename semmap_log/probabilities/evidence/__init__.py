@@ -1,1 +1,1 @@
-"""What events say about doors: words, stretches in which a state holds, visits, and tables."""
+"""What events say about doors: reports, intervals in which a state is known, visits, and tables."""

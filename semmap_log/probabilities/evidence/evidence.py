@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import MAX_TIME_NS
-from semmap_log.probabilities.evidence.holds import holds_of
+from semmap_log.meaning import Presence
+from semmap_log.probabilities.evidence.known_intervals import known_intervals
+from semmap_log.probabilities.evidence.reports import Reports, Rows, Sensors
 from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, llr_of, visits_of
-from semmap_log.probabilities.evidence.words import Means, Rows, Sensors, Words
+from semmap_log.projections.door_changes import are_sightings, of_presence
 
 Times = NDArray[np.int64]
 
@@ -54,7 +56,7 @@ class DoorEvidence:
     @classmethod
     def nothing(cls, door_id: DoorId, until_ns: int) -> DoorEvidence:
         """Return what is known of a door that nobody ever told of."""
-        return _evidence_of(door_id, Words().about(door_id), Words().sensors()).up_to(until_ns)
+        return _evidence_of(door_id, Reports().about(door_id), Reports().sensors()).up_to(until_ns)
 
     @property
     def is_empty(self) -> bool:
@@ -106,33 +108,33 @@ class Counts:
 class Evidence:
     """What is known of all doors of a log: a fold of its events, in any order."""
 
-    def __init__(self, words: Words | None = None, latest_ns: int = 0) -> None:
-        self._words = words or Words()
+    def __init__(self, reports: Reports | None = None, latest_ns: int = 0) -> None:
+        self._reports = reports or Reports()
         self.latest_ns = latest_ns
         """The latest time of all events, whatever they are about."""
         self._known: dict[DoorId, _Known] = {}
-        """Of the doors that were asked for, what the first `_count` words mean."""
+        """Of the doors that were asked for, what the first `_count` reports mean."""
         self._count = 0
 
     def __len__(self) -> int:
-        """Return how many words there are."""
-        return len(self._words)
+        """Return how many reports there are."""
+        return len(self._reports)
 
     def apply(self, batch: EventBatch) -> None:
         """Fold a batch in."""
         if len(batch):
             self.latest_ns = max(self.latest_ns, int(batch.folds_ns.max()))
-            self._words.take(batch)
+            self._reports.take(batch)
 
     def add(self, other: Evidence) -> None:
         """Fold in what other events, none of them among those here, made of nothing."""
         self.latest_ns = max(self.latest_ns, other.latest_ns)
-        self._words.add(other._words)
+        self._reports.add(other._reports)
 
     @property
     def door_ids(self) -> list[DoorId]:
         """Doors that something was said of, removed ones, too, ascending."""
-        return [DoorId(door_id) for door_id in self._words.door_ids().tolist()]
+        return [DoorId(door_id) for door_id in self._reports.door_ids().tolist()]
 
     def door(self, door_id: DoorId, until_ns: int | None = None) -> DoorEvidence:
         """Return what is known of a door; of one that nobody told of: nothing.
@@ -149,25 +151,25 @@ class Evidence:
         return _EvidenceOfDoors(self, _or(until_ns, self.latest_ns))
 
     def unmoved_until_ns(self, count: int) -> int:
-        """Return up to when all is known as it was when there were only so many words."""
-        return self._words.earliest_ns(count) - 1
+        """Return up to when all is known as it was when there were only so many reports."""
+        return self._reports.earliest_ns(count) - 1
 
     def counts(self, door_id: DoorId, until_ns: int | None = None) -> Counts:
         """Return how much was said of a door up to then."""
         until_ns = _or(until_ns, self.latest_ns)
         known = self._about(door_id)
-        words = known.words[: np.searchsorted(known.words["time_ns"], until_ns, "right")]
-        tells = words[np.isin(words["state"], (DoorState.OPEN, DoorState.CLOSED))]
+        reports = known.reports[: np.searchsorted(known.reports["folds_ns"], until_ns, "right")]
+        tells = reports[np.isin(reports["state"], (DoorState.OPEN, DoorState.CLOSED))]
         return Counts(
-            words=int(np.count_nonzero(words["means"] != Means.REMOVED)),
-            sightings=int(np.count_nonzero(tells["means"] == Means.SEEN)),
+            words=int(np.count_nonzero(~of_presence(reports, Presence.GOES))),
+            sightings=int(np.count_nonzero(are_sightings(tells))),
             visits=int(np.count_nonzero(known.evidence.up_to(until_ns).is_visit)),
-            last_seen_ns=int(tells["time_ns"][-1]) if len(tells) else None,
+            last_seen_ns=int(tells["folds_ns"][-1]) if len(tells) else None,
         )
 
     def dump(self) -> bytes:
         """Return it as bytes."""
-        return self.latest_ns.to_bytes(8, "little") + self._words.dump()
+        return self.latest_ns.to_bytes(8, "little") + self._reports.dump()
 
     @classmethod
     def load(cls, data: bytes) -> Evidence:
@@ -176,19 +178,19 @@ class Evidence:
         Raises:
             ValueError: They are not of its making.
         """
-        return cls(Words.load(data[8:]), int.from_bytes(data[:8], "little"))
+        return cls(Reports.load(data[8:]), int.from_bytes(data[:8], "little"))
 
     def _about(self, door_id: DoorId) -> _Known:
-        """Return all that is known of a door; what a new word touches is made anew."""
-        if self._count < len(self._words):
-            for changed in self._words.newer(self._count).tolist():
+        """Return all that is known of a door; what a new report touches is made anew."""
+        if self._count < len(self._reports):
+            for changed in self._reports.newer(self._count).tolist():
                 self._known.pop(DoorId(changed), None)
-            self._count = len(self._words)
+            self._count = len(self._reports)
         known = self._known.get(door_id)
         if known is None:
-            words = _while_there(self._words.about(door_id))
-            evidence = _evidence_of(door_id, words, self._words.sensors())
-            known = self._known[door_id] = _Known(words, evidence)
+            reports = _while_there(self._reports.about(door_id))
+            evidence = _evidence_of(door_id, reports, self._reports.sensors())
+            known = self._known[door_id] = _Known(reports, evidence)
         return known
 
 
@@ -196,7 +198,7 @@ class EvidenceProjection:
     """`Evidence` as a fold over a log: `log.fold(EvidenceProjection())`, also live, or in parts."""
 
     name = "evidence"
-    version = 1
+    version = 2
 
     def initial(self) -> Evidence:
         """Return no evidence."""
@@ -223,9 +225,9 @@ class EvidenceProjection:
 
 @dataclass(frozen=True, slots=True)
 class _Known:
-    words: Rows
+    reports: Rows
     evidence: DoorEvidence
-    """Of all words; its stretches end where these let them."""
+    """Of all reports; its stretches end where these let them."""
 
 
 class _EvidenceOfDoors(Mapping[DoorId, DoorEvidence]):
@@ -248,26 +250,26 @@ class _EvidenceOfDoors(Mapping[DoorId, DoorEvidence]):
         return len(self._ids)
 
 
-def _while_there(words: Rows) -> Rows:
-    """Return the words from a door's adding to its removal; others are about no door."""
-    added = np.flatnonzero(words["means"] == Means.ADDED)
-    words = words[added[0] :] if len(added) else words[:0]
-    removed = np.flatnonzero(words["means"] == Means.REMOVED)
-    return words[: removed[0] + 1] if len(removed) else words
+def _while_there(reports: Rows) -> Rows:
+    """Return the reports from a door's adding to its removal; others are about no door."""
+    added = np.flatnonzero(of_presence(reports, Presence.COMES))
+    reports = reports[added[0] :] if len(added) else reports[:0]
+    removed = np.flatnonzero(of_presence(reports, Presence.GOES))
+    return reports[: removed[0] + 1] if len(removed) else reports
 
 
-def _evidence_of(door_id: DoorId, words: Rows, sensors: Sensors) -> DoorEvidence:
-    """Return what words about a door mean, whatever the time."""
-    holds = holds_of(words)
-    points = words.take(holds.points)
-    accuracy_open, accuracy_closed, eye = (column[points["sensor"]] for column in sensors)
+def _evidence_of(door_id: DoorId, reports: Rows, sensors: Sensors) -> DoorEvidence:
+    """Return what reports about a door mean, whatever the time."""
+    known = known_intervals(reports)
+    points = reports.take(known.points)
+    accuracy_open, accuracy_closed, sensor = (column[points["sensor"]] for column in sensors)
     reads_open = points["state"] == DoorState.OPEN
-    # A certain sighting is a word for itself: no pass goes on over it, nor with it.
+    # A certain sighting stands by itself: no pass goes on over it, nor with it.
     certain = np.cumsum((accuracy_open >= MOST_ACCURACY) & (accuracy_closed >= MOST_ACCURACY))
     visits = visits_of(
-        points["time_ns"],
-        eye,
-        holds.segment + certain,
+        points["folds_ns"],
+        sensor,
+        known.segment + certain,
         llr_of(reads_open, accuracy_open, accuracy_closed),
     )
     is_visit = np.ones(len(points), np.bool_)
@@ -275,10 +277,10 @@ def _evidence_of(door_id: DoorId, words: Rows, sensors: Sensors) -> DoorEvidence
     return DoorEvidence(
         door_id,
         until_ns=MAX_TIME_NS,
-        start_ns=holds.start_ns,
-        end_ns=holds.end_ns,
-        is_open=holds.is_open,
-        seen_ns=points["time_ns"],
+        start_ns=known.start_ns,
+        end_ns=known.end_ns,
+        is_open=known.is_open,
+        seen_ns=points["folds_ns"],
         llr=visits.llr,
         accuracy_open=accuracy_open,
         accuracy_closed=accuracy_closed,

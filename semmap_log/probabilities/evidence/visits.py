@@ -47,7 +47,7 @@ def llr_of(
 
 def visits_of(
     seen_ns: NDArray[np.int64],
-    eye: NDArray[np.integer[Any]],
+    sensor: NDArray[np.integer[Any]],
     segment: NDArray[np.intp],
     llr: NDArray[np.float64],
 ) -> Visits:
@@ -55,17 +55,17 @@ def visits_of(
 
     Args:
         seen_ns: (k,), ascending.
-        eye: (k,): what looked; sightings of different ones belong to different visits, however
+        sensor: (k,): what looked; sightings of different ones belong to different visits, however
             they mix.
         segment: (k,), never falling: a visit lies in one of them.
         llr: (k,): what each would say by itself.
     """
-    order = np.argsort(eye, kind="stable")
-    first = _firsts(seen_ns[order], eye[order], segment[order])
+    order = np.argsort(sensor, kind="stable")
+    first = _firsts(seen_ns[order], sensor[order], segment[order])
     added = np.empty(len(llr))
     added[order] = _added(llr[order], first)
     is_first = first == np.arange(len(first))
-    # Passes come eye by eye here; they are counted by when they began.
+    # Passes come sensor by sensor here; they are counted by when they began.
     begins = np.zeros(len(first), np.bool_)
     begins[order[is_first]] = True
     visit = np.empty(len(first), np.intp)
@@ -74,11 +74,12 @@ def visits_of(
 
 
 def _firsts(
-    seen_ns: NDArray[np.int64], eye: NDArray[np.integer[Any]], segment: NDArray[np.intp]
+    seen_ns: NDArray[np.int64], sensor: NDArray[np.integer[Any]], segment: NDArray[np.intp]
 ) -> NDArray[np.intp]:
-    """Return the place of the first sighting of each one's pass; eye by eye."""
+    """Return the place of the first sighting of each one's pass; sensor by sensor."""
     begins = np.ones(len(seen_ns), np.bool_)
-    begins[1:] = (np.diff(seen_ns) >= REPEATS_NS) | (eye[1:] != eye[:-1]) | (np.diff(segment) != 0)
+    begins[1:] = (np.diff(seen_ns) >= REPEATS_NS) | (np.diff(segment) != 0)
+    begins[1:] |= sensor[1:] != sensor[:-1]
     starts = np.flatnonzero(begins)
     ends = np.append(starts, len(begins))[1:]
     is_long = seen_ns[ends - 1] - seen_ns[starts] > PASS_NS

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.events import Changed, DoorRemoved
-from semmap_log.views.excerpt.door_rows import CHANGE, NO_STATE, THERE, Changes
+from semmap_log.meaning import PART_OF, PARTS, PLACING, Presence
+from semmap_log.projections.door_changes import CHANGE, THERE, Changes, of_presence
+from semmap_log.views.excerpt.door_rows import NO_STATE
 
-PLACE = ("level", "x", "y", "theta", "width")
+PLACE = tuple(name for name, part in PART_OF.items() if part & PLACING)
 PROBABILITIES = ("prob_open", "prob_closed")
-
-FIELDS: Mapping[int, tuple[str, ...]] = {
-    int(Changed.POSE): ("level", "x", "y", "theta"),
-    int(Changed.WIDTH): ("width",),
-    int(Changed.STATE): ("state",),
-    int(Changed.PROB_OPEN): ("prob_open",),
-    int(Changed.PROB_CLOSED): ("prob_closed",),
-}
-"""Bit of `sets` -> the columns that it stands for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +42,9 @@ class DoorFold:
         self.last: Changes = np.zeros(1, CHANGE)
         """One row: the values after the last event taken."""
         self.last["state"] = NO_STATE
-        for name in ("x", "y", "theta", "width", *PROBABILITIES):
-            self.last[name] = np.nan
+        for name in PART_OF:
+            if CHANGE[name].kind == "f":
+                self.last[name] = np.nan
         self.is_there = False
 
     def take(self, changes: Changes) -> DoorPicture:
@@ -77,8 +70,8 @@ class DoorFold:
 
     def _fill_forward(self, rows: Changes) -> Changes:
         """Give each row the values that it does not set; return those before each row."""
-        for bit, names in FIELDS.items():
-            sets = (rows["sets"] & bit) != 0
+        for part, names in PARTS.items():
+            sets = (rows["sets"] & int(part)) != 0
             if sets.all():
                 continue
             source = np.maximum.accumulate(np.where(sets, np.arange(len(rows)), -1))
@@ -92,7 +85,7 @@ class DoorFold:
     def _presence(self, changes: Changes) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Tell for each row whether the door is there since, and whether it was there before."""
         sets = np.flatnonzero((changes["sets"] & THERE) != 0)
-        brings = np.append(self.is_there, changes["kind"][sets] != DoorRemoved.kind)
+        brings = np.append(self.is_there, ~of_presence(changes[sets], Presence.GOES))
         place = np.searchsorted(sets, np.arange(len(changes)), "right")
         there: NDArray[np.bool_] = brings[place]
         was_there = np.append(self.is_there, there)[: len(changes)]

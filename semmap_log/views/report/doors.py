@@ -13,23 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.doors import Door, DoorId, DoorState
-from semmap_log.events import Changed, DoorAdded, DoorRemoved
-from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
-from semmap_log.views.excerpt.door_rows import (
-    ALWAYS,
-    NEVER,
+from semmap_log.doors import Door, DoorId
+from semmap_log.events import DoorAdded
+from semmap_log.meaning import Changed, Presence
+from semmap_log.projections.door_changes import (
+    STATE_CHANGE,
     Changes,
-    Edge,
-    Life,
     Stamp,
-    by_door,
-    opening_changes,
+    known_states,
+    of_presence,
 )
-from semmap_log.views.report.gathering import STAMP, WORD, Gathered, Rows
+from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
+from semmap_log.views.excerpt.door_rows import ALWAYS, NEVER, Edge, Life, by_door, opening_changes
+from semmap_log.views.report.gathering import STAMP, Gathered, Rows
 from semmap_log.views.zone_times import MS_NS, Span
 
-MOST_WORDS = 100_000
+MOST_STATES = 100_000
 """Of more sightings than that, in all, repeats are left out."""
 SHORTEST_STEP_MS = 60_000
 
@@ -40,15 +39,15 @@ class DoorStory:
 
     door_id: DoorId
     life: Life
-    words: Rows
-    """Rows of `WORD` while it was in the map, in the order in which they count."""
+    states: Rows
+    """Rows of `STATE_CHANGE` while it was in the map, in the order in which they count."""
     picture: DoorPicture
     """Its places, and the probabilities that were set."""
 
     @property
     def changes(self) -> Rows:
-        """Rows of `STAMP`: the words that told of another state than the one before."""
-        rows = self.words[1:][np.diff(self.words["state"].astype(np.int16)) != 0]
+        """Rows of `STAMP`: the events that told of another state than the one before."""
+        rows = self.states[1:][np.diff(self.states["state"].astype(np.int16)) != 0]
         stamps = np.empty(len(rows), STAMP)
         stamps["folds_ns"], stamps["number"] = rows["folds_ns"], rows["number"]
         return stamps
@@ -93,26 +92,26 @@ def stories(found: Gathered, rest: Changes, before: Mapping[DoorId, Door]) -> li
         before: The doors just before the first of them.
     """
     told = [
-        _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.words)
+        _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
         for mine in by_door(rest)
     ]
     return [story for story in told if story is not None]
 
 
-def _story(before: Door | None, rest: Changes, words: Rows) -> DoorStory | None:
+def _story(before: Door | None, rest: Changes, states: Rows) -> DoorStory | None:
     """Return one door's story; None: it never was in the map.
 
     Args:
         before: As it was when the page begins; None: not there by then.
         rest: Its rows.
-        words: Those of all doors.
+        states: Those of all doors.
     """
     life = _life(rest)
     if life.added == NEVER:
         return None
     door_id = int(rest["door_id"][0])
-    first, behind = np.searchsorted(words["door_id"], [door_id, door_id + 1]).tolist()
-    said = np.concatenate([_opening_word(before), words[first:behind]])
+    first, behind = np.searchsorted(states["door_id"], [door_id, door_id + 1]).tolist()
+    said = np.concatenate([_opening_state(before), states[first:behind]])
     # What is known of a door that was there when the page begins was told before it begins.
     born = ALWAYS if life.added[1] < 0 else life.added
     return DoorStory(
@@ -125,7 +124,8 @@ def _story(before: Door | None, rest: Changes, words: Rows) -> DoorStory | None:
 
 def _life(changes: Changes) -> Life:
     added, removed = (
-        _first_stamp(changes[changes["kind"] == kind.kind]) for kind in (DoorAdded, DoorRemoved)
+        _first_stamp(changes[of_presence(changes, presence)])
+        for presence in (Presence.COMES, Presence.GOES)
     )
     # A removal before the adding was of no door.
     return Life(added, removed if removed > added else NEVER)
@@ -135,24 +135,27 @@ def _first_stamp(rows: Changes) -> Stamp:
     return (int(rows["folds_ns"][0]), int(rows["number"][0])) if len(rows) else NEVER
 
 
-def _opening_word(before: Door | None) -> Rows:
-    """Return the word that told of the state in which a door was when the page begins."""
+def _opening_state(before: Door | None) -> Rows:
+    """Return the row that tells of the state in which a door was when the page begins."""
     if before is None:
-        return np.empty(0, WORD)
+        return np.empty(0, STATE_CHANGE)
     seen_ns = before.last_seen_ns or 0
-    return np.array([(before.door_id, seen_ns, -1, int(before.state))], WORD)
+    row = (before.door_id, seen_ns, -1, DoorAdded.kind, int(before.state))
+    return np.array([row], STATE_CHANGE)
 
 
-def coded_words(told: list[DoorStory], span: Span) -> tuple[Iterator[dict[str, Any]], int]:
-    """Return each door's words as `t` and `s`, and by how much `last seen` may lag, milliseconds.
+def coded_states(told: list[DoorStory], span: Span) -> tuple[Iterator[dict[str, Any]], int]:
+    """Return each door's states as `t` and `s`, and by how much `last seen` may lag, milliseconds.
 
     `t` are the times in milliseconds, of the first after the page's begin, of the others after the
     one before; `s` the states, a digit each.
     """
-    times = [_counting_ms(story.words, span) for story in told]
+    times = [_counting_ms(story.states, span) for story in told]
     held = [np.append(t[1:] != t[:-1], True)[: len(t)] for t in times]
     times = [t[kept] for t, kept in zip(times, held, strict=True)]
-    states = [_known(story.words["state"][kept]) for story, kept in zip(told, held, strict=True)]
+    states = [
+        known_states(story.states["state"][kept]) for story, kept in zip(told, held, strict=True)
+    ]
     step_ms = _step_ms(times, states)
     thinned = (
         (t[kept], s[kept])
@@ -162,22 +165,18 @@ def coded_words(told: list[DoorStory], span: Span) -> tuple[Iterator[dict[str, A
     return ({"t": _deltas(t), "s": "".join(map(str, s.tolist()))} for t, s in thinned), step_ms
 
 
-def _counting_ms(words: Rows, span: Span) -> Rows:
-    milliseconds: Rows = -(-words["folds_ns"] // MS_NS) - span.begin_ms
+def _counting_ms(rows: Rows, span: Span) -> Rows:
+    milliseconds: Rows = -(-rows["folds_ns"] // MS_NS) - span.begin_ms
     return milliseconds
-
-
-def _known(states: Rows) -> Rows:
-    return np.where(states < len(DoorState), states, int(DoorState.UNKNOWN))
 
 
 def _step_ms(times: list[Rows], states: list[Rows]) -> int:
     """Return the least step at which what is kept is not too much; 0: all is kept."""
-    if sum(map(len, times)) <= MOST_WORDS:
+    if sum(map(len, times)) <= MOST_STATES:
         return 0
     changes = sum(int(np.count_nonzero(np.diff(s))) for s in states)
     step_ms = SHORTEST_STEP_MS
-    while step_ms < 2**40 and changes + MOST_WORDS < sum(
+    while step_ms < 2**40 and changes + MOST_STATES < sum(
         int(np.count_nonzero(_kept(t, s, step_ms))) for t, s in zip(times, states, strict=True)
     ):
         step_ms *= 2
@@ -185,7 +184,7 @@ def _step_ms(times: list[Rows], states: list[Rows]) -> int:
 
 
 def _kept(times: Rows, states: Rows, step_ms: int) -> Rows:
-    """Tell what stays: each change, the last word, and of repeats the first in each step."""
+    """Tell what stays: each change, the last state, and of repeats the first in each step."""
     kept = np.ones(len(times), np.bool_)
     if step_ms and len(times):
         steps = times // step_ms

@@ -1,6 +1,6 @@
 """One pass over a log's events: what the page needs of them, in a few columns.
 
-Of each word about a state 21 bytes are kept, of each pose 18; the rest is rare.
+Of each report of a state 22 bytes are kept, of each pose 18; the rest is rare.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
-    Changed,
     DoorAdded,
     DoorAnnotated,
     DoorPassed,
@@ -27,11 +26,10 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.excerpt.door_rows import CHANGE, changes_of, sorted_by_stamp
+from semmap_log.projections.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
+from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.excerpt.excerpt import Excerpt
 
-WORD = np.dtype([("door_id", "u4"), ("folds_ns", "i8"), ("number", "i8"), ("state", "u1")])
-"""An event that says what state a door is in."""
 POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4")])
 STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
 
@@ -48,8 +46,8 @@ Rows = NDArray[Any]
 class Gathered:
     """What was found, in the order in which it counts: by (folds_ns, number)."""
 
-    words: Rows
-    """Rows of `WORD`, by door first."""
+    states: Rows
+    """Rows of `STATE_CHANGE`, by door first."""
     rest: Rows
     """Rows of `CHANGE` that add, place or remove a door, or set its probabilities."""
     poses: Rows
@@ -72,7 +70,7 @@ def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None)
 
 @dataclass(slots=True)
 class _Reading:
-    words: list[Rows] = field(default_factory=lambda: [np.empty(0, WORD)])
+    states: list[Rows] = field(default_factory=lambda: [np.empty(0, STATE_CHANGE)])
     rest: list[Rows] = field(default_factory=lambda: [np.empty(0, CHANGE)])
     poses: list[Rows] = field(default_factory=lambda: [np.empty(0, POSE)])
     told: Rows = field(default_factory=lambda: np.empty(0, STAMP))
@@ -86,19 +84,17 @@ class _Reading:
         self.first_ns = first_ns if self.first_ns is None else min(self.first_ns, first_ns)
         self.last_ns = last_ns if self.last_ns is None else max(self.last_ns, last_ns)
         self.events += len(batch)
-        changes = changes_of(batch)
-        self.words.append(_copied(changes[(changes["sets"] & int(Changed.STATE)) != 0], WORD))
-        more = (changes["sets"] & ~np.uint8(int(Changed.STATE))) != 0
-        self.rest.append(changes[more | (changes["kind"] == DoorRemoved.kind)])
+        self.states += parts_of(batch, STATE_CHANGE, setting=STATE)
+        self.rest += parts_of(batch, CHANGE, setting=EVERYTHING & ~STATE)
         if RobotPose in batch:
             self.poses.append(_poses(batch))
         self._tell(batch)
 
     def gathered(self) -> Gathered:
-        words, rest = np.concatenate(self.words), np.concatenate(self.rest)
+        states, rest = np.concatenate(self.states), np.concatenate(self.rest)
         poses = np.concatenate(self.poses)
         return Gathered(
-            words=words[np.lexsort((words["number"], words["folds_ns"], words["door_id"]))],
+            states=states[np.lexsort((states["number"], states["folds_ns"], states["door_id"]))],
             rest=sorted_by_stamp(rest),
             poses=poses[np.argsort(poses["folds_ns"], kind="stable")],
             told=self.told,
@@ -114,13 +110,6 @@ class _Reading:
         stamps = np.empty(int(np.count_nonzero(told)), STAMP)
         stamps["folds_ns"], stamps["number"] = batch.folds_ns[told], batch.number[told]
         self.told = sorted_by_stamp(np.concatenate([self.told, stamps]))[-MOST_CHANGES:]
-
-
-def _copied(rows: Rows, dtype: np.dtype[Any]) -> Rows:
-    made = np.empty(len(rows), dtype)
-    for name in dtype.names or ():
-        made[name] = rows[name]
-    return made
 
 
 def _poses(batch: EventBatch) -> Rows:

@@ -24,7 +24,7 @@ from semmap_log.views.report.doors import (
     bring_home,
     brought_by,
     coded_life,
-    coded_words,
+    coded_states,
     placed_on,
     stories,
 )
@@ -107,7 +107,7 @@ def report_data(
     home = home_of_0(levels_of(now).keys() | placed_on(rest))
     bring_home(rest, found.poses, home)
     told = stories(found, rest, excerpt.before().doors)
-    words, lag_ms = coded_words(told, span)
+    states, lag_ms = coded_states(told, span)
     beliefs = beliefs_of(excerpt, tz, {story.door_id for story in told})
     levels = shown_levels(excerpt, now, told, found.poses, home)
     said = _annotations(excerpt, now)
@@ -126,7 +126,7 @@ def report_data(
         "doors": [
             _door(story, said.get(story.door_id, {}), levels)
             | coded_life(story, span) | coded | beliefs.get(story.door_id, {})
-            for story, coded in zip(told, words, strict=True)
+            for story, coded in zip(told, states, strict=True)
         ],
         "track": track.runs,
         "trackWithin": round(track.within_m, 2),

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.projections.door_changes import Changes
 from semmap_log.views.excerpt.door_fold import DoorPicture
-from semmap_log.views.excerpt.door_rows import Changes
 
 STAMPS = ("number", "folds_ns", "recorded_ns")
 STATE = np.dtype([(name, "i8") for name in STAMPS] + [("state", "u1")])

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from semmap_log.doors import DoorState
+from semmap_log.projections.door_changes import CHANGE, Changes
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
-from semmap_log.views.excerpt.door_rows import CHANGE, Changes, Edge, strips_of
+from semmap_log.views.excerpt.door_rows import Edge, strips_of
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.costmap import CostmapWriter
 from semmap_log.views.rerun.costmap_doors import DoorRows

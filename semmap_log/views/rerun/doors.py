@@ -11,14 +11,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from semmap_log.doors import DoorId
-from semmap_log.views.excerpt.door_rows import (
-    CHANGE,
-    Changes,
-    Edge,
-    by_door,
-    opening_changes,
-    sorted_by_stamp,
-)
+from semmap_log.projections.door_changes import CHANGE, Changes
+from semmap_log.views.excerpt.door_rows import Edge, by_door, opening_changes, sorted_by_stamp
 from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.costmap import CostmapWriter

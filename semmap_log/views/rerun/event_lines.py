@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from semmap_log.doors import DoorState
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
-    Changed,
     DoorAdded,
     DoorEvent,
     DoorObserved,
@@ -23,10 +22,11 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.meaning import Changed
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.projections.door_changes import Changes, Stamp
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.excerpt.door_rows import Changes, Stamp
 from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.scene import Scene, SceneDoor

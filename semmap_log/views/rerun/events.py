@@ -10,7 +10,7 @@ import numpy as np
 
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import KINDS
-from semmap_log.views.excerpt.door_rows import Changes
+from semmap_log.projections.door_changes import Changes
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.event_lines import EventLine, EventLines
 from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter, rgba

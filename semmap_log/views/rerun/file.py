@@ -9,7 +9,7 @@ from typing import Any
 
 from semmap_log.commits import Commit
 from semmap_log.event_batch import EventBatch
-from semmap_log.views.excerpt.door_rows import changes_of
+from semmap_log.projections.door_changes import door_changes
 from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.beliefs import BeliefsShown, write_beliefs
@@ -106,7 +106,7 @@ class Converter:
 
     def take(self, batch: EventBatch) -> None:
         """Take the next events, in order of their numbers."""
-        changes = changes_of(batch)
+        changes = door_changes(batch)
         self._writer.note_commits(batch.number, batch.recorded_ns)
         self._doors.take(changes)
         self._robot.take(batch)

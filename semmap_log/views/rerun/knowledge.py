@@ -13,25 +13,12 @@ from itertools import pairwise
 import numpy as np
 
 from semmap_log.doors import DoorId
-from semmap_log.events import Changed, DoorAdded, DoorRemoved
+from semmap_log.events import DoorAdded, DoorRemoved
+from semmap_log.meaning import PARTS
+from semmap_log.projections.door_changes import CHANGE, EVERYTHING, THERE, Changes, Stamp
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.registers import REGISTERS
-from semmap_log.views.excerpt.door_fold import FIELDS
-from semmap_log.views.excerpt.door_rows import (
-    ALWAYS,
-    CHANGE,
-    EVERYTHING,
-    THERE,
-    Changes,
-    Edge,
-    Stamp,
-)
-
-BITS: Mapping[str, int] = {
-    "pose": int(Changed.POSE), "width": int(Changed.WIDTH), "state": int(Changed.STATE),
-    "prob_open": int(Changed.PROB_OPEN), "prob_closed": int(Changed.PROB_CLOSED),
-}  # fmt: skip
-"""Register of the fold -> its bit in `sets`."""
+from semmap_log.projections.registers import REGISTER_OF, REGISTERS
+from semmap_log.views.excerpt.door_rows import ALWAYS, Edge
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +53,9 @@ class Known:
         row["door_id"], row["sets"] = door_id, EVERYTHING
         row["kind"] = (DoorAdded if state.is_present(door_id) else DoorRemoved).kind
         stamps: dict[int, Stamp] = {}
-        for register, bit in BITS.items():
+        for part, register in REGISTER_OF.items():
             _, _, values = state.register_of(np.array([door_id]), register)
-            stamps[bit] = state.stamp(door_id, register) or ALWAYS
+            stamps[int(part)] = state.stamp(door_id, register) or ALWAYS
             for name in REGISTERS[register]:
                 row[name] = values[name]
         came_and_went = [state.stamp(door_id, register) for register in ("added", "removed")]
@@ -100,7 +87,7 @@ def _winning(changes: Changes, first: Mapping[int, Stamp]) -> Changes:
         first: Bit -> stamp of what the first row sets; empty: its own.
     """
     rows: Changes = changes.copy()
-    for bit in (*FIELDS, THERE):
+    for bit in (*map(int, PARTS), THERE):
         setting = np.flatnonzero((rows["sets"] & bit) != 0)
         folds_ns, number = rows["folds_ns"][setting], rows["number"][setting]
         if first:

@@ -15,21 +15,18 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId, DoorMap
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import Changed, DoorAdded, DoorAnnotated, RobotPose
+from semmap_log.events import DoorAdded, DoorAnnotated, RobotPose
 from semmap_log.levels import levels_of
 from semmap_log.log.reading.state import state_at
+from semmap_log.meaning import FIELDS, Changed
+from semmap_log.projections.door_changes import THERE, Changes, Stamp, door_changes
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
     NEVER,
-    THERE,
-    VALUES,
-    Changes,
     Edge,
     Life,
-    Stamp,
     by_door,
-    changes_of,
     opening_changes,
     strips_of,
 )
@@ -69,7 +66,7 @@ class Survey:
         """Tell whether an event about a door counts before one that was taken, or is before it."""
         return any(
             not self._pass.doors.get(DoorId(int(rows["door_id"][0])), NEW).goes_on(rows)
-            for rows in by_door(changes_of(batch))
+            for rows in by_door(door_changes(batch))
         )
 
     def scene(self) -> Scene:
@@ -260,7 +257,7 @@ class _Pass:
             last = np.flatnonzero(recorded)[-1]
             self.end = replace(self.end, number=int(batch.number[last]),
                                recorded_ns=int(batch.recorded_ns[last]))  # fmt: skip
-        changes = changes_of(batch)
+        changes = door_changes(batch)
         stands = self._stands(changes["number"], changes["folds_ns"], changes["recorded_ns"])
         self._take_changes(changes, *stands)
         self._take_poses(batch, happened)
@@ -412,7 +409,7 @@ def _parts(there: Mapping[DoorId, _Found], short: Mapping[DoorId, str]) -> dict[
 
 def _values(door: Door | None) -> str:
     """Return what is drawn of a door; NaN is like NaN."""
-    return "" if door is None else repr([getattr(door, name) for name in VALUES])
+    return "" if door is None else repr([getattr(door, name) for name in FIELDS])
 
 
 def _label(door_id: DoorId, name: str) -> str:

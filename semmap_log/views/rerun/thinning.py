@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
-from semmap_log.events import Changed, DoorObserved, DoorPassed
-from semmap_log.views.excerpt.door_rows import NO_STATE, Changes, by_door
+from semmap_log.events import DoorObserved, DoorPassed
+from semmap_log.meaning import Changed
+from semmap_log.projections.door_changes import Changes
+from semmap_log.views.excerpt.door_rows import NO_STATE, by_door
 from semmap_log.views.rerun.scene import Scene, SceneDoor
 
 FULL_UP_TO = 50_000

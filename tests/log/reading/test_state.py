@@ -19,14 +19,7 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.errors import CorruptLogError, KeyframeWarning, LogError
-from semmap_log.events import (
-    DoorAdded,
-    DoorAnnotated,
-    DoorObserved,
-    Event,
-    LevelAdded,
-    Retracted,
-)
+from semmap_log.events import DoorAdded, DoorAnnotated, DoorObserved, Event, LevelAdded, Retracted
 from semmap_log.log import commits, keyframes
 from semmap_log.log.compaction import compact, repaging
 from semmap_log.log.form import CHUNK_BYTES

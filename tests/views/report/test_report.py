@@ -247,7 +247,7 @@ def test_of_very_many_sightings_only_repeats_are_left_out(
     """
     States stay those of a replay; `last seen` lags by no more than the page says.
     """
-    monkeypatch.setattr(coding, "MOST_WORDS", 100)
+    monkeypatch.setattr(coding, "MOST_STATES", 100)
     clock = SteadyClock(START)
     rng = random.Random(3)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as writer:

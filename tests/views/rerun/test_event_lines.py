@@ -29,8 +29,8 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.projections.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.excerpt.door_rows import changes_of
 from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.rerun.event_lines import EventLine, EventLines
 from semmap_log.views.rerun.survey import survey
@@ -91,7 +91,7 @@ def lines_of(tmp_path: Path, *commits: Event) -> list[EventLine]:
             log.append([event], note=sl.Note(actor="rover", reason="round 1"))
     excerpt = Excerpt(sl.read(tmp_path / "log"))
     lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
-    return [line for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
+    return [line for batch in excerpt.batches() for line in lines.of(batch, door_changes(batch))]
 
 
 def test_what_changes_the_map_stands_out_from_what_repeats_it(tmp_path: Path) -> None:
@@ -156,5 +156,7 @@ def test_times_are_those_of_the_building(tmp_path: Path) -> None:
 
     lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
 
-    told = [line.text for batch in excerpt.batches() for line in lines.of(batch, changes_of(batch))]
+    told = [
+        line.text for batch in excerpt.batches() for line in lines.of(batch, door_changes(batch))
+    ]
     assert ["03-29 01:59", "03-29 03:00"] == [text[:11] for text in told]

@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from semmap_log.doors import Door, DoorId, DoorMap
-from semmap_log.events import (
-    Changed,
-    DoorAdded,
-    DoorAnnotated,
-    DoorEvent,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    LevelAdded,
-)
-from semmap_log.views.event_words import state_told_by
+from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState
+from semmap_log.events import DoorAnnotated, DoorEvent, Event, LevelAdded
+from semmap_log.meaning import Presence
 
 
 @dataclass(slots=True)
-class DoorTable:
+class LatestDoors:
     """Doors and heights of levels at a moment. `DoorMapState` is the same for any order."""
 
     doors: dict[DoorId, Door] = field(default_factory=dict)
@@ -27,8 +18,8 @@ class DoorTable:
     """Level -> metres, or NaN."""
 
     @classmethod
-    def of(cls, door_map: DoorMap) -> DoorTable:
-        """Return the table of a replay."""
+    def of(cls, door_map: DoorMap) -> LatestDoors:
+        """Return the doors of a replay."""
         levels = door_map.levels.values()
         return cls(dict(door_map.doors), {level.level: level.elevation for level in levels})
 
@@ -50,32 +41,19 @@ class DoorTable:
 
 def _after(door: Door | None, event: DoorEvent) -> Door | None:
     """Return a door after an event about it; None: it is not in the map."""
-    if isinstance(event, DoorAdded):
-        return Door(
-            event.door_id, event.level, event.x, event.y, event.theta, event.width, event.state,
-            event.prob_open, event.prob_closed,
-        )  # fmt: skip
-    if door is None or isinstance(event, DoorRemoved):
+    presence = event.effect.presence
+    if presence is Presence.COMES:
+        door = _unknown(event.door_id)
+    if door is None or presence is Presence.GOES:
         return None
-    if isinstance(event, DoorUpdated):
-        return _updated(door, event)
     if isinstance(event, DoorAnnotated):
         said = {**door.annotations, event.key: event.value}
         return replace(door, annotations={key: text for key, text in said.items() if text})
-    state = state_told_by(event)
-    return door if state in (None, door.state) else replace(door, state=state)
+    values = event.values_set()
+    if values == {"state": door.state}:  # nearly every sighting
+        return door
+    return replace(door, **values) if values else door
 
 
-def _updated(door: Door, event: DoorUpdated) -> Door:
-    changed = event.changed
-    if changed & Changed.POSE:
-        door = replace(door, level=event.level, x=event.x, y=event.y, theta=event.theta)
-    if changed & Changed.WIDTH:
-        door = replace(door, width=event.width)
-    if changed & Changed.STATE:
-        door = replace(door, state=event.state)
-    if changed & Changed.PROB_OPEN:
-        door = replace(door, prob_open=event.prob_open)
-    if changed & Changed.PROB_CLOSED:
-        door = replace(door, prob_closed=event.prob_closed)
-    return door
+def _unknown(door_id: DoorId) -> Door:
+    return Door(door_id, 0, NAN, NAN, NAN, NAN, DoorState.UNKNOWN, NAN, NAN)

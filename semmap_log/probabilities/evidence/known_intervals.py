@@ -9,54 +9,58 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorState
 from semmap_log.events import MAX_TIME_NS
+from semmap_log.meaning import Presence
 from semmap_log.moments import DAY_NS
-from semmap_log.probabilities.evidence.words import Means, Rows
+from semmap_log.probabilities.evidence.reports import Rows
+from semmap_log.projections.door_changes import are_sightings, of_presence
 
 HOLDS_NS = 30 * DAY_NS
-"""A state that was set is known for so long after the last word that agreed; silence that is
+"""A state that was set is known for so long after the last report that agreed; silence that is
 longer is a gap, and not "as before"."""
 
 
-class Holds(NamedTuple):
-    """What the words about a door mean."""
+class KnownIntervals(NamedTuple):
+    """What the reports about a door mean."""
 
     start_ns: NDArray[np.int64]
     """(m,), ascending: when stretches begin in which the state is known. Two that touch are in
     different states, unless a sighting that disagreed lies between them."""
     end_ns: NDArray[np.int64]
-    """(m,), > start: when they end, as far as these words tell."""
+    """(m,), > start: when they end, as far as these reports tell."""
     is_open: NDArray[np.bool_]
     """(m,)."""
     points: NDArray[np.intp]
-    """(k,), ascending: which words are sightings, OPEN or CLOSED, of no held state."""
+    """(k,), ascending: which reports are sightings, OPEN or CLOSED, of no held state."""
     segment: NDArray[np.intp]
-    """(k,), never falling: two points of different ones have a word between them that is no
+    """(k,), never falling: two points of different ones have a report between them that is no
     sighting of a state: a pass does not go on over it."""
 
 
-def holds_of(words: Rows) -> Holds:
-    """Return what words mean that are all about one door which is there all through.
+def known_intervals(reports: Rows) -> KnownIntervals:
+    """Return what reports mean that are all about one door which is there all through.
 
-    A state that was set is known from then on: until the next word that is not a sighting, until
-    a sighting that disagrees, or `HOLDS_NS` after the last word that agreed. What `DoorAdded` says
-    is only what somebody thought when he drew the map: any sighting takes its place. UNKNOWN,
+    A state that was set is known from then on: until the next report that is not a sighting, until
+    a sighting that disagrees, or `HOLDS_NS` after the last report that agreed. What `DoorAdded`
+    says is only what somebody thought when he drew the map: any sighting takes its place. UNKNOWN,
     MOVING, OFFLINE, set or seen, and the removal, end it, and nothing is known.
 
     Args:
-        words: In the order of the fold.
+        reports: In the order of the fold.
     """
-    time_ns, means, state = words["time_ns"], words["means"], words["state"]
+    folds_ns, state = reports["folds_ns"], reports["state"]
+    was_seen = are_sightings(reports)
     tells = (state == DoorState.OPEN) | (state == DoorState.CLOSED)
-    is_sighting = (means == Means.SEEN) & tells
+    is_sighting = was_seen & tells
     base = _last_true(~is_sighting)
-    holds = tells[base] & (means[base] != Means.SEEN)
-    disagrees = (state != state[base]) | (means[base] == Means.ADDED)
-    lapsed = np.diff(time_ns, prepend=time_ns[:1]) > HOLDS_NS
+    holds = tells[base] & ~was_seen[base]
+    disagrees = (state != state[base]) | of_presence(reports, Presence.COMES)[base]
+    lapsed = np.diff(folds_ns, prepend=folds_ns[:1]) > HOLDS_NS
     broken = np.cumsum(is_sighting & (disagrees | lapsed))
     agrees = holds & (broken == broken[base])
     is_point = is_sighting & ~agrees
     points = np.flatnonzero(is_point)
-    return Holds(*_stretches(words, base, agrees, np.cumsum(is_point)), points, base[points])
+    stretches = _stretches(reports, base, agrees, np.cumsum(is_point))
+    return KnownIntervals(*stretches, points, base[points])
 
 
 def _last_true(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -65,20 +69,20 @@ def _last_true(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 def _stretches(
-    words: Rows,
+    reports: Rows,
     base: NDArray[np.intp],
     agrees: NDArray[np.bool_],
     points_so_far: NDArray[np.intp],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Return (start, end, is_open) of the stretches; touching ones of one state are joined."""
-    time_ns = words["time_ns"]
+    folds_ns = reports["folds_ns"]
     last = _last_of_each(base, agrees)
-    silent_ns = np.minimum(time_ns[last], MAX_TIME_NS - HOLDS_NS) + HOLDS_NS
-    end_ns = np.minimum(silent_ns, np.append(time_ns[1:], MAX_TIME_NS)[last])
-    has_length = end_ns > time_ns[base[last]]
+    silent_ns = np.minimum(folds_ns[last], MAX_TIME_NS - HOLDS_NS) + HOLDS_NS
+    end_ns = np.minimum(silent_ns, np.append(folds_ns[1:], MAX_TIME_NS)[last])
+    has_length = end_ns > folds_ns[base[last]]
     last, end_ns = last[has_length], end_ns[has_length]
     first = base[last]
-    start_ns, is_open = time_ns[first], words["state"][first] == DoorState.OPEN
+    start_ns, is_open = folds_ns[first], reports["state"][first] == DoorState.OPEN
     goes_on = (
         (start_ns[1:] == end_ns[:-1])
         & (is_open[1:] == is_open[:-1])
@@ -90,7 +94,7 @@ def _stretches(
 
 
 def _last_of_each(base: NDArray[np.intp], agrees: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return the last word that agrees with each state that was set."""
+    """Return the last report that agrees with each state that was set."""
     agreeing = np.flatnonzero(agrees)
     is_last = np.ones(len(agreeing), np.bool_)
     is_last[:-1] = base[agreeing[1:]] != base[agreeing[:-1]]

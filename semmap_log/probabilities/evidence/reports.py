@@ -1,11 +1,10 @@
-"""What events said about how doors are, as compact columns: the store that evidence is made of."""
+"""What events said about how doors are, as compact rows: the store that evidence is made of."""
 
 from __future__ import annotations
 
 import io
 import json
 from collections.abc import Sequence
-from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,41 +12,22 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
-    MAX_TIME_NS,
-    DoorAdded,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
+from semmap_log.events import MAX_TIME_NS, STATE_KINDS, DoorObserved, Event
+from semmap_log.projections.door_changes import (
+    STATE,
+    STATE_CHANGE,
+    THERE,
+    chosen_of,
+    known_states,
+    rows_at,
 )
-from semmap_log.projections.state_words import STATE_WORDS, sets_state, states_of
 
 Rows = NDArray[np.void]
 
 
-class Means(IntEnum):
-    """How a word tells of a state."""
-
-    ADDED = 0
-    SET = 1
-    SEEN = 2
-    REMOVED = 3
-
-
-WORD = np.dtype(
-    [
-        ("number", np.int64),
-        ("time_ns", np.int64),
-        ("door_id", np.uint32),
-        ("sensor", np.uint32),
-        ("means", np.uint8),
-        ("state", np.uint8),
-    ]
-)
-"""Of an event: its number, the time by which it folds, its door, which of the sensors saw it, how
-it tells (`Means`), and what (`DoorState`)."""
+REPORT = np.dtype([*((name, STATE_CHANGE[name]) for name in STATE_CHANGE.names or ()),
+                   ("sensor", "u4")])  # fmt: skip
+"""What an event says of a door's state, and which of the sensors saw it: 26 bytes."""
 
 
 class Sensor(NamedTuple):
@@ -59,7 +39,7 @@ class Sensor(NamedTuple):
     """Which one it was, as the commit's note says; empty: it does not."""
 
     @property
-    def eye(self) -> object:
+    def identity(self) -> object:
         """What looks again in a pass: the source, however sure it is each time.
 
         Where none is named, sensors of the same accuracies are taken to be one.
@@ -70,29 +50,21 @@ class Sensor(NamedTuple):
 CERTAIN = Sensor(1.0, 1.0, "")
 """Of what is not a reading, and of who went through a door."""
 
-_MEANS: dict[type[Event], Means] = {
-    DoorAdded: Means.ADDED,
-    DoorUpdated: Means.SET,
-    DoorObserved: Means.SEEN,
-    DoorPassed: Means.SEEN,
-    DoorRemoved: Means.REMOVED,
-}
-
 
 class Sensors(NamedTuple):
     """What is known of sensors, as columns."""
 
     accuracy_open: NDArray[np.float64]
     accuracy_closed: NDArray[np.float64]
-    eye: NDArray[np.intp]
-    """The same for those that are taken to be one: `Sensor.eye`."""
+    identity: NDArray[np.intp]
+    """The same for those that are taken to be one: `Sensor.identity`."""
 
 
-class Words:
-    """Words about all doors, in any order; 26 bytes each."""
+class Reports:
+    """What was said about all doors, in any order."""
 
     def __init__(self) -> None:
-        self._rows = np.empty(0, WORD)
+        self._rows = np.empty(0, REPORT)
         self._count = 0
         self._sensors: dict[Sensor, int] = {CERTAIN: 0}
         self._as_columns: Sensors | None = None
@@ -103,38 +75,29 @@ class Words:
 
     def take(self, batch: EventBatch) -> None:
         """Take up what the events of a batch say."""
-        for kind in STATE_WORDS:
+        for kind in STATE_KINDS:
             if kind in batch:
-                told = batch[kind]
-                chosen = np.flatnonzero(sets_state(kind, told))
-                if len(chosen):
-                    self._note(batch, kind, told, chosen)
+                places = chosen_of(batch, kind, setting=STATE | THERE)
+                if len(places):
+                    self._take_kind(batch, kind, places)
 
-    def _note(
-        self, batch: EventBatch, kind: type[Event], told: Rows, chosen: NDArray[np.intp]
-    ) -> None:
-        sensors: NDArray[np.uint32] | int = 0
+    def _take_kind(self, batch: EventBatch, kind: type[Event], places: NDArray[np.intp]) -> None:
+        rows = self._room_for(len(places))
+        rows[:] = rows_at(batch, kind, places, REPORT)
+        rows["state"] = known_states(rows["state"])
         if kind is DoorObserved:
             codes, names = batch.sources(kind)
-            sensors = self._sensors_of(told[chosen], codes[chosen], names)
-        rows = self._room_for(len(chosen))
-        where = batch.where(kind)[chosen]
-        rows["number"] = batch.number[where]
-        rows["time_ns"] = np.minimum(batch.happened_ns[where], batch.recorded_ns[where])
-        rows["door_id"] = told["door_id"][chosen]
-        rows["means"] = _MEANS[kind]
-        rows["state"] = states_of(kind, told)[chosen]
-        rows["sensor"] = sensors
+            rows["sensor"] = self._sensors_of(batch[kind][places], codes[places], names)
 
-    def add(self, other: Words) -> None:
-        """Take up what other words say; events that both have would count twice."""
+    def add(self, other: Reports) -> None:
+        """Take up what others say; events that both have would count twice."""
         codes = np.array([self._code(sensor) for sensor in other._sensors], np.uint32)
         rows = self._room_for(len(other))
         rows[:] = other._rows[: len(other)]
         rows["sensor"] = codes[rows["sensor"]]
 
     def door_ids(self) -> NDArray[np.uint32]:
-        """Return which doors there are words about, ascending."""
+        """Return which doors there are reports about, ascending."""
         return np.unique(self._rows["door_id"][: self._count])
 
     def about(self, door_id: DoorId) -> Rows:
@@ -146,36 +109,36 @@ class Words:
         late = np.flatnonzero(behind["door_id"] == door_id) + self._index.count
         # Of rows with several fields `take` is ten times as quick as an index.
         rows = self._rows.take(np.append(self._index.of(door_id), late))
-        return rows.take(np.lexsort((rows["number"], rows["time_ns"])))
+        return rows.take(np.lexsort((rows["number"], rows["folds_ns"])))
 
     def newer(self, count: int) -> NDArray[np.uint32]:
-        """Return which doors the words behind the first `count` are about."""
+        """Return which doors the reports behind the first `count` are about."""
         return np.unique(self._rows["door_id"][count : self._count])
 
     def earliest_ns(self, count: int) -> int:
-        """Return the least time of the words behind the first `count`; without any, no time."""
-        return int(self._rows["time_ns"][count : self._count].min(initial=MAX_TIME_NS))
+        """Return the least time of the reports behind the first `count`; without any, no time."""
+        return int(self._rows["folds_ns"][count : self._count].min(initial=MAX_TIME_NS))
 
     def sensors(self) -> Sensors:
-        """Return the sensors by their places, as `WORD` has them."""
-        if self._as_columns is not None and len(self._as_columns.eye) == len(self._sensors):
+        """Return the sensors by their places, as `REPORT` has them."""
+        if self._as_columns is not None and len(self._as_columns.identity) == len(self._sensors):
             return self._as_columns
-        eyes: dict[object, int] = {}
-        codes = [eyes.setdefault(sensor.eye, len(eyes)) for sensor in self._sensors]
+        known: dict[object, int] = {}
+        codes = [known.setdefault(sensor.identity, len(known)) for sensor in self._sensors]
         accuracies = np.array([sensor[:2] for sensor in self._sensors], np.float64)
         columns = (accuracies[:, 0], accuracies[:, 1], np.array(codes, np.intp))
         self._as_columns = Sensors(*columns)
         return self._as_columns
 
     def dump(self) -> bytes:
-        """Return the words as bytes."""
+        """Return the reports as bytes."""
         out = io.BytesIO()
         np.lib.format.write_array(out, self._rows[: self._count], allow_pickle=False)
         return out.getvalue() + json.dumps(list(self._sensors)).encode()
 
     @classmethod
-    def load(cls, data: bytes) -> Words:
-        """Return the words that `dump` made these bytes of.
+    def load(cls, data: bytes) -> Reports:
+        """Return the reports that `dump` made these bytes of.
 
         Raises:
             ValueError: They are not of its making.
@@ -183,18 +146,18 @@ class Words:
         source = io.BytesIO(data)
         rows = np.lib.format.read_array(source, allow_pickle=False)
         sensors = [Sensor(float(a), float(b), str(name)) for a, b, name in json.load(source)]
-        if rows.dtype != WORD or rows["sensor"].max(initial=0) >= len(sensors):
-            raise ValueError("not words, or words of sensors that are not told")
-        words = cls()
-        words._rows, words._count = rows, len(rows)
-        words._sensors = {sensor: code for code, sensor in enumerate(sensors)}
-        return words
+        if rows.dtype != REPORT or rows["sensor"].max(initial=0) >= len(sensors):
+            raise ValueError("not reports, or reports of sensors that are not told")
+        reports = cls()
+        reports._rows, reports._count = rows, len(rows)
+        reports._sensors = {sensor: code for code, sensor in enumerate(sensors)}
+        return reports
 
     def _room_for(self, count: int) -> Rows:
         """Return that many new rows at the end, to be filled."""
         first, self._count = self._count, self._count + count
         if self._count > len(self._rows):
-            grown = np.empty(max(self._count, 2 * len(self._rows), _FEW), WORD)
+            grown = np.empty(max(self._count, 2 * len(self._rows), _FEW), REPORT)
             grown[:first] = self._rows[:first]
             self._rows = grown
         return self._rows[first : self._count]
@@ -236,4 +199,4 @@ class _Index:
 
 
 _FEW = 1024
-"""So many words are looked through rather than sorted."""
+"""So many reports are looked through rather than sorted."""
