@@ -16,7 +16,7 @@ ORDER = [
     {"errors", "computed_once", "command_lines"},
     {"keywords"},
     {"doors"},
-    {"commits"},
+    {"commits", "meaning"},
     {"events"},
     {"messages"},
     {"event_columns", "made_of_columns"},

@@ -5,7 +5,7 @@ Pure numpy. Who needs less than all of `CHANGE` asks for some of its columns: se
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -99,22 +99,32 @@ def rows_at(
     batch: EventBatch, kind: type[Event], places: NDArray[np.intp], dtype: np.dtype[Any]
 ) -> Changes:
     """Return a kind's rows at some places as rows of `CHANGE`, or of some of its columns."""
-    rows, where = batch[kind].take(places), batch.where(kind)[places]
-    changes = np.zeros(len(where), dtype)
-    recorded_ns, happened_ns = batch.recorded_ns[where], batch.happened_ns[where]
-    given: dict[str, Any] = {name: rows[name] for name in rows.dtype.names or ()}
-    given |= kind.effect.values
-    given |= {
-        "number": batch.number[where],
-        "folds_ns": np.minimum(happened_ns, recorded_ns),
-        "recorded_ns": recorded_ns,
-        "kind": kind.kind,
-        "sets": _bits_of(kind, rows),
-    }
-    for name in dtype.names or ():
-        if name in given:
-            changes[name] = given[name]
+    changes = np.empty(len(places), dtype)
+    fill(changes, batch, kind, places)
     return changes
+
+
+def fill(changes: Changes, batch: EventBatch, kind: type[Event], places: NDArray[np.intp]) -> None:
+    """Write a kind's rows at some places into as many rows; what they do not say becomes 0."""
+    rows, where = batch[kind], batch.where(kind)[places]
+    for name in changes.dtype.names or ():
+        if name in _OF_EVENT:
+            changes[name] = _OF_EVENT[name](batch)[where]
+        elif name in kind.effect.values:
+            changes[name] = kind.effect.values[name]
+        elif name in (rows.dtype.names or ()):
+            changes[name] = rows[name][places]
+        else:
+            changes[name] = _bits_of(kind, rows)[places] if name == "sets" else 0
+
+
+_OF_EVENT: Mapping[str, Callable[[EventBatch], NDArray[Any]]] = {
+    "number": lambda batch: batch.number,
+    "folds_ns": lambda batch: batch.folds_ns,
+    "recorded_ns": lambda batch: batch.recorded_ns,
+    "kind": lambda batch: batch.kind,
+}
+"""Columns of every event, whatever it is about."""
 
 
 def known_states(states: NDArray[np.uint8]) -> NDArray[np.uint8]:

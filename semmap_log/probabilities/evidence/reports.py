@@ -18,8 +18,8 @@ from semmap_log.projections.door_changes import (
     STATE_CHANGE,
     THERE,
     chosen_of,
+    fill,
     known_states,
-    rows_at,
 )
 
 Rows = NDArray[np.void]
@@ -83,7 +83,7 @@ class Reports:
 
     def _take_kind(self, batch: EventBatch, kind: type[Event], places: NDArray[np.intp]) -> None:
         rows = self._room_for(len(places))
-        rows[:] = rows_at(batch, kind, places, REPORT)
+        fill(rows, batch, kind, places)
         rows["state"] = known_states(rows["state"])
         if kind is DoorObserved:
             codes, names = batch.sources(kind)
