@@ -11,10 +11,11 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from semmap_log.command_lines import command_line
 from semmap_log.commits import Commit
-from semmap_log.doors import NAN, DoorId, DoorState
+from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import RecordedEvent
 from semmap_log.events import (
     DoorAdded,
@@ -25,11 +26,12 @@ from semmap_log.events import (
     FloorMap,
     LevelAdded,
     Retracted,
+    defaults_of,
 )
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.window import Window
-from semmap_log.meaning import Changed
+from semmap_log.meaning import PART_OF, PLACING, changed
 from semmap_log.moments import SECOND_NS
 from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 
@@ -108,24 +110,22 @@ def backdated(reader: LogReader, doors: Collection[DoorId], since_ns: int) -> li
 
 def added_since(added: DoorAdded, since_ns: int | None) -> Iterator[Event]:
     """Yield an adding at an earlier time, and what it says of the state at its own time."""
-    yield replace(
-        added, happened_ns=since_ns, state=DoorState.UNKNOWN, prob_open=NAN, prob_closed=NAN
-    )
-    changed = Changed(0)
-    if added.state is not DoorState.UNKNOWN:
-        changed |= Changed.STATE
-    for bit, value in ((Changed.PROB_OPEN, added.prob_open),
-                       (Changed.PROB_CLOSED, added.prob_closed)):  # fmt: skip
-        changed |= Changed(0) if math.isnan(value) else bit
-    if changed:
+    defaults = defaults_of(DoorAdded)
+    unsaid = {name: defaults[name] for name, part in PART_OF.items() if not part & PLACING}
+    yield replace(added, happened_ns=since_ns, **unsaid)
+    said = {name: getattr(added, name) for name in unsaid}
+    told = {name: value for name, value in said.items() if _is_told(value)}
+    if told:
         yield DoorUpdated(
             happened_ns=added.happened_ns,
             door_id=added.door_id,
-            changed=changed,
-            state=added.state,
-            prob_open=added.prob_open,
-            prob_closed=added.prob_closed,
+            changed=changed(told),
+            **told,
         )
+
+
+def _is_told(value: Any) -> bool:
+    return value is not DoorState.UNKNOWN and not math.isnan(value)
 
 
 def _said_with(reader: LogReader, addings: Iterable[RecordedEvent]) -> list[RecordedEvent]:

@@ -32,10 +32,7 @@ from semmap_log.events import (
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
-    DoorObserved,
-    DoorPassed,
     DoorRemoved,
-    DoorRequested,
     DoorUpdated,
     Event,
     FloorMap,
@@ -48,7 +45,8 @@ from semmap_log.events import (
     is_whole_number,
 )
 from semmap_log.levels import level_called, only_level, told
-from semmap_log.meaning import PLACING, Changed
+from semmap_log.meaning import PLACING, Changed, Presence
+from semmap_log.messages import OBJECT_KINDS
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 
@@ -568,17 +566,23 @@ class Gatekeeper:
             )
 
 
-_SIGHTINGS = (DoorObserved, DoorPassed, DoorRequested)
+_ROWS: tuple[type[DoorEvent], ...] = tuple(
+    kind for kind in KINDS if issubclass(kind, DoorEvent) and kind.kind not in OBJECT_KINDS
+)
+"""Kinds about a door that a batch holds as columns."""
+
+_SIGHTINGS = tuple(
+    kind
+    for kind in _ROWS
+    if kind.effect.presence is Presence.STAYS and not kind.effect.can_set & ~Changed.STATE
+)
 """Kinds that can be said of every door in the map, and change neither doors nor names."""
 
-_HARMLESS = (*_SIGHTINGS, PatrolStarted, PatrolFinished, RobotPose)
+_HARMLESS: tuple[type[Event], ...] = (*_SIGHTINGS, PatrolStarted, PatrolFinished, RobotPose)
 """Those, and the kinds that are about no door: nothing of a batch of them can be wrong."""
 
 ON_A_LEVEL = (DoorAdded, DoorUpdated, RobotPose, FloorMap)
 """Kinds that may leave it to the log which level they mean."""
-
-_ROWS = (DoorAdded, DoorUpdated, DoorRemoved, *_SIGHTINGS)
-"""Kinds about a door that a batch holds as columns."""
 
 ROWS_AT_A_TIME = 8192
 FEW_ROWS = 256

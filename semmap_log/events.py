@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -413,6 +413,25 @@ def unknown_kind(kind: int, name: str) -> type[UnknownEvent]:
     return type(name, (UnknownEvent,), {"kind": kind, "__slots__": ()})
 
 
+AnyEvent: TypeAlias = (
+    DoorAdded
+    | DoorUpdated
+    | DoorRemoved
+    | DoorObserved
+    | DoorRequested
+    | DoorPassed
+    | PatrolStarted
+    | PatrolFinished
+    | RobotPose
+    | Retracted
+    | DoorAnnotated
+    | LevelAdded
+    | FloorMap
+    | LogExported
+    | UnknownEvent
+)
+"""An event of any kind, for a `match` that type checkers hold to have a case for each of them."""
+
 KINDS: tuple[type[Event], ...] = (
     DoorAdded,
     DoorUpdated,
@@ -429,14 +448,16 @@ KINDS: tuple[type[Event], ...] = (
     FloorMap,
     LogExported,
 )
-"""Every kind of event; the kind number is the place in this list, from 1 on. Only ever grows, and
-with it the format's minor version: `log.form.KINDS_OF_MINOR`."""
+"""Every kind of event; the kind number is the place in this list, from 1 on. Only ever grows, with
+`AnyEvent` and the format's minor version: `log.form.KINDS_OF_MINOR`."""
 
 for _number, _kind in enumerate(KINDS, start=1):
     _kind.kind = _number
     _kind.numbers = tuple(f.name for f in fields(_kind) if f.type in ("float", float))
 
-SETTING_KINDS = tuple(kind for kind in KINDS if kind.effect is not NO_EFFECT)
+SETTING_KINDS: tuple[type[DoorEvent], ...] = tuple(
+    kind for kind in KINDS if issubclass(kind, DoorEvent) and kind.effect is not NO_EFFECT
+)
 """The kinds that do something to a door, in the order of their numbers."""
 
 STATE_KINDS = tuple(

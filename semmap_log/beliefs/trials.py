@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorState
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated
+from semmap_log.events import (
+    STATE_KINDS,
+)
 from semmap_log.log.reading.passage import Progress
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
@@ -19,8 +21,6 @@ from semmap_log.projections.timeline import timeline
 
 Times = NDArray[np.int64]
 Floats = NDArray[np.float64]
-
-_STATE_KINDS = (DoorAdded, DoorUpdated, DoorObserved, DoorPassed, DoorRemoved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ def truths(
     only what was set and not contradicted is: a reading is no truth.
     """
     plain = [door for door in door_ids if not evidence.counts(door).sightings]
-    batches = log.batches(kinds=_STATE_KINDS, doors=plain, progress=progress) if plain else ()
+    batches = log.batches(kinds=STATE_KINDS, doors=plain, progress=progress) if plain else ()
     by_door = _parts(batches, plain)
     end_ns = log.end_ns()
     for door_id in door_ids:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import NAN, DoorState
-from semmap_log.events import DoorAdded, DoorObserved, DoorPassed, DoorUpdated, Event
+from semmap_log.events import Event
 from semmap_log.formats.csv_blocks import Columns, CsvBlocks
 from semmap_log.formats.csv_rows import Row
 from semmap_log.formats.csv_text import harmless, is_written_otherwise, meant
@@ -24,7 +24,6 @@ from semmap_log.formats.csv_windows import KnownTimes, Window, read_windows
 from semmap_log.formats.problems import Problems, shown
 from semmap_log.formats.sightings import Sighting, SightingColumns, Sightings
 from semmap_log.formats.text_column import TextCodes, TextColumn, decimals_in
-from semmap_log.meaning import Changed
 from semmap_log.moments import format_wall, zone
 
 COLUMNS = ("timestamp", "door", "state", "accuracy")
@@ -77,18 +76,12 @@ def sighting_of(event: Event, *, happened_ns: int, door: str) -> Sighting | None
 
     The format has one accuracy: of a sensor with two, the one for the state that it saw.
     """
-    match event:
-        case DoorAdded(state=state):
-            return Sighting(happened_ns, door, state, NAN)
-        case DoorUpdated(changed=changed, state=state) if Changed.STATE in changed:
-            return Sighting(happened_ns, door, state, NAN)
-        case DoorObserved(state=DoorState.CLOSED, accuracy_closed=accuracy):
-            return Sighting(happened_ns, door, DoorState.CLOSED, accuracy)
-        case DoorObserved(state=state, accuracy_open=accuracy):
-            return Sighting(happened_ns, door, state, accuracy)
-        case DoorPassed(passed=True):
-            return Sighting(happened_ns, door, DoorState.OPEN, 1.0)
-    return None
+    state = event.values_set().get("state")
+    if state is None:
+        return None
+    name = "accuracy_closed" if state is DoorState.CLOSED else "accuracy_open"
+    accuracy = getattr(event, name, 1.0) if event.effect.is_sighting else NAN
+    return Sighting(happened_ns, door, state, accuracy)
 
 
 class _Reader:

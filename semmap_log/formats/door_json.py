@@ -12,6 +12,7 @@ from typing import Any
 
 from semmap_log.doors import Door, DoorMap, DoorState, Level
 from semmap_log.formats.event_json import event_to_json
+from semmap_log.meaning import FIELDS
 from semmap_log.moments import format_utc
 from semmap_log.projections.diff import Diff, FieldChange
 from semmap_log.projections.history import HistoryEntry
@@ -36,13 +37,7 @@ def door_to_json(door: Door, door_map: DoorMap) -> dict[str, Any]:
         "name": door.name,
         "level": door.level,
         "level_name": level.name if level else None,
-        "x": _number(door.x),
-        "y": _number(door.y),
-        "theta": _number(door.theta),
-        "width": _number(door.width),
-        "state": door.state.name,
-        "prob_open": _number(door.prob_open),
-        "prob_closed": _number(door.prob_closed),
+        **{name: _value(getattr(door, name)) for name in FIELDS},
         "last_seen": _time(door.last_seen_ns),
         "last_event": door.last_event,
         "annotations": dict(door.annotations),

@@ -5,29 +5,19 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from semmap_log.events import KINDS, FloorMap
 from semmap_log.messages.layout import PACKAGE, message_text
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 OWN_MESSAGES = (
-    "DoorAdded",
-    "DoorUpdated",
-    "DoorRemoved",
-    "DoorObserved",
-    "DoorRequested",
-    "DoorPassed",
-    "PatrolStarted",
-    "PatrolFinished",
-    "RobotPose",
-    "Retracted",
-    "DoorAnnotated",
-    "LevelAdded",
-    "LogExported",
+    *(kind.__name__ for kind in KINDS if kind is not FloorMap),
     "Commit",
     "CommitNote",
     "Keyframe",
 )
+"""A floor map is ROS's own message."""
 OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 
 

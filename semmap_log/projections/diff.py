@@ -8,11 +8,12 @@ from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
 
+from semmap_log import meaning
 from semmap_log.doors import Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import CommandError
 from semmap_log.projections.history import HistoryEntry
 
-FIELDS = ("level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed", "annotations")
+FIELDS = (*meaning.FIELDS, "annotations")
 """The fields that make a door what it is: if one differs, the door was changed."""
 
 STAMPS = ("last_seen_ns", "last_event")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from semmap_log.doors import Door, DoorId, DoorMap, Level, RemovedDoor
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import ADDING_KINDS, DoorAnnotated, DoorEvent, Event, FloorMap, LevelAdded
-from semmap_log.meaning import Presence
+from semmap_log.meaning import FIELDS, Presence
 from semmap_log.projections.annotations import Annotations, Stamp
 from semmap_log.projections.doors_present import DoorsPresent
 from semmap_log.projections.registers import NEVER, NOBODY, REGISTERS, DoorColumns, writes_of
@@ -32,8 +32,7 @@ MAX_TABLE = 2**20
 UNKNOWN_ROW = -2
 
 _OF_A_DOOR = (
-    "door_id", "level", "x", "y", "theta", "width", "state", "state_happened_ns", "prob_open",
-    "prob_closed", "last_event", "added_happened_ns", "added_event",
+    "door_id", *FIELDS, "state_happened_ns", "last_event", "added_happened_ns", "added_event",
 )  # fmt: skip
 """The columns of which a `Door` is made."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import Door, DoorId, DoorState
+from semmap_log.meaning import FIELDS
 from semmap_log.projections.annotations import Annotations
 
 
@@ -95,16 +96,10 @@ class DoorsPresent(Mapping[DoorId, Door]):
         return self._everything
 
     def _door(self, row: dict[str, Any]) -> Door:
+        values = {name: row[name] for name in FIELDS}
         return Door(
             door_id=DoorId(row["door_id"]),
-            level=row["level"],
-            x=row["x"],
-            y=row["y"],
-            theta=row["theta"],
-            width=row["width"],
-            state=DoorState.of(row["state"]),
-            prob_open=row["prob_open"],
-            prob_closed=row["prob_closed"],
+            **values | {"state": DoorState.of(row["state"])},
             last_seen_ns=row["state_happened_ns"],
             last_event=row["last_event"],
             annotations=self._annotations.of(

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAnnotated, DoorObserved, DoorPassed, DoorUpdated
+from semmap_log.events import SETTING_KINDS, DoorAnnotated, DoorEvent
+from semmap_log.meaning import Presence
 
-MAY_BE_EARLY = (DoorObserved, DoorPassed, DoorUpdated, DoorAnnotated)
+MAY_BE_EARLY: tuple[type[DoorEvent], ...] = (
+    *(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.STAYS),
+    DoorAnnotated,
+)
 """Kinds that say something of a door, which is lost where the door is not there yet."""
 
 _KINDS = np.array([kind.kind for kind in MAY_BE_EARLY], np.uint8)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import cast
+
+from typing_extensions import assert_never
 
 from semmap_log.doors import DoorState
 from semmap_log.events import (
+    AnyEvent,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -28,44 +32,45 @@ from semmap_log.meaning import Changed
 
 def words_of(event: Event) -> str:
     """Return what happened, such as `seen OPEN (90 %)`."""
-    match event:
+    known = cast("AnyEvent", event)
+    match known:
         case DoorAdded():
-            place = "" if not math.isnan(event.x) else " without a place"
-            return f"added{place}, {event.state.name}{_probabilities(event)}"
+            place = "" if not math.isnan(known.x) else " without a place"
+            return f"added{place}, {known.state.name}{_probabilities(known)}"
         case DoorUpdated():
-            return _update(event)
+            return _update(known)
         case DoorRemoved():
             return "removed from the map"
         case DoorObserved():
-            return f"seen {event.state.name}{_accuracy(event)}{_opening(event)}"
+            return f"seen {known.state.name}{_accuracy(known)}{_opening(known)}"
         case DoorRequested():
-            return f"asked to be {event.state.name}"
+            return f"asked to be {known.state.name}"
         case DoorPassed():
-            waited = "" if math.isnan(event.waited_s) else f" after {event.waited_s:.0f} s"
-            return f"passed{waited}" if event.passed else f"given up{waited}"
+            waited = "" if math.isnan(known.waited_s) else f" after {known.waited_s:.0f} s"
+            return f"passed{waited}" if known.passed else f"given up{waited}"
         case PatrolStarted():
-            return f"patrol {event.patrol} started"
+            return f"patrol {known.patrol} started"
         case PatrolFinished():
-            return f"patrol {event.patrol} finished"
+            return f"patrol {known.patrol} finished"
         case RobotPose():
-            return f"robot at {event.x:.2f}, {event.y:.2f}"
+            return f"robot at {known.x:.2f}, {known.y:.2f}"
         case Retracted():
-            if event.first_event == event.last_event:
-                return f"event {event.first_event} retracted"
-            return f"events {event.first_event}..{event.last_event} retracted"
+            if known.first_event == known.last_event:
+                return f"event {known.first_event} retracted"
+            return f"events {known.first_event}..{known.last_event} retracted"
         case DoorAnnotated():
-            return f"{event.key} = {event.value}"
+            return f"{known.key} = {known.value}"
         case LevelAdded():
-            return f"level {event.level} is called {event.name}"
+            return f"level {known.level} is called {known.name}"
         case FloorMap():
-            rows, columns = event.cells.shape
-            return f"floor plan of level {event.level}: {columns} x {rows} cells"
+            rows, columns = known.cells.shape
+            return f"floor plan of level {known.level}: {columns} x {rows} cells"
         case LogExported():
-            return f"exported as {event.format}: {event.file_name}"
+            return f"exported as {known.format}: {known.file_name}"
         case UnknownEvent():
-            return f"{type(event).__name__}: unknown here, of a newer version"
+            return f"{type(known).__name__}: unknown here, of a newer version"
         case _:
-            raise TypeError(f"no words for {type(event).__name__}")
+            assert_never(known)
 
 
 def printable(text: str) -> str:

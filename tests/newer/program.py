@@ -85,7 +85,6 @@ def _add_kind(package: Path, later: Later) -> None:
     events = package / "events.py"
     _edit(events, "\nKINDS: tuple[type[Event], ...] = (", KIND.format(name=name, mark=mark))
     _edit(events, "    LogExported,\n)", f"    LogExported,\n    {name},\n)")
-    _edit(messages / "typestore.py", '    "Commit",', f'    "{name}",\n    "Commit",')
 
 
 def _edit(path: Path, old: str, new: str) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
-from semmap_log.events import MAX_TIME_NS, STATE_KINDS, DoorObserved, Event
+from semmap_log.events import MAX_TIME_NS, STATE_KINDS, Event, field_names
 from semmap_log.projections.door_changes import (
     STATE,
     STATE_CHANGE,
@@ -85,7 +85,7 @@ class Reports:
         rows = self._room_for(len(places))
         fill(rows, batch, kind, places)
         rows["state"] = known_states(rows["state"])
-        if kind is DoorObserved:
+        if "accuracy_open" in field_names(kind):
             codes, names = batch.sources(kind)
             rows["sensor"] = self._sensors_of(batch[kind][places], codes[places], names)
 

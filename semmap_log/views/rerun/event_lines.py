@@ -14,15 +14,12 @@ from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     DoorAdded,
     DoorEvent,
-    DoorObserved,
-    DoorPassed,
     DoorRemoved,
-    DoorUpdated,
     Event,
     Retracted,
     RobotPose,
 )
-from semmap_log.meaning import Changed
+from semmap_log.meaning import NO_EFFECT, PLACING, Presence
 from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.projections.door_changes import Changes, Stamp
@@ -130,16 +127,12 @@ class EventLines:
 
     def _importance(self, event: DoorEvent, state: DoorState | None, stamp: Stamp) -> str:
         is_news = self._remember(event, state, stamp)
-        match event:
-            case DoorRemoved() | DoorPassed(passed=False):
-                return WARN
-            case DoorObserved() | DoorPassed():
-                return INFO if is_news else DEBUG
-            case DoorUpdated():
-                more = event.changed & (Changed.POSE | Changed.WIDTH)
-                return INFO if is_news or more else DEBUG
-            case _:
-                return INFO
+        effect, sets = event.effect, event.sets()
+        if effect.presence is Presence.GOES or (effect.only_if and not sets):
+            return WARN
+        if effect.presence is Presence.COMES or effect is NO_EFFECT:
+            return INFO
+        return INFO if is_news or sets & PLACING else DEBUG
 
     def _remember(self, event: DoorEvent, state: DoorState | None, stamp: Stamp) -> bool:
         """Keep the door's state; return whether it is another than before."""
