@@ -49,6 +49,18 @@ PART_OF: Mapping[str, Changed] = {name: bit for bit, part in PARTS.items() for n
 """Field -> the part that it belongs to."""
 
 
+REGISTERS: Mapping[str, Mapping[str, str]] = {
+    "added": {},
+    "removed": {},
+    **{(bit.name or "").lower(): fields for bit, fields in PARTS.items()},
+}
+"""Register of a door -> its values and their numpy types. A stamp belongs to each: when what set
+it last happened, and the number of that event."""
+
+REGISTER_OF: Mapping[Changed, str] = dict(zip(PARTS, list(REGISTERS)[2:], strict=True))
+"""Part of a door -> its register."""
+
+
 def changed(names: Iterable[str]) -> Changed:
     """Return the parts to which fields of these names belong; other names count for nothing."""
     return reduce(or_, (PART_OF[name] for name in names if name in PART_OF), NOTHING)

@@ -10,11 +10,13 @@ events sorted by (least(happened, recorded), event) are the order of the fold.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from semmap_log.doors import DoorState
-from semmap_log.events import KINDS, field_names
+from semmap_log.events import KINDS, Event, field_names
 from semmap_log.meaning import ALL_CHANGED, Changed
+from semmap_log.messages import OBJECT_KINDS, comments_of, fixed_layout
 
 SCHEMA_VERSION = 1
 """Counts up when a column changes its meaning or goes; a new column does not."""
@@ -57,6 +59,9 @@ class Column:
         return tuple(kind.kind for kind in KINDS if self.field_name in field_names(kind))
 
 
+NOT_SHOWN = frozenset({"salt"})
+"""Fields of events that no column holds: a salt keeps a redacted text from being guessed."""
+
 HEAD = (
     Column("event", "int64", "event number, from 0 without gaps", nullable=False),
     Column("kind", KIND, "kind of event, such as DoorObserved", nullable=False),
@@ -67,7 +72,7 @@ WHEN = (
     Column("recorded", TIME, "when the log learnt it, strictly increasing", nullable=False),
 )
 
-FIELDS = (
+OLDEST = (
     Column("level", "uint16", "storey of the door, the robot or the floor map; 0 without levels"),
     Column("x", "float64", "start of the door's line, or the robot, m, frame map"),
     Column("y", "float64", "the same"),
@@ -105,6 +110,24 @@ FIELDS = (
     Column("at", TIME, "LogExported: the moment whose state was saved", field="at_ns"),
 )
 
+
+def _others() -> Iterator[Column]:
+    """Yield a column for each field that came later: its meaning is that of the `.msg` text."""
+    known = {column.field_name for column in OLDEST} | NOT_SHOWN | {"door_id"}
+    for kind in KINDS:
+        for name in field_names(kind):
+            if name not in known:
+                known.add(name)
+                yield Column(name, _type_of(kind, name), comments_of(kind.__name__)[name])
+
+
+def _type_of(kind: type[Event], name: str) -> str:
+    return "str" if kind.kind in OBJECT_KINDS else str(fixed_layout(kind.kind).dtype[name])
+
+
+FIELDS = (*OLDEST, *_others())
+"""The fields of all kinds; those of `OLDEST` have words of their own."""
+
 DOOR = Column("door_id", "uint32", "the door that it is about")
 
 COLUMNS = (*HEAD, DOOR, *WHEN, *FIELDS)
@@ -119,6 +142,3 @@ SAID = (
     Column("retracted", "bool", "it was taken back, and does not count", nullable=False),
 )
 """What an exported file has besides."""
-
-NOT_SHOWN = frozenset({"salt"})
-"""Fields of events that no column holds: a salt keeps a redacted text from being guessed."""

@@ -6,7 +6,6 @@ words beside a key are those of the `.msg` text.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -14,7 +13,7 @@ from semmap_log.doors import DoorState
 from semmap_log.events import KINDS, DoorAdded, DoorEvent, Event, FloorMap
 from semmap_log.formats.event_json import NOTE_KEYS
 from semmap_log.formats.event_json_reader import keys_of, required_keys
-from semmap_log.messages.layout import message_text
+from semmap_log.messages import comments_of
 
 OF_EVERY_KIND = ("happened", *NOTE_KEYS, "command_id")
 
@@ -35,8 +34,6 @@ _FLOOR_MAP_WORDS = {
     "-1 unknown",
 }
 """A floor plan is ROS's own message, which has no text of ours."""
-
-_FIELD = re.compile(r"^[\w/\[\]]+ +(\w+) *(?:# *(.*))?$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,19 +92,17 @@ def _keys(kind: type[Event]) -> Iterator[Key]:
         needed -= {"door_id"}  # the next free one
     elif issubclass(kind, DoorEvent):
         yield Key("door_id|door", is_optional=False, words="its id; or its name, or level/name")
-    words = _FLOOR_MAP_WORDS if kind is FloorMap else _comments(kind) | _WORDS
+    words = _FLOOR_MAP_WORDS if kind is FloorMap else _json_words(kind)
     by_name = () if kind is DoorAdded else ("door_id", "door")
     for name in keys_of(kind):
         if name not in {*OF_EVERY_KIND, *by_name}:
             yield Key(name, name not in needed, words.get(name, ""))
 
 
-def _comments(kind: type[Event]) -> dict[str, str]:
-    """Return what the `.msg` text says of each field."""
-    lines = message_text(kind.__name__).splitlines()
-    found = (_FIELD.match(line) for line in lines)
-    comments = {match[1]: match[2] or "" for match in found if match}
-    return {name: text.replace("NaN:", "null:") for name, text in comments.items()}
+def _json_words(kind: type[Event]) -> dict[str, str]:
+    """Return what each key means."""
+    words = comments_of(kind.__name__).items()
+    return {name: text.replace("NaN:", "null:") for name, text in words} | _WORDS
 
 
 def _cell(text: str) -> str:

@@ -12,7 +12,14 @@ from semmap_log.messages.codec import (
     ros_type,
 )
 from semmap_log.messages.in_place import read_in_place
-from semmap_log.messages.layout import CDR_HEADER, PACKAGE, Layout, layout, message_text
+from semmap_log.messages.layout import (
+    CDR_HEADER,
+    PACKAGE,
+    Layout,
+    comments_of,
+    layout,
+    message_text,
+)
 from semmap_log.messages.typestore import (
     OCCUPANCY_GRID,
     deserialize,
@@ -24,7 +31,7 @@ from semmap_log.messages.typestore import (
 
 __all__ = [
     "CDR_HEADER",
-    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "decode", "deserialize",
+    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "comments_of", "decode", "deserialize",
     "encode", "field_getter", "fixed_layout", "layout", "message_text", "read_in_place", "ros_type",
     "schema_text", "serialize", "type_hash", "type_name",
 ]  # fmt: skip

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+
+from semmap_log.meaning import REGISTERS
 
 CDR_HEADER = b"\x00\x01\x00\x00"
 """Representation identifier CDR_LE and no options."""
@@ -22,6 +26,7 @@ CDR_HEADER = b"\x00\x01\x00\x00"
 PACKAGE = "semmap_msgs"
 
 _FIELD = re.compile(r"^(?P<type>\w+)(\[(?P<count>\d+)\])? (?P<name>\w+)\s*(#.*)?$")
+_COMMENTED = re.compile(r"^[\w/\[\]]+ +(\w+) *(?:# *(.*))?$")
 _CONSTANT = re.compile(r"^\w+ \w+=\S+\s*(#.*)?$")
 
 CODES = {
@@ -35,7 +40,28 @@ CODES = {
 @cache
 def message_text(name: str) -> str:
     """Return the `.msg` text of one of our messages, as shipped and as written into each log."""
-    return (files(__package__) / "msg" / f"{name}.msg").read_text(encoding="ascii")
+    text = (files(__package__) / "msg" / f"{name}.msg").read_text(encoding="ascii")
+    return text.replace("@REGISTERS@\n", "".join(_register_lines())) if "@" in text else text
+
+
+def _register_lines() -> Iterator[str]:
+    """Yield the lines of Keyframe that hold what is known of doors: values, and their stamps."""
+    for register, fields in REGISTERS.items():
+        for name, dtype in fields.items():
+            yield f"{ROS_NAMES[dtype]}[] {name}\n"
+        yield f"int64[] {register}_happened_ns\n"
+        yield f"int64[] {register}_event\n"
+
+
+ROS_NAMES = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "f8": "float64"}
+"""Numpy type of a door's field -> ROS's name for it."""
+
+
+@cache
+def comments_of(name: str) -> Mapping[str, str]:
+    """Return what the `.msg` text of one of our messages says of each field; "": nothing."""
+    found = (_COMMENTED.match(line) for line in message_text(name).splitlines())
+    return MappingProxyType({match[1]: match[2] or "" for match in found if match})
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ CHANGE = np.dtype([
 nanoseconds since 1970, UTC), its kind, and the fields of the door after it. `sets` are the bits of
 `Changed` and `THERE`; the fields outside them mean nothing."""
 
-THERE = 32
+THERE = 128
 """In `sets`, beside the bits of `Changed`: it brings the door into the map, or takes it out."""
 EVERYTHING = int(ALL_CHANGED) | THERE
 STATE = int(Changed.STATE)

@@ -18,18 +18,9 @@ from numpy.typing import NDArray
 
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import SETTING_KINDS, DoorEvent, Event
-from semmap_log.meaning import PARTS, Changed, Presence
+from semmap_log.meaning import REGISTER_OF, REGISTERS, Presence
 
 Array = NDArray[Any]
-
-REGISTERS: Mapping[str, Mapping[str, str]] = {
-    "added": {},
-    "removed": {},
-    **{(bit.name or "").lower(): fields for bit, fields in PARTS.items()},
-}
-"""Register -> its values and their numpy types; each also has `_happened_ns` and `_event`."""
-
-REGISTER_OF: Mapping[Changed, str] = dict(zip(PARTS, list(REGISTERS)[2:], strict=True))
 
 _PLACE_OF = {register: place for place, register in enumerate(REGISTERS)}
 

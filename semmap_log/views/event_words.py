@@ -27,7 +27,7 @@ from semmap_log.events import (
     RobotPose,
     UnknownEvent,
 )
-from semmap_log.meaning import Changed
+from semmap_log.meaning import PARTS, Changed
 
 
 def words_of(event: Event) -> str:
@@ -95,7 +95,12 @@ def _update(event: DoorUpdated) -> str:
         said.append(f"P(open) {event.prob_open:.2f}")
     if event.changed & Changed.PROB_CLOSED:
         said.append(f"P(closed) {event.prob_closed:.2f}")
+    others = (part for part in PARTS if part & event.changed & ~_WORDED)
+    said += [f"{name} {getattr(event, name)}" for part in others for name in PARTS[part]]
     return ", ".join(said)
+
+
+_WORDED = Changed.POSE | Changed.WIDTH | Changed.STATE | Changed.PROB_OPEN | Changed.PROB_CLOSED
 
 
 def _probabilities(event: DoorAdded) -> str:

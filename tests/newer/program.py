@@ -54,13 +54,13 @@ def install(folder: Path, later: Later) -> Path:
     have = KINDS_OF_MINOR[-1] + bool(later.kind)
     counts = (*KINDS_OF_MINOR, *[have] * later.minors) if later.minors else (have,)
     form, header = package / "log" / "form.py", package / "log" / "header.py"
-    _edit(form, f"KINDS_OF_MINOR = ({KINDS_OF_MINOR[-1]},)", f"KINDS_OF_MINOR = {counts}")
-    _edit(form, 'FORMAT_VERSION = "3"', f'FORMAT_VERSION = "{later.major}"')
+    edit(form, f"KINDS_OF_MINOR = ({KINDS_OF_MINOR[-1]},)", f"KINDS_OF_MINOR = {counts}")
+    edit(form, 'FORMAT_VERSION = "3"', f'FORMAT_VERSION = "{later.major}"')
     if later.has_entry:
         written = "                **minor,\n"
-        _edit(header, written, f'{written}                "site": "west",\n')
+        edit(header, written, f'{written}                "site": "west",\n')
         read = '            minor = int(entries.pop(_MINOR_KEY, "0"))\n'
-        _edit(header, read, f'{read}            entries.pop("site", None)\n')
+        edit(header, read, f'{read}            entries.pop("site", None)\n')
     return folder
 
 
@@ -83,11 +83,12 @@ def _add_kind(package: Path, later: Later) -> None:
     (messages / "msg" / f"{name}.msg").write_text(MESSAGE, encoding="ascii")
     mark = "changes_nothing: ClassVar[bool] = True" if later.is_marked else ""
     events = package / "events.py"
-    _edit(events, "\nKINDS: tuple[type[Event], ...] = (", KIND.format(name=name, mark=mark))
-    _edit(events, "    LogExported,\n)", f"    LogExported,\n    {name},\n)")
+    edit(events, "\nKINDS: tuple[type[Event], ...] = (", KIND.format(name=name, mark=mark))
+    edit(events, "    LogExported,\n)", f"    LogExported,\n    {name},\n)")
 
 
-def _edit(path: Path, old: str, new: str) -> None:
+def edit(path: Path, old: str, new: str) -> None:
+    """Replace a text that stands there once."""
     text = path.read_text(encoding="utf-8")
     assert text.count(old) == 1, f"{path.name}: {old!r}"
     path.write_text(text.replace(old, new), encoding="utf-8")

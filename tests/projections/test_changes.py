@@ -19,9 +19,9 @@ from semmap_log.events import KINDS, DoorAnnotated, DoorEvent, Retracted
 from semmap_log.log.compaction import compact
 from semmap_log.log.reading import change_finder
 from semmap_log.log.reading.state import state_at
+from semmap_log.meaning import REGISTERS
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry
-from semmap_log.projections.registers import REGISTERS
 from tests.log.reading.test_state import tiny_steps
 from tests.test_replay import random_log
 

@@ -14,10 +14,9 @@ import numpy as np
 
 from semmap_log.doors import DoorId
 from semmap_log.events import DoorAdded, DoorRemoved
-from semmap_log.meaning import PARTS
+from semmap_log.meaning import PARTS, REGISTER_OF, REGISTERS
 from semmap_log.projections.door_changes import CHANGE, EVERYTHING, THERE, Changes, Stamp
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.registers import REGISTER_OF, REGISTERS
 from semmap_log.views.excerpt.door_rows import ALWAYS, Edge
 
 
