@@ -36,7 +36,7 @@ def run(
       semmap-log demo /tmp/look
     """
     from semmap_log.demo import run_demo
-    from semmap_log.moments import format_local
+    from semmap_log.moments import format_short
     from semmap_log.views.belief_table import belief_table
     from semmap_log.views.tables import door_table
 
@@ -64,7 +64,7 @@ def run(
     )
     if made.rrd_problem:
         say(made.rrd_problem)
-    noon = format_local(end_ns - 8 * 3600 * 10**9, tz)[:16]
+    noon = format_short(end_ns - 8 * 3600 * 10**9, tz, seconds=False)
     line = partial(command_line, program=PROGRAM if which(PROGRAM) else sys.argv[0])
     typer.echo(
         "\n  ".join([

@@ -159,7 +159,7 @@ def run(
 
 def _status_line(stream: LogStream, rate: float) -> Told:
     """Return what draws where in the log it is, and how long nothing will come."""
-    from semmap_log.moments import format_local
+    from semmap_log.moments import format_short
     from semmap_log.views.timeline_table import duration
 
     begin_ns, end_ns = stream.span_ns or (0, 0)
@@ -170,7 +170,7 @@ def _status_line(stream: LogStream, rate: float) -> Told:
         share = (at_ns - begin_ns) / max(1, end_ns - begin_ns)
         left_s = math.ceil((next_ns - at_ns) / rate / 1e9)
         coming = f"  next in {duration(left_s * 10**9)}" if left_s > 1 else ""
-        show(f"{format_local(at_ns, tz)[:19]}  {share:4.0%}{coming}")
+        show(f"{format_short(at_ns, tz)}  {share:4.0%}{coming}")
 
     return told
 

@@ -8,13 +8,12 @@ import numpy as np
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.doors import Door
-from semmap_log.moments import format_local
+from semmap_log.moments import format_short
 from semmap_log.probabilities.evidence.coverage import WEEK, spans_in_short
 from semmap_log.views.event_words import printable
 
 MOST_GROUPS = 3
 CARRIED_OVER = "what is said of an hour never seen is carried over from other hours"
-SECONDS = len("2026-03-02 08:00:00")
 MOST_NAMED = 6
 """So many doors are called by name; `--json` has all."""
 
@@ -56,7 +55,7 @@ def why_unknown(evidence: EvidenceSummary) -> str:
 
 def moment_in_words(ns: int, tz: str) -> str:
     """Return a moment as the building's clocks show it, to the second."""
-    return format_local(ns, tz)[:SECONDS]
+    return format_short(ns, tz)
 
 
 def never_seen_lines(doors: Iterable[tuple[Door, EvidenceSummary]]) -> list[str]:

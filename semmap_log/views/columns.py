@@ -187,6 +187,11 @@ def add_pair(table: ColumnTable, name: str, value: Cell, *, told_name: str | Non
     table.add(drawn if told_name is None else Both(drawn, told_name), value)
 
 
+def with_line_end(text: str, width: int) -> str:
+    """Return a text with what is longer than that in a second line."""
+    return "\n".join(filter(None, (text[:width], text[width:])))
+
+
 def line_of(cells: Iterable[str]) -> str:
     """Return cells as a line for programs."""
     return "\t".join(plain_cell(cell) for cell in cells)

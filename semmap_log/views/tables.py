@@ -19,8 +19,17 @@ from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.formats.event_json import CHANGED_FIELDS
 from semmap_log.levels import levels_of
-from semmap_log.moments import format_local
-from semmap_log.views.columns import Both, Cell, Column, ColumnTable, Picture, add_pair, pairs
+from semmap_log.moments import format_local, format_short
+from semmap_log.views.columns import (
+    Both,
+    Cell,
+    Column,
+    ColumnTable,
+    Picture,
+    add_pair,
+    pairs,
+    with_line_end,
+)
 from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
@@ -45,7 +54,7 @@ LATE_NS = 60 * SECOND_NS
 MOST_EVENTS_OF_A_DIFF = 40
 MOST_SUSPECTS = 20
 PAGE_ROWS = 500
-DATE_WIDTH = len("2026-03-02")
+DATE_WIDTH, TIME_WIDTH = len("2026-03-02"), len("08:00:00")
 
 Names = Mapping[DoorId, str]
 SHORTEST_NAME = 14
@@ -315,8 +324,9 @@ HISTORY_COLUMNS = [
 
 
 def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
-    happened = format_local(entry.happened_ns, tz)
-    return happened[:DATE_WIDTH], happened[DATE_WIDTH + 1 : 19]
+    """Return the date, and the time of day; an offset stands in a line of its own."""
+    day, _, clock = format_short(entry.happened_ns, tz).partition(" ")
+    return day, with_line_end(clock, TIME_WIDTH)
 
 
 def _text(text: str, *, style: str = "") -> Text:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId, DoorState, reduced
-from semmap_log.moments import DAY_NS, format_local
+from semmap_log.moments import DAY_NS, format_short
 from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
 from semmap_log.projections.timeline import Timeline, Times
 from semmap_log.views.event_words import printable
@@ -41,7 +41,6 @@ ROUND_HEIGHT = 0.5
 LANE_FLOOR = 0.4
 """Below the middle of its lane, where a bar stands."""
 NAME_LETTERS = 34
-MINUTES = len("2026-03-02 08:00")
 LETTER_IN = 0.074
 """Mean width of a letter in small print."""
 
@@ -200,7 +199,8 @@ def _time_along(panel: Any, lanes: Lanes) -> None:
 
 
 def _explain(figure: Any, panel: Any, lanes: Lanes, palette: Palette, *, has_rounds: bool) -> None:
-    start, end = (format_local(ns, lanes.tz)[:MINUTES] for ns in (lanes.start_ns, lanes.end_ns))
+    ends = lanes.start_ns, lanes.end_ns
+    start, end = (format_short(ns, lanes.tz, seconds=False) for ns in ends)
     panel.set_title(f"{start} to {end} ({lanes.tz})", fontsize="medium", loc="left")
     colours = {
         "open": palette.open, "closed (half as high)": palette.closed,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.typical_week import By, Pattern, TypicalWeek
-from semmap_log.moments import format_local
+from semmap_log.moments import format_short
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
 from semmap_log.probabilities.forecast import INTERVAL
 from semmap_log.views.belief_words import why_unknown
@@ -36,7 +36,6 @@ HATCH_GREY, NOTHING_GREY = "#9a9a9a", "#f0f0f0"
 LINE = "#31688e"
 EVERY_HOURS = 3
 TITLE_LETTERS = 38
-MINUTES = len("2026-03-02 08:00")
 
 
 def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> None:
@@ -150,7 +149,7 @@ def _title(week: TypicalWeek) -> str:
 
 def _heading(week: TypicalWeek, by: By) -> str:
     what = {"week": "a typical week", "hour": "a typical day", "weekday": "the days of the week"}
-    known = format_local(week.known_ns, week.tz)[:MINUTES]
+    known = format_short(week.known_ns, week.tz, seconds=False)
     return f"P(open) over {what[by]}\nby {week.estimator}, as known at {known}"
 
 

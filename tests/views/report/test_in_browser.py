@@ -571,3 +571,24 @@ def test_an_hour_begins_when_the_buildings_clocks_say_so(page: Page, tmp_path: P
     page.evaluate("document.querySelector('[data-window=hour]').click()")
 
     assert ["12:00", "12:55"] == [axis_labels(page)[0], axis_labels(page)[-1]]
+
+
+def test_the_last_changes_tell_apart_what_the_clocks_show_twice(page: Page, tmp_path: Path) -> None:
+    """
+    In the hour that comes twice each time has its offset; others, and the big clock, have none.
+    """
+    with sl.create(tmp_path / "log", tz="Europe/Vienna") as log:
+        door = log.add_door(name="front", x=1, y=1, theta=0, width=1, at="2025-10-26T01:30")
+        for state, offset in (("open", "+02:00"), ("closed", "+01:00")):
+            log.observe(door, state, at=f"2025-10-26T02:30:00{offset}")
+    shown(page, tmp_path, sl.read(tmp_path / "log"), "#t=2025-10-26T02:30:00+01:00")
+
+    times = page.evaluate(
+        "[...document.querySelectorAll('#changes tbody tr')]"
+        ".map(row => row.querySelector('button').textContent)"
+    )
+
+    assert ["26 Oct 02:30:00 +01:00", "26 Oct 02:30:00 +02:00"] == times[:2]
+    assert {"26 Oct 01:30:00"} == set(times[2:])
+    assert "02:30:00 Sun 26 Oct 2025" == page.evaluate(
+        "document.getElementById('clock').textContent")  # fmt: skip
