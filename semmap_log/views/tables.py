@@ -26,11 +26,10 @@ from semmap_log.views.columns import (
     Column,
     ColumnTable,
     Picture,
-    add_pair,
-    pairs,
     with_line_end,
 )
 from semmap_log.views.event_words import printable, words_of
+from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
     from semmap_log.log.suspicion import Suspect

@@ -41,7 +41,7 @@ WIDE, NARROW = 3, 2
 FULL_WIDTH = 80
 """Columns of text in which seven days stand side by side."""
 
-NAMES = [Column("", "id", right=True), Column("", "name", least=SHORTEST_NAME)]
+NAMES = [Column("", "id", right=True), Column("", "name", least=8)]
 
 
 def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
