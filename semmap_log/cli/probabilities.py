@@ -198,13 +198,14 @@ def _show_typical(
 
 
 def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
-    from semmap_log.views.plots.weeks import plot_weeks
+    from semmap_log.views.plots.weeks import MOST_PANELS, drawn_of, plot_weeks
 
     if not weeks:
         say(f"{plot}: not written; no door is in the map then.")
         return
     plot_weeks(weeks, plot, by.value)
-    say(f"{plot}: {len(weeks)} door{'' if len(weeks) == 1 else 's'}.")
+    others = "; to draw others, name them as DOOR" if len(weeks) > MOST_PANELS else ""
+    say(f"{plot}: {drawn_of(len(weeks))}{others}.")
 
 
 def _print_weeks(weeks: Sequence[TypicalWeek], by: By) -> None:

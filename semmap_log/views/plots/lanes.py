@@ -18,9 +18,10 @@ from semmap_log.doors import DoorId, DoorState, reduced
 from semmap_log.moments import DAY_NS, format_short
 from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
 from semmap_log.projections.timeline import Timeline, Times
+from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import DEFAULT, Palette, Rgb
-from semmap_log.views.plots.sdk import new_figure, patches, save_figure
+from semmap_log.views.plots.sdk import has_shape, letters_of, new_figure, patches, save_figure
 from semmap_log.views.time_axis import WallClock, time_ticks
 from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
@@ -112,11 +113,11 @@ def plot_lanes(lanes: Lanes, path: Path, palette: Palette = DEFAULT) -> None:
         FormatError: The name ends in neither .png nor .svg.
         OutputError: The file cannot be written; what was there stays.
     """
-    save_figure(draw_lanes(lanes, palette), path)
+    save_figure(draw_lanes(lanes, palette, letters_of(path)), path)
 
 
-def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT) -> Any:
-    """Return the figure."""
+def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT, letters: HasShape = has_shape) -> Any:
+    """Return the figure; a door is called by its id where a letter of its name has no shape."""
     robots = sorted({each.actor for each in lanes.rounds})
     count = len(robots) + len(lanes.doors)
     lane_in = LOW_LANE_IN if count >= MANY_LANES else TALL_LANE_IN
@@ -128,8 +129,11 @@ def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT) -> Any:
         _draw_rounds(panel, place, own, lanes, palette)
     for place, timeline in enumerate(lanes.doors.values(), len(robots)):
         _draw_door(panel, place, timeline, lanes, palette)
-    labels = [f"rounds of {robot}" if robot else "rounds" for robot in robots]
-    labels += [lanes.names.get(door_id, str(door_id)) for door_id in lanes.doors]
+    labels = [
+        f"rounds of {drawable_name(robot, f'robot {place}', letters)}" if robot else "rounds"
+        for place, robot in enumerate(robots, 1)
+    ]
+    labels += [drawable_name(lanes.names.get(n, ""), str(n), letters) for n in lanes.doors]
     small = "xx-small" if count >= MANY_LANES else "small"
     panel.set_yticks(np.arange(count), [_short(label) for label in labels], fontsize=small)
     panel.set_ylim(count - 0.5, -0.5)
