@@ -23,6 +23,7 @@ from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.moments import format_local
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import EarlyEvents
+from semmap_log.wording import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +117,8 @@ def _state_before(reader: LogReader) -> DoorMapState:
 
 def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
     warnings = [
-        f"{segment.path.name}: {segment.torn_bytes} bytes behind the last whole commit do not "
-        f"count ({segment.problem}); the next writer puts it in order"
+        f"{segment.path.name}: behind the last whole commit {counted(segment.torn_bytes, 'byte')} "
+        f"that cannot count ({segment.problem}); the next writer puts it in order"
         for segment in reader.segments
         if segment.torn_bytes
     ]
@@ -134,7 +135,7 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
         )
     if tally.late_clock:
         warnings.append(
-            f"{tally.late_clock} events say that they happened after they were recorded; "
+            f"events said to have happened after they were recorded: {tally.late_clock:,}; "
             "they count from their recorded time"
         )
     early = EarlyEvents.none() if newer.first is not None else early_events(reader)

@@ -26,6 +26,7 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.costmaps import Costmap, CostmapOptions
@@ -233,7 +234,8 @@ def _say_recorded(out: Path, done: RecordedCostmap, *, as_json: bool) -> None:
     if as_json:
         print_json({"file": str(out), **asdict(done)})
     else:
-        say(f"{out}: {done.grids:,} grids, {done.updates:,} updates, {size_of(done.bytes)}.")
+        made = f"{counted(done.grids, 'grid')}, {counted(done.updates, 'update')}"
+        say(f"{out}: {made}, {size_of(done.bytes)}.")
 
 
 def _refuse_given(options: Mapping[str, object], out: Path, *, is_bag: bool) -> None:
@@ -273,7 +275,7 @@ def _tell_left_out(left_out: Sequence[tuple[Door, str]]) -> None:
         doors = [door.label for door, why in left_out if why == reason]
         more = ", …" if len(doors) > MOST_NAMED else ""
         named = ", ".join(doors[:MOST_NAMED])
-        say(f"left out: {len(doors)} door{'s' * (len(doors) > 1)} {reason}: {named}{more}")
+        say(f"left out: {counted(len(doors), 'door')} {reason}: {named}{more}")
 
 
 def _told(costmap: Costmap, doors: Sequence[Door]) -> str:
@@ -281,8 +283,7 @@ def _told(costmap: Costmap, doors: Sequence[Door]) -> str:
     geometry = costmap.geometry
     states = Counter(door.state.name.lower() for door in doors)
     by_state = ", ".join(f"{count} {state}" for state, count in sorted(states.items()))
-    plural = "" if len(doors) == 1 else "s"
     return (
         f"{geometry.width:,} x {geometry.height:,} cells of {geometry.resolution:.4g} m, "
-        f"{len(doors)} door{plural}" + (f" ({by_state})." if doors else ".")
+        f"{counted(len(doors), 'door')}" + (f" ({by_state})." if doors else ".")
     )

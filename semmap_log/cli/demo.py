@@ -13,6 +13,7 @@ import typer
 
 from semmap_log.cli.common import AsJson, console, print_json, say
 from semmap_log.command_lines import PROGRAM, command_line
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.demo import Demo
@@ -54,9 +55,10 @@ def run(
     end_ns = made.moments[-1].at_ns
     assert end_ns is not None
     picture = f"{made.rrd.name}   the history, for the rerun viewer" if made.rrd else "no picture"
+    copied = counted(made.copied, "event")
     typer.echo(
         f"\nMade in {made.folder}:\n"
-        f"  {made.log.name}/      the log: {made.copied} events copied, {made.recorded} recorded\n"
+        f"  {made.log.name}/      the log: {copied} copied, {made.recorded} recorded\n"
         f"  {made.yaml.name}   the doors, for the thesis's server\n"
         f"  {made.costmap.name}  the costmap in the middle of it\n"
         f"  {made.report.name}  the history, for any browser\n"

@@ -22,6 +22,7 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.exporting.stream import LogStream
@@ -154,7 +155,7 @@ def run(
             "stopped": stopping.is_set(),
         })  # fmt: skip
         return
-    say(f"{count:,} messages{' until it was stopped' if stopping.is_set() else ''}.")
+    say(f"{counted(count, 'message')}{' until it was stopped' if stopping.is_set() else ''}.")
 
 
 def _status_line(stream: LogStream, rate: float) -> Told:

@@ -11,6 +11,7 @@ from semmap_log.doors import Door
 from semmap_log.moments import format_short
 from semmap_log.probabilities.evidence.coverage import WEEK, spans_in_short
 from semmap_log.views.event_words import printable
+from semmap_log.wording import counted
 
 MOST_GROUPS = 3
 CARRIED_OVER = "what is said of an hour never seen is carried over from other hours"
@@ -48,8 +49,7 @@ def why_unknown(evidence: EvidenceSummary) -> str:
     """Return why nothing is said of a door."""
     if evidence.is_empty:
         return "never seen"
-    events = evidence.counts.words
-    said = f"{events} event{'' if events == 1 else 's'} about its state"
+    said = f"{counted(evidence.counts.words, 'event')} about its state"
     return f"too little seen: {said}, {evidence.coverage.days:.1f} days"
 
 

@@ -20,6 +20,7 @@ from semmap_log.projections.time_shares import TimeShares
 from semmap_log.views.columns import GAP, Column, ColumnTable, Picture
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS
+from semmap_log.wording import counted
 
 BARS = "▁▂▃▄▅▆▇█"
 """Closed all the time; six in between; open all the time."""
@@ -35,8 +36,7 @@ def day_chart(day: Day, most: int | None) -> RenderableType:
     """Return a row a door; drawn, only the liveliest where there are more than `most`."""
     shown = list(day.doors) if most is None else day.liveliest(most)
     left_out = len(day.doors) - len(shown)
-    doors = "door" if left_out == 1 else "doors"
-    more = f"; {left_out} {doors} that changed less: --all-doors" if left_out else ""
+    more = f"; {counted(left_out, 'door')} that changed less: --all-doors" if left_out else ""
 
     def drawn(width: int) -> RenderableType:
         every = _half_hours_a_bar(width, len(day.edges_ns) - 1)

@@ -17,6 +17,7 @@ from semmap_log.doors import DoorId
 from semmap_log.events import Changed, DoorObserved, DoorPassed
 from semmap_log.views.excerpt.door_rows import NO_STATE, Changes, by_door
 from semmap_log.views.rerun.scene import Scene, SceneDoor
+from semmap_log.wording import counted
 
 FULL_UP_TO = 50_000
 """Events."""
@@ -38,9 +39,9 @@ class LeftOut:
         """Return it in words; empty: everything is there."""
         parts = []
         if self.repeats:
-            parts.append(f"{self.repeats:,} lines of sightings that repeat a state")
+            parts.append(f"{counted(self.repeats, 'line')} of sightings that repeat a state")
         if self.poses:
-            parts.append(f"{self.poses:,} poses close to others")
+            parts.append(f"{counted(self.poses, 'pose')} close to others")
         return f"without {' and '.join(parts)}" if parts else ""
 
 
