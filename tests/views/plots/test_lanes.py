@@ -224,9 +224,9 @@ def test_a_name_without_letters_gives_way_to_the_number(tmp_path: Path, clock: S
     In a .png, of doors and of robots; an .svg keeps what it is told.
     """
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([PatrolStarted(patrol=1)], note=Note(actor="\U00013002"))
         for name in ("front", "\U00013000\U00013001", "Tür 2 🚪"):
             log.annotate(log.add_door(), "name", name)
-        log.append([PatrolStarted(patrol=1)], note=Note(actor="\U00013002"))
         lanes = Lanes.of(log)
 
     png, svg = (

@@ -15,6 +15,8 @@ import pytest
 from PIL import Image
 
 import semmap_log as sl
+from semmap_log.doors import DoorId
+from semmap_log.events import DoorAdded
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
 from semmap_log.views.report.report import report
 from tests.browser import Page, a_page, as_url
@@ -54,6 +56,30 @@ def go_to(page: Page, t: int) -> None:
         f"(s => {{ s.value = {t}; s.dispatchEvent(new Event('input', {{bubbles: true}})) }})"
         "(document.getElementById('slider'))"
     )
+
+
+SEEN_DOORS = """
+    const doors = [...document.querySelectorAll('.level:not(.behind) .door:not(.gone)')].map(d => {
+      const [x1, y1, x2, y2] = ['x1', 'y1', 'x2', 'y2']
+        .map(name => +d.querySelector('.leaf').getAttribute(name));
+      return {id: d.dataset.id, x: (x1 + x2) / 2, y: (y1 + y2) / 2, ends: [[x1, y1], [x2, y2]]};
+    });
+    const [, , width, height] = document.querySelector('.level:not(.behind) svg')
+      .getAttribute('viewBox').split(' ').map(Number);
+    const seen = doors.filter(d => d.x >= 0 && d.y >= 0 && d.x <= width && d.y <= height);
+"""
+DOORS_IN_SIGHT = f"(() => {{ {SEEN_DOORS} return seen.length }})()"
+NEAREST_DOORS = f"""(() => {{ {SEEN_DOORS}
+    return [...document.querySelectorAll('.level:not(.behind) .labels text')].map(label => {{
+      const box = label.getBBox();
+      const far = ([x, y]) => Math.hypot(Math.max(box.x - x, 0, x - box.x - box.width),
+                                         Math.max(box.y - y, 0, y - box.y - box.height));
+      const gap = d => Math.min(far([d.x, d.y]), ...d.ends.map(far));
+      const nearest = doors.reduce((best, d) => (gap(d) < gap(best) ? d : best));
+      return [label.textContent, nearest.id];
+    }});
+}})()"""
+"""What each label says, and the id of the door that it is nearest to."""
 
 
 def rows(page: Page) -> dict[int, str]:
@@ -368,6 +394,31 @@ def test_labels_do_not_cover_each_other(page: Page, tmp_path: Path, crowd: str) 
             (a, b) for i, a in enumerate(boxes) for b in boxes[:i]
             if min(a[2], b[2]) - max(a[0], b[0]) > 1 and min(a[3], b[3]) - max(a[1], b[1]) > 3
         ]  # fmt: skip
+        page.click("#nearer")
+
+
+def test_no_label_could_be_another_doors(page: Page, tmp_path: Path) -> None:
+    """
+    Of hundreds of doors side by side: each label is nearest to the door that it names, also where
+    only a part of the plan is seen; how many have none is said.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([
+            DoorAdded(door_id=DoorId(i + 1), x=i % 25 * 4.0, y=i // 25 * 4.0, theta=i % 4 * 1.571,
+                      width=1.0)
+            for i in range(300)
+        ])  # fmt: skip
+    shown(page, tmp_path, log)
+
+    for _ in range(4):
+        labels = page.evaluate(NEAREST_DOORS)
+        (without,) = page.evaluate("[document.querySelector('.unlabelled').textContent]")
+
+        assert len(labels) >= 5
+        assert [] == [(text, door) for text, door in labels if text.split()[-1] != door]
+        in_sight = page.evaluate(DOORS_IN_SIGHT)
+        missing = in_sight - len(labels)
+        assert missing == int("".join(c for c in without if c.isdecimal()) or 0)
         page.click("#nearer")
 
 
