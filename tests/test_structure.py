@@ -24,7 +24,7 @@ ORDER = [
     {"event_batch"},
     {"costmap"},
     {"moments", "projections"},
-    {"levels"},
+    {"levels", "door_labels"},
     {"probabilities"},
     {"log"},
     {"replay", "commands", "command_content"},

@@ -31,7 +31,7 @@ from semmap_log.wording import counted
 if TYPE_CHECKING:
     from semmap_log.costmaps import Costmap, CostmapOptions
     from semmap_log.door_log import DoorLog, Time
-    from semmap_log.doors import Door
+    from semmap_log.doors import Door, DoorMap
     from semmap_log.events import FloorMap
     from semmap_log.exporting.costmap_files import Part
     from semmap_log.exporting.costmap_recording import RecordedCostmap
@@ -204,7 +204,7 @@ def run(
             )
         )
         return
-    _tell_left_out(made.left_out)
+    _tell_left_out(made.left_out, costmap.doors)
     if costmap.floor is None:
         say("no floor map then: the grid lies around the doors; another: --map MAP.YAML")
     say(f"{', '.join(map(str, made.files))}: {_told(costmap, made.doors)}")
@@ -268,11 +268,14 @@ def _refuse_useless(
         )
 
 
-def _tell_left_out(left_out: Sequence[tuple[Door, str]]) -> None:
+def _tell_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
     """Say a line for each reason, with the first of the doors."""
+    from semmap_log.door_labels import labels_of
+
+    labels = labels_of(door_map)
     reasons = dict.fromkeys(why for _, why in left_out)
     for reason in reasons:
-        doors = [door.label for door, why in left_out if why == reason]
+        doors = [labels.get(door.door_id, door.label) for door, why in left_out if why == reason]
         more = ", …" if len(doors) > MOST_NAMED else ""
         named = ", ".join(doors[:MOST_NAMED])
         say(f"left out: {counted(len(doors), 'door')} {reason}: {named}{more}")

@@ -245,7 +245,7 @@ def _applied_to_json(applied: Applied) -> dict[str, Any]:
 
 
 def _tell(applied: Applied) -> None:
-    from semmap_log.views.belief_words import named
+    from semmap_log.views.belief_words import labels_in, named
 
     appended = applied.appended
     if appended is None:
@@ -258,4 +258,4 @@ def _tell(applied: Applied) -> None:
         say(f"events {appended.first_event}..{last}: {appended.count} {doors} now both "
             "probabilities in the map.")  # fmt: skip
     if applied.unknown:
-        say(f"left alone, UNKNOWN: {named([belief.door for belief in applied.unknown])}")
+        say(f"left alone, UNKNOWN: {named(labels_in(applied.unknown))}")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.costmaps import costmap_at
+from semmap_log.door_labels import labels_of
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
@@ -97,7 +98,11 @@ def _geojson(log: DoorLog, path: Path, scope: Scope) -> Exported:
     door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
     text, unplaced = dump_geojson(door_map, _about(log))
     path.write_text(text, encoding="utf-8")
-    notes = tuple(f"{door.label}: without a place, so its geometry is null" for door in unplaced)
+    labels = labels_of(door_map)
+    notes = tuple(
+        f"{labels.get(door.door_id, door.label)}: without a place, so its geometry is null"
+        for door in unplaced
+    )
     doors = counted(len(door_map.doors), "door")
     return Exported(f"{doors}, in metres of the map frame", notes=notes)
 
@@ -158,7 +163,10 @@ def _ros_map(log: DoorLog, out: Path, scope: Scope) -> Exported:
     except UnknownLevelError as error:
         raise UnknownLevelError(f"{error} `costmap` does it, with --level.") from None
     made = write_costmap(log, costmap, out, scope=scope)
-    left_out = tuple(f"{door.label}: {why}" for door, why in made.left_out)
+    labels = labels_of(costmap.doors)
+    left_out = tuple(
+        f"{labels.get(door.door_id, door.label)}: {why}" for door, why in made.left_out
+    )
     return Exported(f"a costmap of {counted(len(made.doors), 'door')}", left_out)
 
 

@@ -92,7 +92,7 @@ class Lanes:
         end_ns = max(times, default=0) if until_ns is None else until_ns
         return cls(
             there,
-            log.door_names(),
+            log.door_labels(),
             [each for each in driven if each.overlaps(start_ns, end_ns)],
             int(start_ns),
             int(end_ns),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.typical_week import By, Pattern, TypicalWeek
+from semmap_log.door_labels import told_apart
 from semmap_log.moments import format_short
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
 from semmap_log.probabilities.forecast import INTERVAL
@@ -72,8 +73,10 @@ def draw_weeks(weeks: Sequence[TypicalWeek], by: By, letters: HasShape = has_sha
         "week": _draw_week, "hour": _draw_hours, "weekday": _draw_weekdays
     }[by]  # fmt: skip
     shown = None
+    labels = told_apart((week.door, week.level_name) for week in weeks)
     for panel, week in zip(panels, weeks, strict=False):
-        panel.set_title(_title(week, letters), fontsize="medium", loc="left")
+        label = labels.get(week.door.door_id, week.door.label)
+        panel.set_title(_title(week, label, letters), fontsize="medium", loc="left")
         shown = draw(panel, week) or shown
     for panel in panels[len(weeks) :]:
         panel.set_axis_off()
@@ -152,9 +155,9 @@ def _up(panel: Any) -> None:
     panel.set_ylabel("P(open)", fontsize="small")
 
 
-def _title(week: TypicalWeek, letters: HasShape) -> str:
+def _title(week: TypicalWeek, label: str, letters: HasShape) -> str:
     """Return what the door is called, in lines short enough for its panel."""
-    name = drawable_name(week.door.label, f"door {week.door.door_id}", letters)
+    name = drawable_name(label, f"door {week.door.door_id}", letters)
     label = printable(name).replace("$", r"\$")
     said = label if week.is_known else f"{label}: UNKNOWN, {why_unknown(week.evidence)}"
     return textwrap.fill(said, TITLE_LETTERS, break_long_words=True)
