@@ -26,11 +26,11 @@ def told_apart(doors: Iterable[tuple[Door, str]]) -> dict[DoorId, str]:
     Its name; where several bear it level/name, as commands take it; where even that is another's,
     with the id.
     """
-    named = [(door.door_id, door.name, level) for door, level in doors if door.name]
-    bearers = Counter(name for _, name, _ in named)
-    on_level = Counter((name, level) for _, name, level in named)
+    named = {door.door_id: (door.name, level) for door, level in doors if door.name}
+    bearers = Counter(name for name, _ in named.values())
+    on_level = Counter(named.values())
     labels = {}
-    for door_id, name, level in named:
+    for door_id, (name, level) in named.items():
         if bearers[name] == 1:
             labels[door_id] = name
         elif on_level[name, level] == 1:

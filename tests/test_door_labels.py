@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import pytest
@@ -75,24 +74,37 @@ def test_warnings_say_which_of_two_doors_is_meant(tmp_path: Path) -> None:
     assert "1 event of 1 door (L2/front), from 2020-01-01" in str(told[0].message)
 
 
-@pytest.mark.parametrize(
-    "verb", [["costmap", "out.pgm"], ["export", "out.yaml"], ["export", "out.geojson"]], ids=str
-)
+@pytest.mark.parametrize("verb", [["costmap", "out.pgm"], ["export", "out.geojson"]], ids=str)
 def test_what_is_left_out_is_told_apart(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: list[str]
 ) -> None:
     """
-    Doors without a place, on two levels; the thesis's YAML has ids, and names those.
+    Doors without a place, on two levels.
     """
     log_of(tmp_path / "log", (1, "front"), (2, "front"))
     with sl.append(tmp_path / "log") as log:
-        log.append([DoorAdded(door_id=DoorId(3), level=1, x=1.0, y=1.0, theta=0.0, width=1.0,
-                              prob_open=math.nan)])  # fmt: skip
+        log.add_door(level=1, x=1.0, y=1.0, theta=0.0, width=1.0)
     level = ["--level", "L1"] if verb[0] == "costmap" else []
 
-    with pytest.raises(SystemExit):
+    with pytest.raises(SystemExit, match=r"^0$"):
         main([verb[0], str(tmp_path / "log"), str(tmp_path / verb[1]), *level])
     said = capsys.readouterr()
 
-    told = said.out + said.err
-    assert ("L1/front" in told and "L2/front" in told) or "door 1 (front)" in told or "id 3" in told
+    assert "L1/front" in said.err
+    assert "L2/front" in said.err
+
+
+def test_notes_below_probabilities_tell_doors_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Which of the two was never seen.
+    """
+    log_of(tmp_path / "log", (1, "front"), (2, "front"))
+    with sl.append(tmp_path / "log") as log:
+        log.observe(1, "open")
+
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main(["probabilities", str(tmp_path / "log")])
+
+    assert "UNKNOWN, never seen: L2/front\n" in capsys.readouterr().err

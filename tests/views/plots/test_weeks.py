@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
+from semmap_log.doors import DoorId
 from semmap_log.errors import FormatError, MissingExtraError, OutputError
 from semmap_log.views.plots.sdk import letters_of
 from semmap_log.views.plots.weeks import MOST_PANELS, UNSURE, draw_weeks, plot_weeks
@@ -151,3 +152,14 @@ def test_of_hundreds_of_doors_the_first_are_drawn_and_counted(weeks: list[Typica
     assert int(lanes[1]) == MOST_PANELS
     assert MOST_PANELS == sum(panel.get_title(loc="left") == "front" for panel in figure.axes)
     assert figure.get_suptitle().endswith(f"; the first {MOST_PANELS} of {MOST_PANELS + 50} doors")
+
+
+def test_titles_tell_doors_of_one_name_apart(weeks: list[TypicalWeek]) -> None:
+    """
+    By their levels.
+    """
+    other = replace(weeks[0], door=replace(weeks[0].door, door_id=DoorId(77)), level_name="L2")
+
+    figure = draw_weeks([replace(weeks[0], level_name="L1"), other], "week")
+
+    assert ["L1/front", "L2/front"] == [p.get_title(loc="left") for p in figure.axes[:2]]
