@@ -141,3 +141,4 @@ def test_a_value_that_has_no_room_stands_below_its_name() -> None:
         [],
     ) == drawn(table, 40)
     assert 4 == len(drawn(table, 80)[0])
+    assert ["head", f"  {'f' * 50}"] == drawn(pairs([("head", "f" * 50)]), 55)[0]
