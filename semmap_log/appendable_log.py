@@ -16,6 +16,7 @@ from semmap_log.backdating import remedy
 from semmap_log.command_content import are_same
 from semmap_log.commands import Gatekeeper, Roster, is_door_id, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
+from semmap_log.door_labels import labels_ever
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import (
@@ -484,7 +485,7 @@ class AppendableLog(DoorLog):
             return
         self._early_told = count
         since = format_local(min(self._early.first_ns.values()), self.info.timezone)
-        said = self._early.in_words(self._writer.state.names(), since)
+        said = self._early.in_words(labels_ever(self._writer.state), since)
         text = f"{said}; {remedy(self.path)}"
         warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours())
 

@@ -25,6 +25,7 @@ from semmap_log.formats.event_json import event_to_json
 from semmap_log.live.event_lines import Answer, LineRecorder
 from semmap_log.projections.history import HistoryEntry
 from semmap_log.replay import Scope
+from semmap_log.wording import counted
 
 RECORDING = "office"
 MOST_WAIT_S = 10.0
@@ -77,7 +78,8 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     with sl.create(
         path, tz=info.timezone, building=info.building, robot=info.robot, clock=clock
     ) as log:
-        tell(f"{path}: a new log; copying the first {half} events of the recording into it")
+        begin = counted(half, "event")
+        tell(f"{path}: a new log; copying the first {begin} of the recording into it")
         _copy(log, history[:half], clock)
         tell(f"recording the other {len(history) - half}, one JSON line each, as `record` does")
         recorded = _record(log, history[half:], clock)

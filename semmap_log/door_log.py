@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from semmap_log.commands import resolve_door
 from semmap_log.commits import Commit
+from semmap_log.door_labels import labels_ever
 from semmap_log.doors import DoorId, DoorMap
 from semmap_log.errors import LogError, MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
@@ -484,6 +485,10 @@ class DoorLog:
         As far as this program knows, where a later one has written to the log.
         """
         return replay(self.reader, with_newer=True).names()
+
+    def door_labels(self) -> dict[DoorId, str]:
+        """Return the same for messages: level/name where several doors bear the name."""
+        return labels_ever(replay(self.reader, with_newer=True))
 
     def resolve_ever(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name; one that was removed, or retracted, too.

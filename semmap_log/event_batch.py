@@ -24,6 +24,7 @@ from semmap_log.events import DOOR_KINDS, KINDS, DoorEvent, Event, event_of
 from semmap_log.keywords import knows_its_keywords
 from semmap_log.made_of_columns import MadeOfColumns
 from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -142,11 +143,11 @@ class EventBatch(MadeOfColumns):
             ((kind, rows),) = batch.columns.items()
             where = np.flatnonzero(wanted == kind)
             if len(where) != len(rows) or kind in columns:
-                expected = f"{len(rows)} events of kind {kind}"
+                expected = f"{counted(len(rows), 'event')} of kind {kind}"
                 raise InvalidEventError("kinds", expected, len(where))
             happened_ns[where], columns[kind] = batch.happened_ns, rows
         if sum(map(len, batches)) != len(wanted):
-            raise InvalidEventError("kinds", f"{sum(map(len, batches))} events", len(wanted))
+            raise InvalidEventError("kinds", counted(sum(map(len, batches)), "event"), len(wanted))
         return cls._of_rows(columns, {}, wanted, happened_ns)
 
     @classmethod

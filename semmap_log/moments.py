@@ -188,6 +188,22 @@ def format_local(ns: int, tz: str) -> str:
     return f"{local:%Y-%m-%d %H:%M:%S}{shown_ms}{_offset_text(local)}"
 
 
+def format_short(ns: int, tz: str, *, seconds: bool = True) -> str:
+    """Return the instant for people who see elsewhere which zone it is: `2026-03-01 13:00:00`.
+
+    In the hour that comes twice two instants would look alike: there, and only there, the offset
+    stands behind, as in `2025-10-26 02:30:00+01:00`.
+
+    Args:
+        ns: The instant.
+        tz: IANA zone of the clock.
+        seconds: Show them; else the text ends with the minutes.
+    """
+    local = _local(ns, tz)
+    shown = f"{local:%Y-%m-%d %H:%M:%S}" if seconds else f"{local:%Y-%m-%d %H:%M}"
+    return shown + (_offset_text(local) if _comes_twice(local) else "")
+
+
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 _NAIVE_EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 - wall clocks, without a zone
 
@@ -293,6 +309,11 @@ def _offset_s(text: str) -> int:
 def _offset_text(local: datetime) -> str:
     text = f"{local:%z}"
     return f"{text[:3]}:{text[3:5]}"
+
+
+def _comes_twice(local: datetime) -> bool:
+    """Tell whether the clocks that show an instant show another one alike."""
+    return local.replace(fold=0).utcoffset() != local.replace(fold=1).utcoffset()
 
 
 def _local(ns: int, tz: str) -> datetime:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from semmap_log.backdating import early_events, remedy
 from semmap_log.commits import Durability
+from semmap_log.door_labels import labels_of
 from semmap_log.doors import DoorMap
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import KINDS
@@ -23,6 +24,7 @@ from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.moments import format_local
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import EarlyEvents
+from semmap_log.wording import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +118,8 @@ def _state_before(reader: LogReader) -> DoorMapState:
 
 def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
     warnings = [
-        f"{segment.path.name}: {segment.torn_bytes} bytes behind the last whole commit do not "
-        f"count ({segment.problem}); the next writer puts it in order"
+        f"{segment.path.name}: behind the last whole commit {counted(segment.torn_bytes, 'byte')} "
+        f"that cannot count ({segment.problem}); the next writer puts it in order"
         for segment in reader.segments
         if segment.torn_bytes
     ]
@@ -134,16 +136,17 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
         )
     if tally.late_clock:
         warnings.append(
-            f"{tally.late_clock} events say that they happened after they were recorded; "
+            f"events said to have happened after they were recorded: {tally.late_clock:,}; "
             "they count from their recorded time"
         )
+    labels = labels_of(door_map)
     early = EarlyEvents.none() if newer.first is not None else early_events(reader)
     if early.counts:
         since = format_local(min(early.first_ns.values()), reader.info.timezone)
-        names = {door.door_id: door.label for door in door_map.doors.values()}
-        warnings.append(f"{early.in_words(names, since)}; {remedy(reader.folder)}")
+        warnings.append(f"{early.in_words(labels, since)}; {remedy(reader.folder)}")
     warnings += [
-        f"{door.label}: P(open) + P(closed) = {door.prob_open + door.prob_closed:.3g}, above 1"
+        f"{labels.get(door.door_id, door.label)}: P(open) + P(closed) = "
+        f"{door.prob_open + door.prob_closed:.3g}, above 1"
         for door in door_map.doors.values()
         if door.prob_open + door.prob_closed > 1 + 1e-9
     ]

@@ -3,7 +3,7 @@
 from datetime import datetime, timezone
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from semmap_log.errors import MomentError
@@ -11,6 +11,7 @@ from semmap_log.moments import (
     Moment,
     both_instants,
     format_local,
+    format_short,
     format_utc,
     format_wall,
     parse_duration,
@@ -188,6 +189,42 @@ def test_what_is_printed_reads_as_the_same_instant(ns, tz):
     """
     assert ns == parse_instant(format_utc(ns), tz=tz)
     assert ns == parse_instant(format_wall(ns, tz), tz=tz)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds", "minutes"),
+    [
+        ("2025-10-26T02:29:59.9+02:00", "2025-10-26 02:29:59+02:00", "2025-10-26 02:29+02:00"),
+        ("2025-10-26T02:30:00+01:00", "2025-10-26 02:30:00+01:00", "2025-10-26 02:30+01:00"),
+        ("2025-10-26T01:59:59+02:00", "2025-10-26 01:59:59", "2025-10-26 01:59"),
+        ("2025-10-26T03:00:00+01:00", "2025-10-26 03:00:00", "2025-10-26 03:00"),
+        ("2026-03-29T03:00:00+02:00", "2026-03-29 03:00:00", "2026-03-29 03:00"),
+    ],
+)
+def test_a_short_time_has_its_offset_in_the_hour_that_comes_twice(text, seconds, minutes):
+    """
+    And only there: tables stay narrow. In spring no time is told twice.
+    """
+    ns = parse_instant(text, tz=VIENNA)
+
+    assert (seconds, minutes) == (format_short(ns, VIENNA), format_short(ns, VIENNA, seconds=False))
+
+
+@given(
+    second=st.integers(0, 2**62 // 10**9),
+    later=st.integers(1, 3 * 3600),
+    tz=st.sampled_from(ZONES),
+)
+@example(second=1_761_438_600, later=3600, tz=VIENNA)
+@example(second=1_743_864_300, later=1800, tz="Australia/Lord_Howe")
+def test_no_two_seconds_have_the_same_short_time(second, later, tz):
+    """
+    Nor is there one that means another instant.
+    """
+    ns, later_ns = second * 10**9, (second + later) * 10**9
+
+    assert format_short(ns, tz) != format_short(later_ns, tz)
+    assert ns == parse_instant(format_short(ns, tz), tz=tz)
 
 
 @given(text=st.text(max_size=40))

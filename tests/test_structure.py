@@ -12,7 +12,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "semmap_log"
 
 ORDER = [
-    {"repeats"},
+    {"repeats", "wording"},
     {"errors", "computed_once", "command_lines"},
     {"keywords"},
     {"doors"},
@@ -24,7 +24,7 @@ ORDER = [
     {"event_batch"},
     {"costmap"},
     {"moments", "projections"},
-    {"levels"},
+    {"levels", "door_labels"},
     {"probabilities"},
     {"log"},
     {"replay", "commands", "command_content"},

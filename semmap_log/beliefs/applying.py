@@ -20,6 +20,7 @@ from semmap_log.keywords import knows_keywords
 from semmap_log.log.reading.passage import Progress
 from semmap_log.meaning import Changed
 from semmap_log.moments import format_local
+from semmap_log.wording import counted
 
 DIGITS = 6
 """Of the probabilities: a change beyond them is none."""
@@ -137,8 +138,8 @@ def _told(note: Note, written: list[DoorBelief], tz: str) -> Note:
     sightings = sum(belief.evidence.counts.sightings for belief in written)
     reason = (
         f"P(open) at {format_local(first.time_ns, tz)} by {first.estimator}, as known at "
-        f"{format_local(first.known_ns, tz)}: {len(written)} doors, {sightings:,} sightings, "
-        f"{days:.1f} days seen of each"
+        f"{format_local(first.known_ns, tz)}: {counted(len(written), 'door')}, "
+        f"{counted(sightings, 'sighting')}, {days:.1f} days seen of each"
     )
     return replace(
         note,

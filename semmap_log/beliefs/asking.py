@@ -152,7 +152,7 @@ def _told_of_early(log: DoorLog, moment_ns: int) -> str:
     if not early.counts or min(early.first_ns.values()) > moment_ns:
         return ""
     since = format_local(min(early.first_ns.values()), log.info.timezone)
-    return f"{early.in_words(log.door_names(), since)}; {remedy(log.path)}"
+    return f"{early.in_words(log.door_labels(), since)}; {remedy(log.path)}"
 
 
 def _moment_ns(log: DoorLog, at: Moment, known_at: Moment) -> int:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, print_json, progress
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +66,8 @@ def _tell(log: Path, done: Compacted, *, dry_run: bool) -> None:
     typer.echo(f"bytes             {done.bytes_before:,} -> {done.bytes_after:,} ({less:.0%} less)")
     if done.events:
         before, after = done.bytes_before / done.events, done.bytes_after / done.events
-        typer.echo(f"bytes an event    {before:,.1f} -> {after:,.1f} ({done.events:,} events)")
+        events = counted(done.events, "event")
+        typer.echo(f"bytes an event    {before:,.1f} -> {after:,.1f} ({events})")
 
 
 def _intention(files: Sequence[Path]) -> str:

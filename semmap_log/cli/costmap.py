@@ -26,11 +26,12 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.costmaps import Costmap, CostmapOptions
     from semmap_log.door_log import DoorLog, Time
-    from semmap_log.doors import Door
+    from semmap_log.doors import Door, DoorMap
     from semmap_log.events import FloorMap
     from semmap_log.exporting.costmap_files import Part
     from semmap_log.exporting.costmap_recording import RecordedCostmap
@@ -203,7 +204,7 @@ def run(
             )
         )
         return
-    _tell_left_out(made.left_out)
+    _tell_left_out(made.left_out, costmap.doors)
     if costmap.floor is None:
         say("no floor map then: the grid lies around the doors; another: --map MAP.YAML")
     say(f"{', '.join(map(str, made.files))}: {_told(costmap, made.doors)}")
@@ -233,7 +234,8 @@ def _say_recorded(out: Path, done: RecordedCostmap, *, as_json: bool) -> None:
     if as_json:
         print_json({"file": str(out), **asdict(done)})
     else:
-        say(f"{out}: {done.grids:,} grids, {done.updates:,} updates, {size_of(done.bytes)}.")
+        made = f"{counted(done.grids, 'grid')}, {counted(done.updates, 'update')}"
+        say(f"{out}: {made}, {size_of(done.bytes)}.")
 
 
 def _refuse_given(options: Mapping[str, object], out: Path, *, is_bag: bool) -> None:
@@ -266,14 +268,17 @@ def _refuse_useless(
         )
 
 
-def _tell_left_out(left_out: Sequence[tuple[Door, str]]) -> None:
+def _tell_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
     """Say a line for each reason, with the first of the doors."""
+    from semmap_log.door_labels import labels_of
+
+    labels = labels_of(door_map)
     reasons = dict.fromkeys(why for _, why in left_out)
     for reason in reasons:
-        doors = [door.label for door, why in left_out if why == reason]
+        doors = [labels.get(door.door_id, door.label) for door, why in left_out if why == reason]
         more = ", …" if len(doors) > MOST_NAMED else ""
         named = ", ".join(doors[:MOST_NAMED])
-        say(f"left out: {len(doors)} door{'s' * (len(doors) > 1)} {reason}: {named}{more}")
+        say(f"left out: {counted(len(doors), 'door')} {reason}: {named}{more}")
 
 
 def _told(costmap: Costmap, doors: Sequence[Door]) -> str:
@@ -281,8 +286,7 @@ def _told(costmap: Costmap, doors: Sequence[Door]) -> str:
     geometry = costmap.geometry
     states = Counter(door.state.name.lower() for door in doors)
     by_state = ", ".join(f"{count} {state}" for state, count in sorted(states.items()))
-    plural = "" if len(doors) == 1 else "s"
     return (
         f"{geometry.width:,} x {geometry.height:,} cells of {geometry.resolution:.4g} m, "
-        f"{len(doors)} door{plural}" + (f" ({by_state})." if doors else ".")
+        f"{counted(len(doors), 'door')}" + (f" ({by_state})." if doors else ".")
     )

@@ -13,6 +13,7 @@ import typer
 
 from semmap_log.cli.common import AsJson, console, print_json, say
 from semmap_log.command_lines import PROGRAM, command_line
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.demo import Demo
@@ -36,7 +37,7 @@ def run(
       semmap-log demo /tmp/look
     """
     from semmap_log.demo import run_demo
-    from semmap_log.moments import format_local
+    from semmap_log.moments import format_short
     from semmap_log.views.belief_table import belief_table
     from semmap_log.views.tables import door_table
 
@@ -54,9 +55,10 @@ def run(
     end_ns = made.moments[-1].at_ns
     assert end_ns is not None
     picture = f"{made.rrd.name}   the history, for the rerun viewer" if made.rrd else "no picture"
+    copied = counted(made.copied, "event")
     typer.echo(
         f"\nMade in {made.folder}:\n"
-        f"  {made.log.name}/      the log: {made.copied} events copied, {made.recorded} recorded\n"
+        f"  {made.log.name}/      the log: {copied} copied, {made.recorded} recorded\n"
         f"  {made.yaml.name}   the doors, for the thesis's server\n"
         f"  {made.costmap.name}  the costmap in the middle of it\n"
         f"  {made.report.name}  the history, for any browser\n"
@@ -64,7 +66,7 @@ def run(
     )
     if made.rrd_problem:
         say(made.rrd_problem)
-    noon = format_local(end_ns - 8 * 3600 * 10**9, tz)[:16]
+    noon = format_short(end_ns - 8 * 3600 * 10**9, tz, seconds=False)
     line = partial(command_line, program=PROGRAM if which(PROGRAM) else sys.argv[0])
     typer.echo(
         "\n  ".join([

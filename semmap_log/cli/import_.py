@@ -214,7 +214,7 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
 
 def _tell(file: Path, imported: Any) -> None:
     from semmap_log.repeats import told_once
-    from semmap_log.views.health import count
+    from semmap_log.wording import counted
 
     plan = imported.plan
     if imported.known_before:
@@ -228,7 +228,8 @@ def _tell(file: Path, imported: Any) -> None:
         typer.echo(f"{file}: the log holds all of it already; nothing to do.")
     else:
         last = imported.first_event + plan.count - 1
-        typer.echo(f"{file}: {count(plan.count, 'event')}, numbers {imported.first_event}..{last}.")
+        events = counted(plan.count, "event")
+        typer.echo(f"{file}: {events}, numbers {imported.first_event}..{last}.")
     for text in plan.summary:
         typer.echo(f"  {text}")
     for text in told_once(plan.left_out):

@@ -9,6 +9,7 @@ import typer
 
 from semmap_log.cli.common import say
 from semmap_log.cli.plain_streams import json_text
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.formats.importing import ImportPlan
@@ -52,7 +53,7 @@ def tell_plan(file: Path, plan: ImportPlan) -> None:
 
     for event in one_by_one(plan.events):
         typer.echo(json_text(event_to_json(event)))
-    say(f"{file}: {plan.count} events; nothing was written.")
+    say(f"{file}: {counted(plan.count, 'event')}; nothing was written.")
     for text in plan.summary:
         say(f"  {text}")
     for text in told_once(plan.left_out):

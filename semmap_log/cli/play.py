@@ -22,6 +22,7 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.exporting.stream import LogStream
@@ -154,12 +155,12 @@ def run(
             "stopped": stopping.is_set(),
         })  # fmt: skip
         return
-    say(f"{count:,} messages{' until it was stopped' if stopping.is_set() else ''}.")
+    say(f"{counted(count, 'message')}{' until it was stopped' if stopping.is_set() else ''}.")
 
 
 def _status_line(stream: LogStream, rate: float) -> Told:
     """Return what draws where in the log it is, and how long nothing will come."""
-    from semmap_log.moments import format_local
+    from semmap_log.moments import format_short
     from semmap_log.views.timeline_table import duration
 
     begin_ns, end_ns = stream.span_ns or (0, 0)
@@ -170,7 +171,7 @@ def _status_line(stream: LogStream, rate: float) -> Told:
         share = (at_ns - begin_ns) / max(1, end_ns - begin_ns)
         left_s = math.ceil((next_ns - at_ns) / rate / 1e9)
         coming = f"  next in {duration(left_s * 10**9)}" if left_s > 1 else ""
-        show(f"{format_local(at_ns, tz)[:19]}  {share:4.0%}{coming}")
+        show(f"{format_short(at_ns, tz)}  {share:4.0%}{coming}")
 
     return told
 

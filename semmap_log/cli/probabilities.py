@@ -198,13 +198,14 @@ def _show_typical(
 
 
 def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
-    from semmap_log.views.plots.weeks import plot_weeks
+    from semmap_log.views.plots.weeks import MOST_PANELS, drawn_of, plot_weeks
 
     if not weeks:
         say(f"{plot}: not written; no door is in the map then.")
         return
     plot_weeks(weeks, plot, by.value)
-    say(f"{plot}: {len(weeks)} door{'' if len(weeks) == 1 else 's'}.")
+    others = "; to draw others, name them as DOOR" if len(weeks) > MOST_PANELS else ""
+    say(f"{plot}: {drawn_of(len(weeks))}{others}.")
 
 
 def _print_weeks(weeks: Sequence[TypicalWeek], by: By) -> None:
@@ -244,7 +245,7 @@ def _applied_to_json(applied: Applied) -> dict[str, Any]:
 
 
 def _tell(applied: Applied) -> None:
-    from semmap_log.views.belief_words import named
+    from semmap_log.views.belief_words import labels_in, named
 
     appended = applied.appended
     if appended is None:
@@ -257,4 +258,4 @@ def _tell(applied: Applied) -> None:
         say(f"events {appended.first_event}..{last}: {appended.count} {doors} now both "
             "probabilities in the map.")  # fmt: skip
     if applied.unknown:
-        say(f"left alone, UNKNOWN: {named([belief.door for belief in applied.unknown])}")
+        say(f"left alone, UNKNOWN: {named(labels_in(applied.unknown))}")

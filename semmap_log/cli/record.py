@@ -107,7 +107,7 @@ def run(
     import semmap_log as sl
     from semmap_log.live.event_lines import Answer, LineRecorder
     from semmap_log.repeats import MOST_TOLD, Repeats
-    from semmap_log.views.health import count
+    from semmap_log.wording import counted
 
     refused = Repeats()
 
@@ -147,8 +147,8 @@ def run(
         })  # fmt: skip
     else:
         say(
-            f"{log}: {count(recorder.recorded, 'event')} recorded"
-            + (f", {count(recorder.refused, 'line')} refused" if recorder.refused else "")
+            f"{log}: {counted(recorder.recorded, 'event')} recorded"
+            + (f", {counted(recorder.refused, 'line')} refused" if recorder.refused else "")
             + "."
         )
     if recorder.refused:

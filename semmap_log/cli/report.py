@@ -53,7 +53,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.exporting.report import write_report
-    from semmap_log.views.health import count
+    from semmap_log.wording import counted
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
@@ -74,6 +74,5 @@ def run(
         print_json({"file": str(out), "doors": done.doors, "events": done.events,
                     "bytes": done.bytes})  # fmt: skip
         return
-    say(
-        f"{out}: {count(done.doors, 'door')}, {count(done.events, 'event')}, {size_of(done.bytes)}."
-    )
+    shown = f"{counted(done.doors, 'door')}, {counted(done.events, 'event')}"
+    say(f"{out}: {shown}, {size_of(done.bytes)}.")

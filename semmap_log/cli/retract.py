@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, console, say, takes_about
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
@@ -78,7 +79,7 @@ def _show(log: DoorLog, hidden: Iterator[HistoryEntry]) -> None:
 
     shown = [replace(entry, retracted=False) for entry in islice(hidden, MOST_SHOWN)]
     more = sum(1 for _ in hidden)
-    typer.echo(f"hides {len(shown) + more:,} event{'' if len(shown) + more == 1 else 's'}:")
+    typer.echo(f"hides {counted(len(shown) + more, 'event')}:")
     out = console()
     out.print(history_table(shown, tz=log.info.timezone, names=log.door_names()))
     if more:

@@ -20,6 +20,7 @@ from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
 from semmap_log.cli.record import Level
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.doors import DoorMap
@@ -237,7 +238,7 @@ def run(
         options = ServeOptions(costmap, floors, palette.colours, default_prob, costs)
         node = open_node(context, version, NODE)
         try:
-            served = f"{node.name} serves {log}: {len(doors.door_map())} doors."
+            served = f"{node.name} serves {log}: {counted(len(doors.door_map()), 'door')}."
             Server(node, doors, wake, options).run(stopping.is_set, lambda: say(served))
         finally:
             node.close()

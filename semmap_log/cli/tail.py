@@ -6,11 +6,12 @@ import select
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from shutil import get_terminal_size
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath
+from semmap_log.cli.common import LogPath, say, tell_how_to_begin
 from semmap_log.cli.plain_streams import json_text, write_line
 
 if TYPE_CHECKING:
@@ -53,8 +54,9 @@ def run(
     """Show the last events, a line each; with -f, also those that come, as they come.
 
     A line has the event's number, when it happened (in the log's zone), the door, what, and in
-    brackets who and why; in a pipe, cells with a tab between, as those of `history`. Robot poses
-    are left out unless asked for; JSON has all events.
+    brackets who and why; what the terminal has no room for goes on below. In a pipe, cells with a
+    tab between, as those of `history`. Robot poses are left out unless asked for; JSON has all
+    events.
 
     With --after, the reader's own position decides: nothing is missed, and nothing comes twice.
 
@@ -78,9 +80,14 @@ def run(
     known = -1 if after is None else after
     try:
         if last is None and after is not None:
-            _print(_events(commits_after(opened.reader, known, with_newer=True), wanted), show)
+            events: Iterable[Told] = _events(
+                commits_after(opened.reader, known, with_newer=True), wanted
+            )
         else:
-            _print(_last(opened, LAST if last is None else last, known, wanted), show)
+            events = _last(opened, LAST if last is None else last, known, wanted)
+        shown = _print(events, show)
+        if not (shown or follow or last == 0):
+            _say_why_nothing(opened, door, after)
         if follow:
             last_known = max(known, _end(opened))
             for commit in opened.follow(last_known, stop=_is_nobody_reading, with_newer=True):
@@ -136,11 +143,29 @@ def _events(
                 yield recorded, followed.commit.note
 
 
-def _print(events: Iterable[Told], show: Callable[[RecordedEvent, Note], str]) -> None:
-    """Print events, and let go of them at once: who reads them may wait for each."""
+def _print(events: Iterable[Told], show: Callable[[RecordedEvent, Note], str]) -> bool:
+    """Print events, and let go of them at once: who reads them may wait for each.
+
+    Returns:
+        Whether there were any.
+    """
+    is_any = False
     for recorded, note in events:
         write_line(show(recorded, note))
+        is_any = True
     sys.stdout.flush()
+    return is_any
+
+
+def _say_why_nothing(opened: DoorLog, door: str | None, after: int | None) -> None:
+    """Tell who sees nothing whether there is nothing, or only nothing of what was asked for."""
+    if (end := _end(opened)) < 0:
+        tell_how_to_begin(opened)
+        return
+    asked = "" if door is None else f" about door {door}"
+    behind = "" if after is None else f" behind {after}"
+    poses = "; the robot's poses are not shown without --poses" * (not (asked or behind))
+    say(f"no events{asked}{behind}; the last of the log is {end}{poses}.")
 
 
 def _json_line(recorded: RecordedEvent, note: Note) -> str:
@@ -158,12 +183,16 @@ def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Not
 
     names: dict[DoorId, str] = opened.door_names()
 
+    tz = opened.info.timezone
+
     def line(recorded: RecordedEvent, note: Note) -> str:
         event = recorded.event
         if isinstance(event, DoorAnnotated) and event.key == "name":
             names[event.door_id] = event.value
-        how: Any = {"tz": opened.info.timezone, "names": names, "note": note}
-        return event_line(recorded, **how) if for_people else line_of(event_row(recorded, **how))
+        if not for_people:
+            return line_of(event_row(recorded, tz=tz, names=names, note=note))
+        columns = get_terminal_size().columns  # each time: who follows may widen the window
+        return event_line(recorded, tz=tz, names=names, note=note, width=columns)
 
     return line
 

@@ -29,6 +29,7 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog
@@ -220,15 +221,14 @@ def _pixels(size: str) -> tuple[int, int]:
 
 def _tell_of_names(opened: DoorLog, doors: list[DoorId] | None) -> None:
     """Say once that the viewer's font lacks letters, if it does."""
-    from semmap_log.views.health import count
     from semmap_log.views.rerun.drawable import is_drawable_name
 
     names = {n: name for n, name in opened.door_names().items() if doors is None or n in doors}
     lacking = [n for n, name in names.items() if not is_drawable_name(name)]
     if lacking:
         say(
-            f"The viewer's font lacks letters in the names of {count(len(lacking), 'door')}: there "
-            f'they are called by their numbers, such as "door {lacking[0]}". The page that '
+            f"The viewer's font lacks letters in the names of {counted(len(lacking), 'door')}: "
+            f'there they are called by their numbers, such as "door {lacking[0]}". The page that '
             f"`report` writes shows all names."
         )
 
@@ -247,7 +247,7 @@ def _recording(
             summary = save_rrd(opened, path, progress=told, **looks)
         if save is not None:
             say(
-                f"{save}: {summary.events} events, {size_of(summary.bytes)}, "
+                f"{save}: {counted(summary.events, 'event')}, {size_of(summary.bytes)}, "
                 f"{summary.seconds:.1f} s. To look at it: rerun {shlex.quote(str(save))}"
             )
             if left_out := str(summary.left_out):

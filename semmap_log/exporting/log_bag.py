@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.door_labels import labels_of
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.exporting.stream import StreamOptions, log_stream
 from semmap_log.formats.bags import bytes_of, new_bag, ros_version_of
@@ -66,5 +67,7 @@ def record_bag(
 
 
 def _left_out(log: DoorLog, until_ns: int | None) -> tuple[str, ...]:
-    doors = log.replay(at=until_ns).doors.values()
-    return tuple(door.label for door in doors if not is_drawn(door))
+    door_map = log.replay(at=until_ns)
+    labels = labels_of(door_map)
+    doors = door_map.doors.values()
+    return tuple(labels.get(door.door_id, door.label) for door in doors if not is_drawn(door))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.costmaps import costmap_at
+from semmap_log.door_labels import labels_of
 from semmap_log.door_log import DoorLog
 from semmap_log.doors import DoorMap
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
@@ -21,6 +22,7 @@ from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.log.reading.passage import Progress
 from semmap_log.log.reading.window import Window
 from semmap_log.replay import Scope, visible_batches
+from semmap_log.wording import counted
 
 WRITABLE = (
     ".yaml (the thesis's door database), .geojson (doors), .csv (states), .jsonl or .parquet "
@@ -89,15 +91,20 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
     door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
     text, left_out = dump_thesis_yaml(door_map, default_prob=default_prob)
     path.write_text(text, encoding="utf-8")
-    return Exported(f"{len(door_map.doors) - len(left_out)} doors", tuple(left_out))
+    return Exported(counted(len(door_map.doors) - len(left_out), "door"), tuple(left_out))
 
 
 def _geojson(log: DoorLog, path: Path, scope: Scope) -> Exported:
     door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
     text, unplaced = dump_geojson(door_map, _about(log))
     path.write_text(text, encoding="utf-8")
-    notes = tuple(f"{door.label}: without a place, so its geometry is null" for door in unplaced)
-    return Exported(f"{len(door_map.doors):,} doors, in metres of the map frame", notes=notes)
+    labels = labels_of(door_map)
+    notes = tuple(
+        f"{labels.get(door.door_id, door.label)}: without a place, so its geometry is null"
+        for door in unplaced
+    )
+    doors = counted(len(door_map.doors), "door")
+    return Exported(f"{doors}, in metres of the map frame", notes=notes)
 
 
 def _about(log: DoorLog) -> dict[str, str]:
@@ -114,7 +121,7 @@ def _about(log: DoorLog) -> dict[str, str]:
 def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
     written = write_event_lines(log.reader, path, scope, progress=progress)
     taken_back = f", {written.retracted:,} of them retracted" if written.retracted else ""
-    return Exported(f"{written.events:,} events{taken_back}")
+    return Exported(f"{counted(written.events, 'event')}{taken_back}")
 
 
 def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
@@ -130,7 +137,7 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
         for batch in log.reader.batches(window, progress=progress)
     )
     said = {f"semmap_log.{key}": text for key, text in _about(log).items()}
-    return Exported(f"{write_parquet(path, tables, HISTORY_SCHEMA, said):,} events")
+    return Exported(counted(write_parquet(path, tables, HISTORY_SCHEMA, said), "event"))
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
@@ -147,7 +154,7 @@ def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
     rows.sort(key=lambda row: row.happened_ns)
     with path.open("w", encoding="utf-8") as file:
         file.writelines(dump_door_csv(rows, tz=log.info.timezone))
-    return Exported(f"{len(rows)} rows")
+    return Exported(counted(len(rows), "row"))
 
 
 def _ros_map(log: DoorLog, out: Path, scope: Scope) -> Exported:
@@ -156,8 +163,11 @@ def _ros_map(log: DoorLog, out: Path, scope: Scope) -> Exported:
     except UnknownLevelError as error:
         raise UnknownLevelError(f"{error} `costmap` does it, with --level.") from None
     made = write_costmap(log, costmap, out, scope=scope)
-    left_out = tuple(f"{door.label}: {why}" for door, why in made.left_out)
-    return Exported(f"a costmap of {len(made.doors)} doors", left_out)
+    labels = labels_of(costmap.doors)
+    left_out = tuple(
+        f"{labels.get(door.door_id, door.label)}: {why}" for door, why in made.left_out
+    )
+    return Exported(f"a costmap of {counted(len(made.doors), 'door')}", left_out)
 
 
 def _names(door_map: DoorMap) -> dict[int, str]:
@@ -179,7 +189,7 @@ def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
         raise CommandError("a recording shows all that is known: leave --known-at and --event out.")
     until = None if scope.at_ns is None else scope.at_ns + 1
     summary = save_rrd(log, path, until=until)
-    return Exported(f"{summary.events} events")
+    return Exported(counted(summary.events, "event"))
 
 
 def _html(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
@@ -190,4 +200,4 @@ def _html(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> 
     until = None if scope.at_ns is None else scope.at_ns + 1
     made = report(log, until=until, progress=progress)
     path.write_text(made.html, encoding="utf-8")
-    return Exported(f"{made.doors} doors, {made.events} events")
+    return Exported(f"{counted(made.doors, 'door')}, {counted(made.events, 'event')}")

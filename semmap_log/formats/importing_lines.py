@@ -29,6 +29,7 @@ from semmap_log.formats.line_commits import LineOptions, PlannedCommit, grouped,
 from semmap_log.formats.line_numbers import NumberMap, Uncovered
 from semmap_log.formats.line_reading import LineReader
 from semmap_log.projections.retraction import Retractions, in_ranges
+from semmap_log.wording import counted
 
 MOST_KEPT = 100_000
 """Of more lines none is kept in memory: their file is read twice."""
@@ -73,7 +74,7 @@ class LinesPlan:
         """What the events do, in words."""
         if not self.count:
             return ()
-        said = f"events: {self.count:,}, in {self.commit_count:,} commits"
+        said = f"events: {self.count:,}, in {counted(self.commit_count, 'commit')}"
         if not self.has_recorded:
             return (said,)
         kept = (

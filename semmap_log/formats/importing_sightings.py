@@ -17,6 +17,7 @@ from semmap_log.formats.problems import shown
 from semmap_log.formats.sightings import Rows, Sightings
 from semmap_log.levels import resolve_level
 from semmap_log.meaning import Changed
+from semmap_log.wording import counted
 
 
 def plan_sightings(
@@ -73,7 +74,11 @@ def plan_sightings(
             f"doors: {len(ids)}, of which {len(added)} new, without a place yet"
             + (f": {_few(added)}" if added else ""),
             f"rows: {sightings.rows_in_file:,}"
-            + (f", and {extra:,} states at the ends and starts of windows" if extra else ""),
+            + (
+                f", and {counted(extra, 'state')} at the ends and starts of windows"
+                if extra
+                else ""
+            ),
         ),
         warnings=sightings.warnings,
     )

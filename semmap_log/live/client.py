@@ -16,6 +16,7 @@ from semmap_log.formats.ros_types import decoded, log_type
 from semmap_log.live.action_names import action_name
 from semmap_log.live.ros_node import Answer, Received, RosNode, Values
 from semmap_log.live.serving.served_doors import DOOR_DB, MARKERS_NAME
+from semmap_log.wording import counted
 
 REASON_WITHIN_S = 3.0
 """How long to listen for why a goal was aborted, where results do not say it (ROS 2)."""
@@ -137,8 +138,8 @@ class DoorClient:
         doors = self.doors()
         if door_id not in doors:
             raise UnknownDoorError(
-                f"door {door_id}: expected one of the {len(doors)} doors on {DOOR_DB.name}, to "
-                "complete its place from."
+                f"door {door_id}: expected one of {counted(len(doors), 'door')} on "
+                f"{DOOR_DB.name}, to complete its place from."
             )
         return doors[door_id]
 

@@ -27,6 +27,7 @@ from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.mapping import EXPECTED_TOPICS, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Translator
+from semmap_log.wording import counted
 
 MOST_WAITING = 100_000
 """Messages; of a disk that is slower for so long the newest are dropped, and counted."""
@@ -108,7 +109,7 @@ class Counts:
 
     def __str__(self) -> str:
         dropped = f", {self.dropped:,} DROPPED (the disk is too slow)" if self.dropped else ""
-        return f"{self.messages:,} messages, {self.events:,} events{dropped}"
+        return f"{counted(self.messages, 'message')}, {counted(self.events, 'event')}{dropped}"
 
 
 @dataclass(slots=True)

@@ -12,6 +12,7 @@ from semmap_log.doors import DoorId
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import SETTING_KINDS, DoorAnnotated, DoorEvent
 from semmap_log.meaning import Presence
+from semmap_log.wording import counted
 
 MAY_BE_EARLY: tuple[type[DoorEvent], ...] = (
     *(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.STAYS),
@@ -105,10 +106,9 @@ class EarlyEvents:
         """
         told = [names.get(door_id) or f"door {door_id}" for door_id in sorted(self.counts)]
         shown = ", ".join(told[:MOST_NAMED]) + (", …" if len(told) > MOST_NAMED else "")
-        doors = "1 door" if len(told) == 1 else f"{len(told)} doors"
-        events = "1 event" if len(self) == 1 else f"{len(self):,} events"
         return (
-            f"{events} of {doors} ({shown}), from {since} on, happened before the "
+            f"{counted(len(self), 'event')} of {counted(len(told), 'door')} ({shown}), "
+            f"from {since} on, happened before the "
             f"{'door was' if len(told) == 1 else 'doors were'} added: no answer counts "
             f"{'it' if len(self) == 1 else 'them'}"
         )

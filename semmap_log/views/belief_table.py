@@ -12,6 +12,7 @@ from semmap_log.doors import DoorState
 from semmap_log.moments import format_local
 from semmap_log.views.belief_words import (
     CARRIED_OVER,
+    labels_in,
     moment_in_words,
     named,
     never_seen_lines,
@@ -103,14 +104,14 @@ def _notes(beliefs: Sequence[DoorBelief], tz: str) -> list[str]:
     when = moment if moment == known else f"{moment}, as known at {known}"
     key = "in brackets the 90 % interval; hours unseen: of the 168 of a week"
     notes = [f"at {when} ({tz}), by {first.estimator}; {key}"]
-    reasons: dict[str, list[DoorBelief]] = {}
-    for belief in beliefs:
+    reasons: dict[str, list[str]] = {}
+    for belief, label in zip(beliefs, labels_in(beliefs), strict=True):
         if not belief.is_known:
             empty = belief.evidence.is_empty
             reason = "never seen" if empty else LITTLE_SEEN
-            reasons.setdefault(reason, []).append(belief)
+            reasons.setdefault(reason, []).append(label)
     for reason, unknown in reasons.items():
-        notes.append(f"UNKNOWN, {reason}: {named([belief.door for belief in unknown])}")
-    unseen = never_seen_lines((belief.door, belief.evidence) for belief in beliefs)
+        notes.append(f"UNKNOWN, {reason}: {named(unknown)}")
+    unseen = never_seen_lines(beliefs)
     carried_over = unseen and any(belief.is_known for belief in beliefs)
     return [*notes, *unseen, *[CARRIED_OVER] * bool(carried_over)]

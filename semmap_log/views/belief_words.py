@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.door_labels import told_apart
 from semmap_log.doors import Door
-from semmap_log.moments import format_local
+from semmap_log.moments import format_short
 from semmap_log.probabilities.evidence.coverage import WEEK, spans_in_short
 from semmap_log.views.event_words import printable
+from semmap_log.wording import counted
 
 MOST_GROUPS = 3
 CARRIED_OVER = "what is said of an hour never seen is carried over from other hours"
-SECONDS = len("2026-03-02 08:00:00")
 MOST_NAMED = 6
 """So many doors are called by name; `--json` has all."""
 
@@ -49,26 +51,47 @@ def why_unknown(evidence: EvidenceSummary) -> str:
     """Return why nothing is said of a door."""
     if evidence.is_empty:
         return "never seen"
-    events = evidence.counts.words
-    said = f"{events} event{'' if events == 1 else 's'} about its state"
+    said = f"{counted(evidence.counts.words, 'event')} about its state"
     return f"too little seen: {said}, {evidence.coverage.days:.1f} days"
 
 
 def moment_in_words(ns: int, tz: str) -> str:
     """Return a moment as the building's clocks show it, to the second."""
-    return format_local(ns, tz)[:SECONDS]
+    return format_short(ns, tz)
 
 
-def never_seen_lines(doors: Iterable[tuple[Door, EvidenceSummary]]) -> list[str]:
+class Told(Protocol):
+    """A belief, or a typical week, of a door."""
+
+    @property
+    def door(self) -> Door:
+        """The door."""
+
+    @property
+    def level_name(self) -> str:
+        """What its level is called."""
+
+    @property
+    def evidence(self) -> EvidenceSummary:
+        """What was seen of it."""
+
+
+def labels_in(told: Sequence[Told]) -> list[str]:
+    """Return what the doors are called: level/name where several of them bear the name."""
+    labels = told_apart((each.door, each.level_name) for each in told)
+    return [labels.get(each.door.door_id, each.door.label) for each in told]
+
+
+def never_seen_lines(told: Sequence[Told]) -> list[str]:
     """Return what must be said of the hours in which nobody looked.
 
     Of a few doors, or where they are alike, for each; else the hours in which none of them was
     ever seen.
     """
-    alike: dict[bytes, list[Door]] = {}
-    for door, seen in doors:
-        if not seen.is_empty:
-            alike.setdefault(seen.coverage.is_seen.tobytes(), []).append(door)
+    alike: dict[bytes, list[str]] = {}
+    for each, label in zip(told, labels_in(told), strict=True):
+        if not each.evidence.is_empty:
+            alike.setdefault(each.evidence.coverage.is_seen.tobytes(), []).append(label)
     gaps = {seen: ~np.frombuffer(seen, np.bool_).reshape(WEEK) for seen in alike}
     if len(alike) <= MOST_GROUPS:
         said = [f"never seen: {spans_in_short(gap)} ({named(alike[seen])})"
@@ -79,8 +102,8 @@ def never_seen_lines(doors: Iterable[tuple[Door, EvidenceSummary]]) -> list[str]
     return said
 
 
-def named(doors: Sequence[Door]) -> str:
+def named(labels: Sequence[str]) -> str:
     """Return what some doors are called; of many, the first ones and how many more."""
-    names = ", ".join(printable(door.label) for door in doors[:MOST_NAMED])
-    more = len(doors) - MOST_NAMED
+    names = ", ".join(map(printable, labels[:MOST_NAMED]))
+    more = len(labels) - MOST_NAMED
     return f"{names} and {more} more" if more > 0 else names

@@ -8,14 +8,12 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.beliefs.best_time import BestTime, Window
-from semmap_log.moments import SECOND_NS, format_local
+from semmap_log.moments import SECOND_NS, format_short
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
 from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
 from semmap_log.views.columns import Column, ColumnTable
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
-
-MINUTES = len("2026-03-02 08:00")
 
 
 def best_time_table(found: BestTime) -> RenderableType:
@@ -49,11 +47,11 @@ def _table(title: str, windows: Sequence[Window], when: Sequence[str], *, name: 
 
 def _from_to(window: Window, tz: str) -> str:
     """Return `Mon 2026-03-02 08:00 to 12:00`, with the day again where it is another."""
-    start, end = (format_local(ns, tz)[:MINUTES] for ns in (window.start_ns, window.end_ns))
+    start, end = (format_short(ns, tz, seconds=False) for ns in (window.start_ns, window.end_ns))
     last_hour = window.first_hour + window.hours
     day = DAY_NAMES[window.first_hour // HOURS]
-    until = end[-5:]
-    if start[:10] != end[:10] and until != "00:00":
+    last_date, _, until = end.partition(" ")
+    if not start.startswith(last_date) and until != "00:00":
         until = f"{DAY_NAMES[last_hour // HOURS % 7]} {until}"
     return f"{day} {start} to {'24:00' if until == '00:00' else until}"
 

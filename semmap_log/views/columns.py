@@ -1,6 +1,7 @@
 """A table in its two forms: drawn in a terminal for people, and a row a line for programs.
 
-Drawn, columns that do not fit are left out, the least important first, and named. As lines, every
+Drawn, columns that do not fit are left out, the least important first, and named; where not even
+the important ones fit, the cells of a row stand below each other, all of them. As lines, every
 column is there at any width, under a name that never changes; cells are separated by a tab, so that
 `cut -f` takes them.
 """
@@ -12,12 +13,17 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
+from semmap_log.views.beside import Layout, Pair, beside_or_below
+
 GAP = 1
 """Between two drawn columns."""
+UNBOUNDED = 2**30
+BELOW = Layout(gap=GAP, indent=0, readable=16)
+"""Of a row's cells that stand below each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,38 +73,40 @@ class ColumnTable:
     gap: int = GAP
     has_head: bool = True
     """False for the pages of a long table behind the first."""
-    draws_head: bool = True
-    """False: only programs see the names of the columns."""
-    _rows: list[tuple[tuple[Cell, ...], str]] = field(default_factory=list)
+    rows: list[tuple[tuple[Cell, ...], str]] = field(default_factory=list)
+    """Cells, and the style of their row."""
 
     def add(self, *cells: Cell, style: str = "") -> None:
         """Add a row."""
         if len(cells) != len(self.columns):
             raise ValueError(f"expected {len(self.columns)} cells, got {len(cells)}")
-        self._rows.append((cells, style))
+        self.rows.append((cells, style))
 
     @property
     def is_empty(self) -> bool:
         """True without a row."""
-        return not self._rows
+        return not self.rows
 
     def lines(self) -> Iterator[str]:
         """Yield the row of names, if it has a head, and the rows, each one line."""
         told = [place for place, column in enumerate(self.columns) if column.name]
         if self.has_head:
             yield line_of(self.columns[place].name for place in told)
-        for cells, _ in self._rows:
+        for cells, _ in self.rows:
             yield line_of(_told(cells[place]) for place in told)
 
-    def fitted(self, width: int) -> tuple[Table, list[str]]:
+    def fitted(self, width: int) -> tuple[RenderableType, list[str]]:
         """Return the table as rich draws it in that width, and the heads of columns left out."""
         wanted = [place for place, column in enumerate(self.columns) if column.is_drawn]
-        kept = self._fitting(wanted, width)
-        out = [_flat(self.columns[place].head or "") for place in wanted if place not in kept]
-        return self._draw(kept), out
+        needs = self._fitting(wanted, width)
+        spare = width - sum(needs.values()) - self.gap * (len(needs) - 1)
+        if spare < 0:
+            return self._draw_below(wanted, width), []
+        out = [_flat(self.columns[place].head or "") for place in wanted if place not in needs]
+        return self._draw(needs, spare), out
 
-    def _fitting(self, places: list[int], width: int) -> list[int]:
-        """Return those of the columns that fit, or that never yield."""
+    def _fitting(self, places: list[int], width: int) -> dict[int, int]:
+        """Return those of the columns that fit, or that never yield, and what they need."""
         needs = {place: self._need(place) for place in places}
         order = sorted(
             (p for p in places if self.columns[p].yields), key=self._yields, reverse=True
@@ -108,7 +116,7 @@ class ColumnTable:
                 break
             for place in group:
                 del needs[place]
-        return list(needs)
+        return needs
 
     def _yields(self, place: int) -> int:
         return self.columns[place].yields
@@ -120,22 +128,39 @@ class ColumnTable:
             return column.width
         if column.ratio is not None:
             return column.least or 0
-        texts = [column.head or ""] * self._shows_head
-        texts += [_drawn_text(cells[place]) for cells, _ in self._rows]
-        widest = max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
+        widest = self._widest(place)
         return widest if column.least is None else min(widest, column.least)
 
-    @property
-    def _shows_head(self) -> bool:
-        return self.has_head and self.draws_head
+    def _widest(self, place: int) -> int:
+        """Return the width of a column's longest line, and its head's."""
+        texts = [self.columns[place].head or ""] * self.has_head
+        texts += [drawn_text(cells[place]) for cells, _ in self.rows]
+        return max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
 
-    def _draw(self, places: list[int]) -> Table:
+    def _widths(self, needs: dict[int, int], spare: int) -> dict[int, int]:
+        """Return how wide those columns are that fold: what they need, and their part of the rest.
+
+        The narrow ones get it first. Rich would take it from the wide ones, also what they need.
+        """
+        folding = {p for p in needs if self.columns[p].least is not None}
+        folding -= {p for p in folding if self.columns[p].ratio is not None}
+        wanted = {p: min(self._widest(p), self.columns[p].most or UNBOUNDED) for p in folding}
+
+        def up_to(most: int) -> dict[int, int]:
+            return {p: max(needs[p], min(wanted[p], most)) for p in folding}
+
+        in_all = spare + sum(needs[p] for p in folding)
+        fitting = (most for most in range(in_all, -1, -1) if sum(up_to(most).values()) <= in_all)
+        return up_to(next(fitting))
+
+    def _draw(self, needs: dict[int, int], spare: int) -> Table:
+        places, widths = list(needs), self._widths(needs, spare)
         columns = [self.columns[place] for place in places]
         table = Table(
             box=None,
             pad_edge=False,
             padding=(0, self.gap, 0, 0),
-            show_header=self._shows_head,
+            show_header=self.has_head,
             expand=any(column.ratio for column in columns),
         )
         for place, column in zip(places, columns, strict=True):
@@ -145,17 +170,28 @@ class ColumnTable:
                 justify="right" if column.right else "left",
                 overflow="fold" if folds else "ellipsis",
                 no_wrap=not folds,
-                min_width=None if column.least is None else self._need(place),
-                max_width=column.most,
-                width=column.width,
+                min_width=None if column.least is None else needs[place],
+                width=widths.get(place, column.width),
                 ratio=column.ratio,
             )
-        for cells, style in self._rows:
-            table.add_row(*(_drawn(cells[place]) for place in places), style=style)
+        for cells, style in self.rows:
+            table.add_row(*(drawn_cell(cells[place]) for place in places), style=style)
         return table
 
+    def _draw_below(self, places: list[int], width: int) -> Group:
+        """Return the cells of each row below each other, behind the heads of their columns."""
+        pairs: list[Pair] = []
+        for number, (cells, style) in enumerate(self.rows):
+            if number or not self.has_head:
+                pairs.append(Pair("", ""))
+            for place in places:
+                if drawn_text(cells[place]):
+                    head = _flat(self.columns[place].head or "")
+                    pairs.append(Pair(head, _on_one_line(drawn_cell(cells[place])), style))
+        return beside_or_below(pairs, width, BELOW)
+
     def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
-        if self._rows:
+        if self.rows:
             yield self.fitted(options.max_width)[0]
 
 
@@ -171,20 +207,9 @@ class Picture:
         yield self.drawn(options.max_width)
 
 
-def pairs(rows: Iterable[tuple[str, Cell]] = ()) -> ColumnTable:
-    """Return a table of names and values; only programs see its head, `field` and `value`."""
-    table = ColumnTable(
-        [Column("field", "field"), Column("value", "value", least=1)], gap=2, draws_head=False
-    )
-    for name, value in rows:
-        add_pair(table, name, value)
-    return table
-
-
-def add_pair(table: ColumnTable, name: str, value: Cell, *, told_name: str | None = None) -> None:
-    """Add a name and a value; where the drawn name says too little alone, programs get another."""
-    drawn = Text(name, style="dim")
-    table.add(drawn if told_name is None else Both(drawn, told_name), value)
+def with_line_end(text: str, width: int) -> str:
+    """Return a text with what is longer than that in a second line."""
+    return "\n".join(filter(None, (text[:width], text[width:])))
 
 
 def line_of(cells: Iterable[str]) -> str:
@@ -201,13 +226,21 @@ def _told(cell: Cell) -> str:
     return cell.told if isinstance(cell, Both) else str(cell)
 
 
-def _drawn(cell: Cell) -> RenderableType:
+def drawn_cell(cell: Cell) -> str | Text:
+    """Return a cell as people see it."""
     return cell.drawn if isinstance(cell, Both) else cell
 
 
-def _drawn_text(cell: Cell) -> str:
+def _on_one_line(drawn: str | Text) -> str | Text:
+    if isinstance(drawn, str):
+        return _flat(drawn)
+    return Text(" ").join(drawn.split("\n"))
+
+
+def drawn_text(cell: Cell) -> str:
+    """Return the text that people see."""
     return str(cell.drawn if isinstance(cell, Both) else cell)
 
 
-def _flat(head: str) -> str:
-    return head.replace("\n", " ")
+def _flat(text: str) -> str:
+    return text.replace("\n", " ")

@@ -1,7 +1,7 @@
 """A day of the doors in a terminal: a line of bars a door, readable without colours, too.
 
-The higher a bar, the more of its half hour (in narrow terminals: of its hour) the door was open, of
-the time in which that was known.
+The higher a bar, the more of its half hour (in narrow terminals: of its one, two or four hours) the
+door was open, of the time in which that was known.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
@@ -16,9 +17,10 @@ from semmap_log.day import Day
 from semmap_log.doors import DoorState
 from semmap_log.moments import format_local
 from semmap_log.projections.time_shares import TimeShares
-from semmap_log.views.columns import Column, ColumnTable, Picture
+from semmap_log.views.columns import GAP, Column, ColumnTable, Picture
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS
+from semmap_log.wording import counted
 
 BARS = "▁▂▃▄▅▆▇█"
 """Closed all the time; six in between; open all the time."""
@@ -27,17 +29,17 @@ LEGEND = f"{BARS[0]} closed  {BARS[3]} partly  {BARS[-1]} open  {NOT_KNOWN} unkn
 NAME_WIDTH = 30
 """So that 48 bars fit 80 columns."""
 EVERY_HOURS = 3
+SLOTS_A_BAR = (1, 2, 4, 8)
 
 
 def day_chart(day: Day, most: int | None) -> RenderableType:
     """Return a row a door; drawn, only the liveliest where there are more than `most`."""
     shown = list(day.doors) if most is None else day.liveliest(most)
     left_out = len(day.doors) - len(shown)
-    doors = "door" if left_out == 1 else "doors"
-    more = f"; {left_out} {doors} that changed less: --all-doors" if left_out else ""
+    more = f"; {counted(left_out, 'door')} that changed less: --all-doors" if left_out else ""
 
     def drawn(width: int) -> RenderableType:
-        every = 1 if width > len(day.edges_ns) + SHORTEST_NAME else 2
+        every = _half_hours_a_bar(width, len(day.edges_ns) - 1)
         table = ColumnTable([
             Column("", day.date, least=SHORTEST_NAME, most=NAME_WIDTH),
             Column("", _scale(day, every)),
@@ -60,14 +62,20 @@ def _told(day: Day) -> ColumnTable:
     return table
 
 
+def _half_hours_a_bar(width: int, slots: int) -> int:
+    """Return how many half hours are one bar, so that all have room beside a name."""
+    fitting = (n for n in SLOTS_A_BAR if SHORTEST_NAME + GAP + math.ceil(slots / n) <= width)
+    return next(fitting, SLOTS_A_BAR[-1])
+
+
 def _bars(shares: TimeShares, every: int) -> Text:
     """Return a bar for each half hour, or for so many of them together."""
     line = Text()
-    known = shares.known.reshape(-1, every)
-    opened_known = np.where(known > 0, shares.opened.reshape(-1, every), 0) * known
+    known = _together(shares.known, every)
+    opened_known = np.where(known > 0, _together(shares.opened, every), 0) * known
     with np.errstate(invalid="ignore"):
         opened_shares = opened_known.sum(axis=1) / known.sum(axis=1)
-    is_there = shares.there.reshape(-1, every).max(axis=1)
+    is_there = _together(shares.there, every).max(axis=1)
     if every == 1:
         opened_shares = shares.opened
     for opened, there in zip(opened_shares.tolist(), is_there.tolist(), strict=True):
@@ -81,6 +89,11 @@ def _bars(shares: TimeShares, every: int) -> Text:
     return line
 
 
+def _together(shares: NDArray[np.float64], every: int) -> NDArray[np.float64]:
+    """Return so many half hours a row; a day of 47 of them ends amid one."""
+    return np.pad(shares, (0, -len(shares) % every)).reshape(-1, every)
+
+
 def _bar(opened: float) -> str:
     """Return the bar of a share; the lowest and the highest mean all of the time."""
     if opened in {0.0, 1.0}:
@@ -91,9 +104,13 @@ def _bar(opened: float) -> str:
 
 def _scale(day: Day, every: int) -> str:
     """Return the hours above the bars, as the building's clocks show them."""
-    line, last = [" "] * (len(day.edges_ns) // every + 1), ""
+    bars = math.ceil((len(day.edges_ns) - 1) / every)
+    line, last = [" "] * (bars + 1), ""
+    step = EVERY_HOURS * max(1, every // 2)
     for place, start_ns in enumerate(day.edges_ns[:-1].tolist()):
         hour, minute = format_local(start_ns, day.tz)[len("2026-03-08 ") :].split(":")[:2]
-        if minute == "00" and int(hour) % EVERY_HOURS == 0 and hour != last:  # it may come twice
-            line[place // every : place // every + 2] = last = hour
-    return "".join(line)[: (len(day.edges_ns) - 1) // every]
+        at = place // every
+        has_room = at == 0 or line[at - 1] == " "  # a day may have lost an hour
+        if minute == "00" and int(hour) % step == 0 and hour != last and has_room:
+            line[at : at + 2] = last = hour  # once, though it may come twice
+    return "".join(line)[:bars]

@@ -14,6 +14,7 @@ from semmap_log.probabilities.scores import Scores
 from semmap_log.views.columns import Both, Cell, Column, ColumnTable, Picture
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
+from semmap_log.wording import counted
 
 Names = Mapping[DoorId, str]
 
@@ -41,7 +42,7 @@ def evaluation_table(
         parts += [Text(), _doors(evaluation, names)]
         more = len(evaluation.doors) - MOST_DOORS
         if more > 0:
-            parts.append(Text(f"and {more} doors more: --json has all", style="dim"))
+            parts.append(Text(f"and {counted(more, 'door')} more: --json has all", style="dim"))
     parts += [Text(), Text(_said(evaluation), style="dim")]
     return Group(*parts)
 
@@ -102,15 +103,15 @@ def _cell(scores: Scores, figure: str, *, is_best: bool) -> Cell:
 def _said(evaluation: Evaluation) -> str:
     """Return in words what was forecast, and from what."""
     tests = sum(door.tests for door in evaluation.doors)
-    unit = "samples" if evaluation.is_truth else "readings"
-    after = f"{tests:,} {unit} after the first {evaluation.protocol.split:.0%}"
+    unit = "sample" if evaluation.is_truth else "reading"
+    after = f"{counted(tests, unit)} after the first {evaluation.protocol.split:.0%}"
     lines = [
-        f"{_count(len(evaluation.doors), 'door')}, {after}; mean over doors, {BEST} best",
+        f"{counted(len(evaluation.doors), 'door')}, {after}; mean over doors, {BEST} best",
         known_in_words(evaluation),
     ]
     if evaluation.left_out:
         lines.append(
-            f"left out, with too little known time: {_count(len(evaluation.left_out), 'door')}"
+            f"left out, with too little known time: {counted(len(evaluation.left_out), 'door')}"
         )
     return "\n".join(lines)
 
@@ -137,7 +138,3 @@ def _until_in_words(evaluation: Evaluation) -> str:
     if protocol.patrol is not None or not evaluation.is_truth or protocol.horizon_ns is not None:
         return "its moment"
     return "the split"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+
+from rich.cells import cell_len
+from rich.console import Console
+from rich.text import Text
 
 from semmap_log.commits import Note
 from semmap_log.doors import DoorId
@@ -14,9 +18,10 @@ from semmap_log.views.tables import ABSENT
 
 DOOR_WIDTH = 14
 NUMBER_WIDTH = 6
+GAP = "  "
+UNBOUNDED = 2**30
 LATE_NS = 60 * 10**9
 """An event that was recorded so much later than it happened says so."""
-
 
 ROW = ("event", "happened", "recorded", "kind", "door_id", "door", "what",
        "actor", "source", "reason")  # fmt: skip
@@ -42,7 +47,12 @@ def event_row(
 
 
 def event_line(
-    recorded: RecordedEvent, *, tz: str, names: Mapping[DoorId, str], note: Note = Note()
+    recorded: RecordedEvent,
+    *,
+    tz: str,
+    names: Mapping[DoorId, str],
+    note: Note = Note(),
+    width: int = UNBOUNDED,
 ) -> str:
     """Return an event as a line: number, when it happened, door, what, who and why.
 
@@ -51,13 +61,14 @@ def event_line(
         tz: IANA zone of the times.
         names: What the doors are called; one without a name is its number.
         note: What its commit says.
+        width: Of the terminal: what is longer goes on in lines that are indented.
     """
     event = recorded.event
     door = names.get(event.door_id, str(event.door_id)) if isinstance(event, DoorEvent) else ""
     parts = [
         f"{recorded.number:>{NUMBER_WIDTH}}",
         format_local(recorded.happened_ns, tz),
-        f"{printable(door):<{DOOR_WIDTH}}",
+        _padded(printable(door), DOOR_WIDTH),
         printable(words_of(event)),
     ]
     if recorded.recorded_ns - recorded.happened_ns > LATE_NS:
@@ -65,4 +76,32 @@ def event_line(
     said = ": ".join(text for text in (note.actor, note.reason) if text)
     if said:
         parts.append(f"[{printable(said)}]")
-    return "  ".join(parts)
+    return "\n".join(_lines(parts, width))
+
+
+def _padded(text: str, width: int) -> str:
+    return text + " " * (width - cell_len(text))
+
+
+def _lines(parts: Sequence[str], width: int) -> Iterator[str]:
+    """Yield lines of parts, as many of them in each as have room; a longer part is folded."""
+    indent = " " * min(NUMBER_WIDTH + len(GAP), width // 5)
+    line, *others = parts
+    for part in others:
+        longer = f"{line}{GAP}{part}"
+        if cell_len(longer.rstrip()) <= width:
+            line = longer
+            continue
+        yield line.rstrip()
+        *whole, last = _folded(part.strip(), width - len(indent))
+        yield from (f"{indent}{each}" for each in whole)
+        line = f"{indent}{last}"
+    yield line.rstrip()
+
+
+def _folded(text: str, width: int) -> list[str]:
+    """Return a text in lines of that width, broken at spaces; at least one line."""
+    if cell_len(text) <= width:
+        return [text]
+    lines = Text(text).wrap(Console(width=width), max(width, 1), overflow="fold")
+    return [line.plain.rstrip() for line in lines]

@@ -11,6 +11,7 @@ from rich.text import Text
 from semmap_log.command_lines import command_line
 from semmap_log.log.verification.findings import Finding, Severity, Verification
 from semmap_log.moments import format_local
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,14 +42,14 @@ def verification_report(found: Verification) -> RenderableType:
     if found.exit_code == 5:
         return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))
     checked = (
-        f"{count(found.events, 'event')} in {count(found.commits, 'commit')}, "
-        f"{found.size / 1e6:,.1f} MB in {count(found.segments, 'file')}"
+        f"{counted(found.events, 'event')} in {counted(found.commits, 'commit')}, "
+        f"{found.size / 1e6:,.1f} MB in {counted(found.segments, 'file')}"
     )
     said = Text.assemble(plain_text(str(found.path)), f": {verdict(found)}; {checked}")
     parts: list[RenderableType] = [said]
     since = found.events_after_head
     if since is not None:
-        parts.append(Text(f"holds the head asked for, and {count(since, 'event')} since"))
+        parts.append(Text(f"holds the head asked for, and {counted(since, 'event')} since"))
     notes = 0
     for finding in found.findings:
         notes += finding.severity.name == "NOTE"
@@ -77,11 +78,6 @@ def pasteable(text: Text) -> Text:
     """Return text whose lines are never broken: one of them is to be pasted. Print it uncropped."""
     text.no_wrap, text.overflow = True, "ignore"
     return text
-
-
-def count(number: int, what: str) -> str:
-    """Return how many of a thing."""
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def events_in_words(events: tuple[int, int | None]) -> str:
@@ -145,7 +141,7 @@ def recovery_report(found: Survey, done: Recovered | None) -> RenderableType:
             said.append(f"; a recovery that was interrupted is finished, see {done.kept}")
         return said
     tz = found.info.timezone if found.info else "UTC"
-    saved = f"{count(found.events, 'event')} in {count(found.commits, 'commit')}"
+    saved = f"{counted(found.events, 'event')} in {counted(found.commits, 'commit')}"
     parts: list[RenderableType] = [
         Text.assemble(name, f": {'saved' if done else 'would be saved'} {saved}")
     ]

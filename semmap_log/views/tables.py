@@ -19,9 +19,18 @@ from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.levels import levels_of
 from semmap_log.meaning import PART_OF
-from semmap_log.moments import format_local
-from semmap_log.views.columns import Both, Cell, Column, ColumnTable, Picture, add_pair, pairs
+from semmap_log.moments import format_local, format_short
+from semmap_log.views.columns import (
+    Both,
+    Cell,
+    Column,
+    ColumnTable,
+    Picture,
+    with_line_end,
+)
 from semmap_log.views.event_words import printable, words_of
+from semmap_log.views.pairs import add_pair, pairs
+from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.log.suspicion import Suspect
@@ -45,7 +54,7 @@ LATE_NS = 60 * SECOND_NS
 MOST_EVENTS_OF_A_DIFF = 40
 MOST_SUSPECTS = 20
 PAGE_ROWS = 500
-DATE_WIDTH = len("2026-03-02")
+DATE_WIDTH, TIME_WIDTH = len("2026-03-02"), len("08:00:00")
 
 Names = Mapping[DoorId, str]
 SHORTEST_NAME = 14
@@ -73,7 +82,7 @@ def door_table(door_map: DoorMap, *, tz: str) -> RenderableType:
             age(door.last_seen_ns, door_map.moment_ns),
             ABSENT if door.last_seen_ns is None else format_local(door.last_seen_ns, tz),
         )
-    caption = Text(f"{_count(len(doors), 'door')}, {_moment(door_map, tz)}", style="dim")
+    caption = Text(f"{counted(len(doors), 'door')}, {_moment(door_map, tz)}", style="dim")
     return Group(table, caption)
 
 
@@ -167,7 +176,7 @@ def _last_events(told: list[HistoryEntry], *, tz: str, names: Names) -> list[Ren
     drawn = history_table(told[-MOST_EVENTS_OF_A_DIFF:], tz=tz, names=names)
     parts: list[RenderableType] = [Text(), drawn]
     if len(told) > MOST_EVENTS_OF_A_DIFF:
-        earlier = _count(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
+        earlier = counted(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
         parts.append(Text(f"… and {earlier} before these", style="dim"))
     return [Picture(lambda _: Group(*parts), history_table(told, tz=tz, names=names))]
 
@@ -219,7 +228,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
     add_pair(table, "log id", info.log_id)
     add_pair(table, "time zone", tz)
     add_pair(table, "doors", str(len(summary.door_map)))
-    events = f"{summary.events:,} in {_count(summary.commits, 'commit')}"
+    events = f"{summary.events:,} in {counted(summary.commits, 'commit')}"
     add_pair(table, "events", Both(events, str(summary.events)))
     for kind, count in summary.counts.items():
         add_pair(table, "", Both(f"{count:>9,} {kind}", str(count)), told_name=f"events: {kind}")
@@ -229,7 +238,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
     if summary.durability:
         levels = (f"{level} {count:,}" for level, count in summary.durability.items())
         add_pair(table, "durability", ", ".join(levels))
-    size = f"{_size(summary.bytes)} in {_count(len(summary.segments), 'file')}"
+    size = f"{_size(summary.bytes)} in {counted(len(summary.segments), 'file')}"
     add_pair(table, "size", Both(size, str(summary.bytes)), told_name="bytes")
     add_pair(table, "head", summary.head.hex())
     wrong = [*summary.warnings, *_suspects(summary)]
@@ -243,7 +252,7 @@ def _suspects(summary: LogSummary) -> list[str]:
     tz = summary.info.timezone
     told = [f"suspect clock: {_suspect(suspect, tz)}" for suspect in summary.suspects]
     if len(told) > MOST_SUSPECTS:
-        more = _count(len(told) - MOST_SUSPECTS, "commit")
+        more = counted(len(told) - MOST_SUSPECTS, "commit")
         told[MOST_SUSPECTS:] = [f"suspect clock: {more} more (all: --json)"]
     return told
 
@@ -310,8 +319,9 @@ HISTORY_COLUMNS = [
 
 
 def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
-    happened = format_local(entry.happened_ns, tz)
-    return happened[:DATE_WIDTH], happened[DATE_WIDTH + 1 : 19]
+    """Return the date, and the time of day; an offset stands in a line of its own."""
+    day, _, clock = format_short(entry.happened_ns, tz).partition(" ")
+    return day, with_line_end(clock, TIME_WIDTH)
 
 
 def _text(text: str, *, style: str = "") -> Text:
@@ -413,7 +423,3 @@ def _moment(door_map: DoorMap, tz: str) -> str:
         said.append(f"as known at {format_local(door_map.known_at_ns, tz)}")
     said.append(f"up to event {door_map.event}" if door_map.event >= 0 else "no events")
     return ", ".join(said)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"

@@ -8,9 +8,9 @@ from itertools import islice
 from rich.text import Text
 
 from semmap_log.doors import DoorState
-from semmap_log.moments import DAY_NS, SECOND_NS, format_local
+from semmap_log.moments import DAY_NS, SECOND_NS, format_local, format_short
 from semmap_log.projections.timeline import Interval, Timeline
-from semmap_log.views.columns import Both, Column, ColumnTable
+from semmap_log.views.columns import Both, Column, ColumnTable, with_line_end
 from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
 
 PAGE_ROWS = 500
@@ -66,10 +66,9 @@ def duration(ns: int) -> str:
 def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> ColumnTable:
     table = ColumnTable(COLUMNS, has_head=show_header)
     for interval in intervals:
-        since, until = (format_local(ns, tz) for ns in (interval.start_ns, interval.end_ns))
+        ends = interval.start_ns, interval.end_ns
         table.add(
-            Both(since[:TIME_WIDTH], since),
-            Both(until[:TIME_WIDTH], until),
+            *(Both(_drawn_time(ns, tz), format_local(ns, tz)) for ns in ends),
             duration(interval.duration_ns),
             f"{interval.duration_ns / SECOND_NS:.3f}",
             Text(interval.state.name, style=STATE_COLOURS.get(interval.state, OTHER_STATE_COLOUR)),
@@ -77,6 +76,11 @@ def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> ColumnTab
             str(interval.event),
         )
     return table
+
+
+def _drawn_time(ns: int, tz: str) -> str:
+    """Return an instant; an offset stands in a line of its own."""
+    return with_line_end(format_short(ns, tz), TIME_WIDTH)
 
 
 COLUMNS = [

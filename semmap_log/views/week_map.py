@@ -41,7 +41,7 @@ WIDE, NARROW = 3, 2
 FULL_WIDTH = 80
 """Columns of text in which seven days stand side by side."""
 
-NAMES = [Column("", "id", right=True), Column("", "name", least=SHORTEST_NAME)]
+NAMES = [Column("", "id", right=True), Column("", "name", least=8)]
 
 
 def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
@@ -195,5 +195,5 @@ def _notes(weeks: Sequence[TypicalWeek], legend: str = LEGEND) -> list[Text]:
     first = weeks[0]
     known = moment_in_words(first.known_ns, first.tz)
     notes = [legend, f"hours of {first.tz}, by {first.estimator}, as known at {known}"]
-    notes += never_seen_lines((week.door, week.evidence) for week in weeks)
+    notes += never_seen_lines(weeks)
     return [Text(note, style="dim") for note in notes]

@@ -208,11 +208,12 @@ def test_a_narrow_terminal_leaves_columns_out_and_says_so(log: Path) -> None:
     assert "kitchen" in folded
 
 
-@pytest.mark.parametrize("columns", [40, 80])
+@pytest.mark.parametrize("columns", [30, 40, 80])
 @pytest.mark.parametrize(
     "verb",
-    [["history"], ["info"], ["diff", "event:1", "now"], ["probabilities", "--by", "hour"],
-     ["probabilities", "--by", "weekday"], ["probabilities"], ["timeline", "1"]],
+    [["history"], ["info"], ["tail"], ["replay"], ["show", "1"], ["diff", "event:1", "now"],
+     ["probabilities", "--by", "hour"], ["probabilities", "--by", "weekday"], ["probabilities"],
+     ["timeline", "1"]],
     ids=_name_of,
 )  # fmt: skip
 def test_tables_fit_any_terminal(log: Path, verb: list[str], columns: int) -> None:
@@ -220,8 +221,11 @@ def test_tables_fit_any_terminal(log: Path, verb: list[str], columns: int) -> No
     What is drawn is no wider than the terminal, so that it does not break rows; only a command
     line, which is to be pasted, is whole.
     """
-    drawn, _ = _in_terminal(columns, verb[0], log, *verb[1:])
+    drawn, left_out = _in_terminal(columns, verb[0], log, *verb[1:])
 
+    if verb[0] in {"history", "diff", "tail"}:
+        assert "canteen" in "".join(drawn.split())
+        assert "what" not in left_out
     wide = [line for line in _plain(drawn).splitlines() if len(line.rstrip()) > columns]
     assert [] == [line for line in wide if not line.startswith("  semmap-log ")]
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from rich.cells import cell_len
 
 import semmap_log as sl
 from semmap_log.cli import main
@@ -32,13 +33,23 @@ def office(tmp_path: Path) -> Path:
     return path
 
 
-def _lines(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
+def _said(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[str, str]:
     with pytest.raises(SystemExit, match=r"^0$"):
         main(["tail", *map(str, arguments)])
-    return capsys.readouterr().out.splitlines()
+    return capsys.readouterr()
 
 
-@pytest.mark.usefixtures("terminal")
+def _lines(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
+    return _said(capsys, *arguments)[0].splitlines()
+
+
+@pytest.fixture
+def wide_terminal(terminal: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal in which each event has room in a line."""
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.mark.usefixtures("wide_terminal")
 def test_ten_lines_unless_told_otherwise(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     Number, time in the log's zone, the door's name, what; robot poses only if asked for.
@@ -54,7 +65,7 @@ def test_ten_lines_unless_told_otherwise(office: Path, capsys: pytest.CaptureFix
     assert "robot at 1.00, 2.00" in _lines(capsys, office, "-n", 1, "--poses")[0]
 
 
-@pytest.mark.usefixtures("terminal")
+@pytest.mark.usefixtures("wide_terminal")
 def test_who_and_why_stand_in_brackets(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     As the commit says it, behind each of its events.
@@ -64,7 +75,7 @@ def test_who_and_why_stand_in_brackets(office: Path, capsys: pytest.CaptureFixtu
     assert lines[0].endswith("added without a place, UNKNOWN  [survey: first round]")
 
 
-@pytest.mark.usefixtures("terminal")
+@pytest.mark.usefixtures("wide_terminal")
 def test_the_last_of_one_door(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     By its name, however far back its events lie.
@@ -152,3 +163,81 @@ def test_a_closed_pipe_ends_it(office: Path) -> None:
         process.stdout.close()
 
         assert READER_GONE == process.wait(timeout=DEADLINE_S)
+
+
+@pytest.mark.usefixtures("terminal")
+@pytest.mark.parametrize("columns", [24, 40, 80])
+def test_no_line_is_wider_than_the_terminal(
+    office: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    columns: int,
+) -> None:
+    """
+    What has no room goes on below, indented, and nothing of it is lost.
+    """
+    monkeypatch.setenv("COLUMNS", "1000")
+    whole = _lines(capsys, office, "--after", -1)
+    monkeypatch.setenv("COLUMNS", str(columns))
+
+    folded = _lines(capsys, office, "--after", -1)
+
+    assert max(map(len, folded)) <= columns
+    assert "".join("".join(whole).split()) == "".join("".join(folded).split())
+    begins = [line for line in folded if line.split()[0].isdecimal()]
+    assert len(whole) == len(begins)
+    assert set() == {line[:4].strip() for line in folded if line not in begins} - {""}
+
+
+@pytest.mark.usefixtures("wide_terminal")
+def test_names_of_wide_letters_stand_in_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A terminal shows a Chinese letter two columns wide.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        for name in ("front", "正面入口"):
+            log.observe(log.add_door(name=name), "open")
+
+    seen = [line for line in _lines(capsys, tmp_path / "log") if "seen OPEN" in line]
+
+    first, second = (cell_len(line.partition("seen OPEN")[0]) for line in seen)
+    assert first == second
+
+
+@pytest.mark.parametrize("more", [[], ["--json"], ["--after", -1]], ids=str)
+def test_an_empty_log_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[object]
+) -> None:
+    """
+    On stderr, with what to do: nobody waits for lines that cannot come.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+
+    out, told = _said(capsys, tmp_path / "log", *more)
+
+    assert out.count("\n") <= 1
+    assert told.startswith("The log has no events yet.")
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (["--after", 24], "no events behind 24; the last of the log is 24."),
+        (
+            ["--door", "front", "--after", 23],
+            "no events about door front behind 23; the last of the log is 24.",
+        ),
+        (["-n", 0], ""),
+        (["-n", 1], ""),
+    ],
+    ids=str,
+)
+def test_who_asks_for_what_is_not_there_is_told(
+    tmp_path: Path, office: Path, capsys: pytest.CaptureFixture[str], asked: list[object], told: str
+) -> None:
+    """
+    And how far the log goes.
+    """
+    assert told == _said(capsys, office, *asked)[1].strip()

@@ -6,6 +6,7 @@ import io
 import re
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from semmap_log.day import SLOT_NS, Day, DoorDay
@@ -28,11 +29,13 @@ def day_of(*doors: tuple[str, list[float]]) -> Day:
     return Day("Europe/Vienna", MIDNIGHT_NS + SLOT_NS * np.arange(49), made)
 
 
-def printed(day: Day, most: int | None = None, *, colours: bool = False) -> list[str]:
-    """Return the lines as an 80-column terminal has them."""
+def printed(
+    day: Day, most: int | None = None, *, colours: bool = False, width: int = 80
+) -> list[str]:
+    """Return the lines as a terminal has them."""
     out = io.StringIO()
     system = "standard" if colours else None
-    Console(file=out, width=80, force_terminal=colours, color_system=system).print(
+    Console(file=out, width=width, force_terminal=colours, color_system=system).print(
         day_chart(day, most)
     )
     return out.getvalue().splitlines()
@@ -100,3 +103,25 @@ def test_colours_say_the_same() -> None:
     _, row, _ = printed(day_of(("front", [0.9, 0.1, np.nan])), colours=True)
 
     assert [("32", "▇"), ("31", "▂"), ("33", "·")] == re.findall("\x1b\\[(3.)m(.)", row)
+
+
+@pytest.mark.parametrize(("width", "bars"), [(80, 47), (50, 24), (30, 12), (22, 6)])
+def test_a_day_of_47_half_hours_has_bars_in_any_width(width: int, bars: int) -> None:
+    """
+    Lord Howe's clocks change by half an hour: the last bar stands for what is left of the day.
+    """
+    begin_ns = 1_759_584_600 * 10**9
+    open_till_noon = np.array([1.0] * 23 + [0.0] * 24)
+    shares = TimeShares(open_till_noon, np.ones(47), np.ones(47))
+    day = Day(
+        "Australia/Lord_Howe", begin_ns + SLOT_NS * np.arange(48),
+        [DoorDay(DoorId(1), "front", 2, shares)],
+    )  # fmt: skip
+
+    head, row, *_ = printed(day, width=width)
+    drawn = row[len(head.split()[0]) + 1 :]
+
+    assert head.startswith("2025-10-05 00")
+    assert bars == len(drawn)
+    assert ("█", "▁") == (drawn[0], drawn[-1])
+    assert len(head.rstrip()) <= width

@@ -141,6 +141,24 @@ def test_the_history_table(tmp_path: Path) -> None:
     )
 
 
+def test_a_history_tells_apart_what_the_clocks_show_twice(tmp_path: Path) -> None:
+    """
+    In the hour that comes twice a time has its offset below; elsewhere none.
+    """
+    with sl.create(tmp_path / "log", tz="Europe/Vienna") as log:
+        door = log.add_door(name="front", at="2025-10-26T01:30")
+        for offset in ("+02:00", "+01:00"):
+            log.observe(door, "open", at=f"2025-10-26T02:30:00{offset}")
+
+    text = printed(history_table(sl.read(tmp_path / "log").history(), tz="Europe/Vienna"))
+    times = [line[7:17].strip() for line in text.splitlines()[1:]]
+
+    day, *clocks = [time for time in times if time]
+    assert "2025-10-26" == day
+    assert ["02:30:00", "+02:00", "02:30:00", "+01:00"] == clocks[-4:]
+    assert {"01:30:00"} == set(clocks[:-4])
+
+
 def test_pages_of_a_long_history_line_up(tmp_path: Path) -> None:
     """
     Printed one by one, as a long history must be, they are the table; one head for all.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -102,3 +103,26 @@ def test_a_length_of_time_in_its_largest_unit_and_the_next(ns: int, expected: st
     Short ones to the millisecond.
     """
     assert expected == duration(ns)
+
+
+def test_the_hour_that_comes_twice_is_told_apart() -> None:
+    """
+    By the offset, in a line of its own: the columns stay as narrow as ever.
+    """
+    timeline = replace(
+        lasting((HOUR, DoorState.OPEN), (30 * MINUTE, DoorState.CLOSED)),
+        start_ns=np.array([1_761_438_600, 1_761_442_200]) * SECOND,
+        end_ns=np.array([1_761_442_200, 1_761_444_000]) * SECOND,
+    )
+
+    text = printed(*timeline_pages(timeline, tz="Europe/Vienna"))
+
+    assert (
+        """\
+since               until                    lasted state    seen     event
+2025-10-26 02:30:00 2025-10-26 02:30:00         1 h OPEN        1         0
++02:00              +01:00
+2025-10-26 02:30:00 2025-10-26 03:00:00      30 min CLOSED      2      1000
++01:00"""
+        == text
+    )

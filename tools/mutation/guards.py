@@ -21,6 +21,7 @@ from mutation.mutant import Mutant
 from mutation.newer_guards import NEWER
 from mutation.picture_guards import PICTURES
 from mutation.ros_mapping_guards import ROS_MAPPING
+from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
 
 LOG = "semmap_log/log/"
@@ -354,6 +355,6 @@ BROUGHT_BACK = (
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
-    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
+    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS,
 )  # fmt: skip

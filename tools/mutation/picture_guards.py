@@ -168,7 +168,7 @@ REPORTS = (
           "if fits and all(", "if fits or all(", AXIS),
     _axis("a day that was left out has no tick", "time_axis.py",
           "and self.clock.day(at_ms) < next_day:", "and next_day:", AXIS),
-    _recording("a name of which a letter cannot be drawn gives way", "rerun/drawable.py",
+    _recording("a name of which a letter cannot be drawn gives way", "drawable_names.py",
                'category(c)[0] in "LMN" and', 'category(c)[0] in "" and', DRAWABLE),
     _recording("an empty log says what to do", "rerun/nothing.py",
                "if scene.doors:", "if not scene.doors:", RECORDING),

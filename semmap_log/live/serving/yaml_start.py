@@ -19,6 +19,7 @@ from semmap_log.formats.importing import differences
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
 from semmap_log.importing import ImportOptions, command_id_of, import_file, plan_thesis_yaml
 from semmap_log.live.serving.door_server import SAVED_FORMAT
+from semmap_log.wording import counted
 
 MOST_SAVES = 20
 """So many of the last files that were saved are compared."""
@@ -56,7 +57,7 @@ def start_with_yaml(
         return [*plan.summary, *left_out, *(f"warning: {text}" for text in plan.warnings)]
     found = list(_differing(table, log.door_map(), default_prob))
     if not found:
-        return [f"{path}: {len(table.doors)} doors, as in the log."]
+        return [f"{path}: {counted(len(table.doors), 'door')}, as in the log."]
     if replace:
         return _replace(log, table, found, level)
     if _is_known(log, table, level, default_prob):

@@ -37,6 +37,7 @@ from semmap_log.log.reading.live_scan import LiveScan, go_on, head_records, scan
 from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.segment_head import last_commit_in, stored_head
 from semmap_log.log.walking import frames
+from semmap_log.wording import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +178,8 @@ class Segment:
         """
         spans = self._spans if self.live is None else self.live.spans[: self.live.whole]
         if len(spans) != len(self.chunks):
-            problem = f"its index tells of {len(spans)} chunks; there are {len(self.chunks)}"
+            told = counted(len(spans), "chunk")
+            problem = f"its index tells of {told}; there are {len(self.chunks)}"
             raise CorruptLogError(self.path, self.whole_end, problem)
         return spans
 

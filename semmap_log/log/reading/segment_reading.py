@@ -25,6 +25,7 @@ from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_head import last_commit_in
 from semmap_log.log.reading.window import numbers_of
 from semmap_log.log.walking import ChunkDamage
+from semmap_log.wording import counted
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
@@ -148,7 +149,8 @@ def _check_numbers(
     shift = firsts - np.cumsum(counts) + counts
     expected = np.arange(len(batch)) + np.repeat(shift, counts)[: len(batch)]
     if len(batch) != counts.sum() or (batch.number != expected).any():
-        problem = f"expected {int(counts.sum())} events from {int(firsts[0])} on, got others"
+        wanted = counted(int(counts.sum()), "event")
+        problem = f"expected {wanted} from {int(firsts[0])} on, got others"
         raise CorruptLogError(page.path, page.offset, problem)
 
 

@@ -23,6 +23,7 @@ from semmap_log.log.reading.segment_reading import page_at
 from semmap_log.log.reading.window import Window, numbers_of
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
+from semmap_log.wording import counted
 
 
 def state_at(
@@ -75,7 +76,7 @@ class _Search:
         unused: list[str] = []
         found = self._nearest(unused)
         if unused:
-            others = f"; nor are {len(unused) - 1} others" if len(unused) > 1 else ""
+            others = f"; nor {counted(len(unused) - 1, 'other')}" if len(unused) > 1 else ""
             warnings.warn(KeyframeWarning(unused[0] + others), stacklevel=3)
         return found
 

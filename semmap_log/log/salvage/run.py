@@ -21,6 +21,7 @@ from semmap_log.log.salvage.writing import NewLog
 from semmap_log.log.verification import Progress, Verifier, verify
 from semmap_log.log.verification.folder import arrange
 from semmap_log.log.zipped import refuse_zip
+from semmap_log.wording import counted
 
 MOST_NAMED = 20
 """Losses that the note of the new log's last commit names one by one."""
@@ -173,7 +174,7 @@ def _write(found: Survey, new: NewLog, clock: Clock, entropy: Entropy) -> None:
         raise
     made = verify(new.folder.path)
     if made.exit_code != 0 or made.events != found.events + 1:
-        first = made.findings[0].text if made.findings else f"{made.events} events"
+        first = made.findings[0].text if made.findings else counted(made.events, "event")
         raise CorruptLogError(
             new.folder.path, 0, f"the new log is not good: {first}; the old one is kept"
         )

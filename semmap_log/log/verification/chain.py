@@ -21,6 +21,7 @@ from semmap_log.log.records import MESSAGE
 from semmap_log.log.verification.findings import Finding, Severity
 from semmap_log.log.verification.pieces import Message, Piece
 from semmap_log.messages import deserialize, layout, type_name
+from semmap_log.wording import counted
 
 Report = Callable[[Finding], None]
 _NO_NOTE = Note()
@@ -261,7 +262,8 @@ class Chain:
         self.last_seen = max(self.last_seen, min(first + count, 2**63) - 1)
         if (first, count) != (pending.first_event, pending.count):
             got = f"{pending.count} from {pending.first_event} on"
-            pending.wrong(f"the commit has {count} events from {first} on, but {got} are here")
+            has = counted(count, "event")
+            pending.wrong(f"the commit has {has} from {first} on, but {got} are here")
         if not count:
             pending.wrong("a commit without events")
         if (sequence - first - count + 1) % SEQUENCE_RANGE or log_ns != publish_ns:

@@ -39,6 +39,7 @@ from semmap_log.log.verification.keyframes import KeyframeCheck, Place
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, Gap, SegmentWalk
 from semmap_log.log.zipped import is_zip, unpacked
+from semmap_log.wording import counted
 
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in all)."""
@@ -296,7 +297,8 @@ class Verifier:
             self.chain.wrong("chunk", self._current, at, text)
         elif at == len(data):
             if unfinished:
-                text = f"a commit that was not finished: {unfinished} events without their Commit"
+                events = counted(unfinished, "event")
+                text = f"a commit that was not finished: {events} without a Commit"
                 self._torn(at, at, text)
         elif contents.is_complete and is_torn_closing(data, at, contents):
             self._torn(at, len(data), "the closing was not finished")
@@ -410,7 +412,8 @@ class Verifier:
                         yield item
 
     def _torn(self, start: int, end: int, text: str) -> None:
-        lost = f"{end - start} bytes behind the last whole commit: " if end > start else ""
+        behind = f"{counted(end - start, 'byte')} behind the last whole commit: "
+        lost = behind if end > start else ""
         finding = Finding("torn", Severity.TORN, self._current, start, None, f"{lost}{text}")
         self.findings.append(finding)
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
+from semmap_log.wording import counted
 
 DAYS, HOURS = 7, 24
 WEEK = (DAYS, HOURS)
@@ -87,7 +88,7 @@ def spans_in_short(hours: WeekMask) -> str:
     """
     said, rest = _regular(hours)
     if more := int(np.count_nonzero(rest)):
-        said.append(f"{more} {'more ' * bool(said)}hour{'' if more == 1 else 's'} of the week")
+        said.append(f"{counted(more, 'more hour' if said else 'hour')} of the week")
     return "; ".join(said)
 
 

@@ -14,6 +14,7 @@ from semmap_log.probabilities.scores import BINS, Reliability, Scores
 from semmap_log.views.evaluation_table import known_in_words
 from semmap_log.views.event_words import printable
 from semmap_log.views.plots.sdk import new_figure, save_figure
+from semmap_log.wording import counted
 
 PANEL_IN, ROW_IN = 2.6, 3.5
 HEAD_IN, FOOT_IN = 0.5, 0.3
@@ -117,7 +118,7 @@ def _draw_counts(panel: Any, found: Reliability, most: float) -> None:
 
 def _title(evaluation: Evaluation, name: str) -> str:
     doors = len(evaluation.doors)
-    of = "" if doors == 1 else f", {doors} doors"
+    of = "" if doors == 1 else f", {counted(doors, 'door')}"
     called = printable(name).replace("$", r"\$")
     return f"Forecast, and what came: {called}{of}\n{known_in_words(evaluation)}"
 

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.doors import DoorId, DoorState, reduced
-from semmap_log.moments import DAY_NS, format_local
+from semmap_log.moments import DAY_NS, format_short
 from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
 from semmap_log.projections.timeline import Timeline, Times
+from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import DEFAULT, Palette, Rgb
-from semmap_log.views.plots.sdk import new_figure, patches, save_figure
+from semmap_log.views.plots.sdk import has_shape, letters_of, new_figure, patches, save_figure
 from semmap_log.views.time_axis import WallClock, time_ticks
 from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
@@ -41,7 +42,6 @@ ROUND_HEIGHT = 0.5
 LANE_FLOOR = 0.4
 """Below the middle of its lane, where a bar stands."""
 NAME_LETTERS = 34
-MINUTES = len("2026-03-02 08:00")
 LETTER_IN = 0.074
 """Mean width of a letter in small print."""
 
@@ -92,7 +92,7 @@ class Lanes:
         end_ns = max(times, default=0) if until_ns is None else until_ns
         return cls(
             there,
-            log.door_names(),
+            log.door_labels(),
             [each for each in driven if each.overlaps(start_ns, end_ns)],
             int(start_ns),
             int(end_ns),
@@ -113,11 +113,11 @@ def plot_lanes(lanes: Lanes, path: Path, palette: Palette = DEFAULT) -> None:
         FormatError: The name ends in neither .png nor .svg.
         OutputError: The file cannot be written; what was there stays.
     """
-    save_figure(draw_lanes(lanes, palette), path)
+    save_figure(draw_lanes(lanes, palette, letters_of(path)), path)
 
 
-def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT) -> Any:
-    """Return the figure."""
+def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT, letters: HasShape = has_shape) -> Any:
+    """Return the figure; a door is called by its id where a letter of its name has no shape."""
     robots = sorted({each.actor for each in lanes.rounds})
     count = len(robots) + len(lanes.doors)
     lane_in = LOW_LANE_IN if count >= MANY_LANES else TALL_LANE_IN
@@ -129,8 +129,11 @@ def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT) -> Any:
         _draw_rounds(panel, place, own, lanes, palette)
     for place, timeline in enumerate(lanes.doors.values(), len(robots)):
         _draw_door(panel, place, timeline, lanes, palette)
-    labels = [f"rounds of {robot}" if robot else "rounds" for robot in robots]
-    labels += [lanes.names.get(door_id, str(door_id)) for door_id in lanes.doors]
+    labels = [
+        f"rounds of {drawable_name(robot, f'robot {place}', letters)}" if robot else "rounds"
+        for place, robot in enumerate(robots, 1)
+    ]
+    labels += [drawable_name(lanes.names.get(n, ""), str(n), letters) for n in lanes.doors]
     small = "xx-small" if count >= MANY_LANES else "small"
     panel.set_yticks(np.arange(count), [_short(label) for label in labels], fontsize=small)
     panel.set_ylim(count - 0.5, -0.5)
@@ -200,7 +203,8 @@ def _time_along(panel: Any, lanes: Lanes) -> None:
 
 
 def _explain(figure: Any, panel: Any, lanes: Lanes, palette: Palette, *, has_rounds: bool) -> None:
-    start, end = (format_local(ns, lanes.tz)[:MINUTES] for ns in (lanes.start_ns, lanes.end_ns))
+    ends = lanes.start_ns, lanes.end_ns
+    start, end = (format_short(ns, lanes.tz, seconds=False) for ns in ends)
     panel.set_title(f"{start} to {end} ({lanes.tz})", fontsize="medium", loc="left")
     colours = {
         "open": palette.open, "closed (half as high)": palette.closed,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from semmap_log.errors import FormatError, MissingExtraError
 from semmap_log.log.disk import output_errors, whole_file
+from semmap_log.views.drawable_names import HasShape
 
 try:
     import matplotlib as mpl
@@ -17,7 +19,15 @@ try:
 except ImportError:
     raise MissingExtraError("matplotlib", "plots") from None
 
-__all__ = ["Figure", "mpl", "new_figure", "patches", "save_figure"]
+__all__ = [
+    "Figure",
+    "has_shape",
+    "letters_of",
+    "mpl",
+    "new_figure",
+    "patches",
+    "save_figure",
+]
 
 FORMATS = (".png", ".svg")
 DPI = 120
@@ -59,14 +69,43 @@ def save_figure(figure: Any, path: Path) -> None:
         mpl.rc_context(SVG_STYLE),
         warnings.catch_warnings(),
     ):
-        # A letter that no font has is a box in the picture; in an .svg it stays a letter.
+        # Names have no such letter; of a zone or a robot it may be a box in the picture.
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
         figure.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
 
 
 def _add_letters(figure: Any) -> None:
     """Let words be written in fonts that are here, where the usual one lacks their letters."""
+    families = _families()
+    for words in figure.findobj(text.Text) if len(families) > 1 else []:
+        words.set_fontfamily(families)
+
+
+def letters_of(path: Path) -> HasShape:
+    """Return what tells whether a picture of that name has a shape for a character.
+
+    In an .svg a letter stays a letter: who shows it takes a font that has it.
+    """
+    return _has_any_shape if path.suffix == ".svg" else has_shape
+
+
+@cache
+def has_shape(character: str) -> bool:
+    """Tell whether a font that is here has a shape for a character."""
+    return any(font.get_char_index(ord(character)) for font in _fonts())
+
+
+def _has_any_shape(_: str) -> bool:
+    return True
+
+
+@cache
+def _families() -> list[str]:
     here = set(font_manager.get_font_names())
-    more = [name for name in MORE_FONTS if name in here]
-    for words in figure.findobj(text.Text) if more else []:
-        words.set_fontfamily([*mpl.rcParams["font.family"], *more])
+    return [*mpl.rcParams["font.family"], *(name for name in MORE_FONTS if name in here)]
+
+
+@cache
+def _fonts() -> list[Any]:
+    wanted = (font_manager.FontProperties(family=[family]) for family in _families())
+    return [font_manager.get_font(font_manager.findfont(each)) for each in wanted]

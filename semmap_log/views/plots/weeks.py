@@ -12,13 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.typical_week import By, Pattern, TypicalWeek
-from semmap_log.moments import format_local
+from semmap_log.door_labels import told_apart
+from semmap_log.moments import format_short
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
 from semmap_log.probabilities.forecast import INTERVAL
 from semmap_log.views.belief_words import why_unknown
+from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
-from semmap_log.views.plots.sdk import new_figure, save_figure
+from semmap_log.views.plots.sdk import has_shape, letters_of, new_figure, save_figure
 from semmap_log.views.week_shades import COLOUR_MAP
+from semmap_log.wording import counted
 
 WIDE_IN = 8.0
 """Of a picture of one door; a column of several is `NARROW_IN` wide."""
@@ -29,6 +32,8 @@ IN_A_ROW = 3
 BAR_IN = 4.0
 """Length of the bar of colours, at most."""
 HEAD_IN, FOOT_IN = 0.75, 0.75
+MOST_PANELS = 150
+"""As many doors as have lanes on one page of the report; more would take minutes."""
 UNSURE = 0.5
 """A cell whose interval is wider than that bears a dot."""
 HATCH = "////"
@@ -36,14 +41,13 @@ HATCH_GREY, NOTHING_GREY = "#9a9a9a", "#f0f0f0"
 LINE = "#31688e"
 EVERY_HOURS = 3
 TITLE_LETTERS = 38
-MINUTES = len("2026-03-02 08:00")
 
 
 def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> None:
     """Draw a panel for each door into a .png or .svg.
 
     Args:
-        weeks: At least one door's.
+        weeks: At least one door's; of more than `MOST_PANELS` the first are drawn.
         path: The file; what is there is replaced once the new one is whole.
         by: Typical hours and weekdays as lines with their interval, weeks as maps of colours.
 
@@ -52,11 +56,12 @@ def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> Non
         FormatError: The name ends in neither .png nor .svg.
         OutputError: The file cannot be written; what was there stays.
     """
-    save_figure(draw_weeks(weeks, by), path)
+    save_figure(draw_weeks(weeks, by, letters_of(path)), path)
 
 
-def draw_weeks(weeks: Sequence[TypicalWeek], by: By) -> Any:
-    """Return the figure."""
+def draw_weeks(weeks: Sequence[TypicalWeek], by: By, letters: HasShape = has_shape) -> Any:
+    """Return the figure; a door is called by its id where a letter of its name has no shape."""
+    in_all, weeks = len(weeks), weeks[:MOST_PANELS]
     columns = len(weeks) if len(weeks) <= IN_A_ROW else math.ceil(math.sqrt(0.75 * len(weeks)))
     columns = min(MOST_COLUMNS, columns)
     rows = math.ceil(len(weeks) / columns)
@@ -68,8 +73,10 @@ def draw_weeks(weeks: Sequence[TypicalWeek], by: By) -> Any:
         "week": _draw_week, "hour": _draw_hours, "weekday": _draw_weekdays
     }[by]  # fmt: skip
     shown = None
+    labels = told_apart((week.door, week.level_name) for week in weeks)
     for panel, week in zip(panels, weeks, strict=False):
-        panel.set_title(_title(week), fontsize="medium", loc="left")
+        label = labels.get(week.door.door_id, week.door.label)
+        panel.set_title(_title(week, label, letters), fontsize="medium", loc="left")
         shown = draw(panel, week) or shown
     for panel in panels[len(weeks) :]:
         panel.set_axis_off()
@@ -77,9 +84,16 @@ def draw_weeks(weeks: Sequence[TypicalWeek], by: By) -> Any:
         shrink = min(0.8, BAR_IN / (rows * low))
         figure.colorbar(shown, ax=panels, label="P(open)", shrink=shrink, aspect=25, pad=0.01,
                         anchor=(0.0, 1.0))  # fmt: skip
-    figure.suptitle(_heading(weeks[0], by), fontsize="medium")
+    more = f"; {drawn_of(in_all)}" if in_all > len(weeks) else ""
+    figure.suptitle(f"{_heading(weeks[0], by)}{more}", fontsize="medium")
     figure.supxlabel(_key(weeks[0], by), fontsize="small")
     return figure
+
+
+def drawn_of(doors: int) -> str:
+    """Return in words how many of so many doors are drawn."""
+    first = f"the first {MOST_PANELS} of " if doors > MOST_PANELS else ""
+    return f"{first}{counted(doors, 'door')}"
 
 
 def _draw_week(panel: Any, week: TypicalWeek) -> Any:
@@ -141,16 +155,17 @@ def _up(panel: Any) -> None:
     panel.set_ylabel("P(open)", fontsize="small")
 
 
-def _title(week: TypicalWeek) -> str:
+def _title(week: TypicalWeek, label: str, letters: HasShape) -> str:
     """Return what the door is called, in lines short enough for its panel."""
-    label = printable(week.door.label).replace("$", r"\$")
+    name = drawable_name(label, f"door {week.door.door_id}", letters)
+    label = printable(name).replace("$", r"\$")
     said = label if week.is_known else f"{label}: UNKNOWN, {why_unknown(week.evidence)}"
     return textwrap.fill(said, TITLE_LETTERS, break_long_words=True)
 
 
 def _heading(week: TypicalWeek, by: By) -> str:
     what = {"week": "a typical week", "hour": "a typical day", "weekday": "the days of the week"}
-    known = format_local(week.known_ns, week.tz)[:MINUTES]
+    known = format_short(week.known_ns, week.tz, seconds=False)
     return f"P(open) over {what[by]}\nby {week.estimator}, as known at {known}"
 
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Collection, Iterable
 
+from semmap_log.views import drawable_names
+
 BOX = "□"
 """Stands for a character that the viewer cannot draw."""
 
@@ -50,16 +52,8 @@ def drawable(text: str) -> str:
 
 
 def drawable_name(name: str, stand_in: str) -> str:
-    """Return a name as the viewer can draw it; what stands for it if a letter is missing.
-
-    Of a name in part drawn nobody could tell which door it is: two rooms may differ in just the
-    letters that are missing. Other signs, such as emoji, are left out.
-    """
-    composed = unicodedata.normalize("NFC", name)
-    if any(unicodedata.category(c)[0] in "LMN" and not _is_drawn(c) for c in composed):
-        return stand_in
-    kept = " ".join("".join(c if _is_drawn(c) else " " for c in composed).split())
-    return kept if any(map(str.isalnum, kept)) else stand_in
+    """Return a name as the viewer can draw it; what stands for it if a letter is missing."""
+    return drawable_names.drawable_name(name, stand_in, _is_drawn)
 
 
 def is_drawable_name(name: str) -> bool:

@@ -19,6 +19,7 @@ from semmap_log.meaning import Changed
 from semmap_log.projections.door_changes import Changes
 from semmap_log.views.excerpt.door_rows import NO_STATE, by_door
 from semmap_log.views.rerun.scene import Scene, SceneDoor
+from semmap_log.wording import counted
 
 FULL_UP_TO = 50_000
 """Events."""
@@ -40,9 +41,9 @@ class LeftOut:
         """Return it in words; empty: everything is there."""
         parts = []
         if self.repeats:
-            parts.append(f"{self.repeats:,} lines of sightings that repeat a state")
+            parts.append(f"{counted(self.repeats, 'line')} of sightings that repeat a state")
         if self.poses:
-            parts.append(f"{self.poses:,} poses close to others")
+            parts.append(f"{counted(self.poses, 'pose')} close to others")
         return f"without {' and '.join(parts)}" if parts else ""
 
 

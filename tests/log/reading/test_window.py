@@ -155,7 +155,7 @@ def test_events_that_are_not_those_of_the_index_are_damage(
     spans["events"] += np.array([1, 0])
     monkeypatch.setitem(vars(segment), "_spans", spans)
 
-    with pytest.raises(CorruptLogError, match="expected 1 events from 1 on"):
+    with pytest.raises(CorruptLogError, match="expected 1 event from 1 on"):
         list(reader.batches(Window(first_event=0)))
 
 

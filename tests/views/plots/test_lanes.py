@@ -19,6 +19,7 @@ from semmap_log.moments import DAY_NS, HOUR_NS
 from semmap_log.projections.timeline import Timeline
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
 from semmap_log.views.plots.lanes import MOST_INTERVALS, Lanes, draw_lanes, plot_lanes
+from semmap_log.views.plots.sdk import letters_of
 from tests.conftest import SteadyClock
 
 OFFICE = Path(__file__).parents[3] / "recordings" / "office"
@@ -216,3 +217,23 @@ def test_the_axis_is_true_where_clocks_are_turned_back(tmp_path: Path) -> None:
     assert [30 * n for n in range(9)] == np.rint(at).tolist()
     edges = [edge for label in shown for edge in label.get_window_extent().intervalx]
     assert edges == sorted(edges)
+
+
+def test_a_name_without_letters_gives_way_to_the_number(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    In a .png, of doors and of robots; an .svg keeps what it is told.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([PatrolStarted(patrol=1)], note=Note(actor="\U00013002"))
+        for name in ("front", "\U00013000\U00013001", "Tür 2 🚪"):
+            log.annotate(log.add_door(), "name", name)
+        lanes = Lanes.of(log)
+
+    png, svg = (
+        [label.get_text() for label in draw_lanes(lanes, letters=letters).axes[0].get_yticklabels()]
+        for letters in (letters_of(Path("x.png")), letters_of(Path("x.svg")))
+    )
+
+    assert ["rounds of robot 1", "front", "2"] == png[:3]
+    assert png[3].startswith("Tür 2")
+    assert ["rounds of \U00013002", "front", "\U00013000\U00013001", "Tür 2 🚪"] == svg

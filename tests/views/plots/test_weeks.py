@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +14,10 @@ import pytest
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
+from semmap_log.doors import DoorId
 from semmap_log.errors import FormatError, MissingExtraError, OutputError
-from semmap_log.views.plots.weeks import UNSURE, draw_weeks, plot_weeks
+from semmap_log.views.plots.sdk import letters_of
+from semmap_log.views.plots.weeks import MOST_PANELS, UNSURE, draw_weeks, plot_weeks
 from tests.beliefs.patrolled import patrolled
 
 
@@ -115,3 +120,46 @@ def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[plots\]'"):
         import semmap_log.views.plots.weeks  # noqa: F401
+
+
+def test_a_name_without_letters_gives_way_to_the_number(weeks: list[TypicalWeek]) -> None:
+    """
+    In a .png, whose fonts have no hieroglyphs; an .svg keeps them, for whoever has the font.
+    """
+    door = replace(weeks[0].door, annotations={"name": "\U00013000 hall"})
+    hieroglyph = replace(weeks[0], door=door)
+
+    png, svg = (
+        draw_weeks([hieroglyph], "week", letters_of(Path(name))).axes[0].get_title(loc="left")
+        for name in ("x.png", "x.svg")
+    )
+
+    assert (f"door {door.door_id}", "\U00013000 hall") == (png, svg)
+
+
+def test_of_hundreds_of_doors_the_first_are_drawn_and_counted(weeks: list[TypicalWeek]) -> None:
+    """
+    As many as have lanes on a page of the report; it says how many there are.
+    """
+    page = resources.files("semmap_log.views.report").joinpath("page")
+    lanes = re.search(
+        r"LANES_ON_A_PAGE = (\d+)", page.joinpath("lanes.js").read_text(encoding="utf-8")
+    )
+
+    figure = draw_weeks([weeks[0]] * (MOST_PANELS + 50), "weekday")
+
+    assert lanes is not None
+    assert int(lanes[1]) == MOST_PANELS
+    assert MOST_PANELS == sum(panel.get_title(loc="left") == "front" for panel in figure.axes)
+    assert figure.get_suptitle().endswith(f"; the first {MOST_PANELS} of {MOST_PANELS + 50} doors")
+
+
+def test_titles_tell_doors_of_one_name_apart(weeks: list[TypicalWeek]) -> None:
+    """
+    By their levels.
+    """
+    other = replace(weeks[0], door=replace(weeks[0].door, door_id=DoorId(77)), level_name="L2")
+
+    figure = draw_weeks([replace(weeks[0], level_name="L1"), other], "week")
+
+    assert ["L1/front", "L2/front"] == [p.get_title(loc="left") for p in figure.axes[:2]]

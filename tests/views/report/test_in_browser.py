@@ -15,6 +15,8 @@ import pytest
 from PIL import Image
 
 import semmap_log as sl
+from semmap_log.doors import DoorId
+from semmap_log.events import DoorAdded
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
 from semmap_log.views.report.report import report
 from tests.browser import Page, a_page, as_url
@@ -54,6 +56,30 @@ def go_to(page: Page, t: int) -> None:
         f"(s => {{ s.value = {t}; s.dispatchEvent(new Event('input', {{bubbles: true}})) }})"
         "(document.getElementById('slider'))"
     )
+
+
+SEEN_DOORS = """
+    const doors = [...document.querySelectorAll('.level:not(.behind) .door:not(.gone)')].map(d => {
+      const [x1, y1, x2, y2] = ['x1', 'y1', 'x2', 'y2']
+        .map(name => +d.querySelector('.leaf').getAttribute(name));
+      return {id: d.dataset.id, x: (x1 + x2) / 2, y: (y1 + y2) / 2, ends: [[x1, y1], [x2, y2]]};
+    });
+    const [, , width, height] = document.querySelector('.level:not(.behind) svg')
+      .getAttribute('viewBox').split(' ').map(Number);
+    const seen = doors.filter(d => d.x >= 0 && d.y >= 0 && d.x <= width && d.y <= height);
+"""
+DOORS_IN_SIGHT = f"(() => {{ {SEEN_DOORS} return seen.length }})()"
+NEAREST_DOORS = f"""(() => {{ {SEEN_DOORS}
+    return [...document.querySelectorAll('.level:not(.behind) .labels text')].map(label => {{
+      const box = label.getBBox();
+      const far = ([x, y]) => Math.hypot(Math.max(box.x - x, 0, x - box.x - box.width),
+                                         Math.max(box.y - y, 0, y - box.y - box.height));
+      const gap = d => Math.min(far([d.x, d.y]), ...d.ends.map(far));
+      const nearest = doors.reduce((best, d) => (gap(d) < gap(best) ? d : best));
+      return [label.textContent, nearest.id];
+    }});
+}})()"""
+"""What each label says, and the id of the door that it is nearest to."""
 
 
 def rows(page: Page) -> dict[int, str]:
@@ -371,6 +397,31 @@ def test_labels_do_not_cover_each_other(page: Page, tmp_path: Path, crowd: str) 
         page.click("#nearer")
 
 
+def test_no_label_could_be_another_doors(page: Page, tmp_path: Path) -> None:
+    """
+    Of hundreds of doors side by side: each label is nearest to the door that it names, also where
+    only a part of the plan is seen; how many have none is said.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
+        log.append([
+            DoorAdded(door_id=DoorId(i + 1), x=i % 25 * 4.0, y=i // 25 * 4.0, theta=i % 4 * 1.571,
+                      width=1.0)
+            for i in range(300)
+        ])  # fmt: skip
+    shown(page, tmp_path, log)
+
+    for _ in range(4):
+        labels = page.evaluate(NEAREST_DOORS)
+        (without,) = page.evaluate("[document.querySelector('.unlabelled').textContent]")
+
+        assert len(labels) >= 5
+        assert [] == [(text, door) for text, door in labels if text.split()[-1] != door]
+        in_sight = page.evaluate(DOORS_IN_SIGHT)
+        missing = in_sight - len(labels)
+        assert missing == int("".join(c for c in without if c.isdecimal()) or 0)
+        page.click("#nearer")
+
+
 def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> None:
     """
     Every door, at fifty places along: the pixel at the lane's foot is what a replay says.
@@ -571,3 +622,24 @@ def test_an_hour_begins_when_the_buildings_clocks_say_so(page: Page, tmp_path: P
     page.evaluate("document.querySelector('[data-window=hour]').click()")
 
     assert ["12:00", "12:55"] == [axis_labels(page)[0], axis_labels(page)[-1]]
+
+
+def test_the_last_changes_tell_apart_what_the_clocks_show_twice(page: Page, tmp_path: Path) -> None:
+    """
+    In the hour that comes twice each time has its offset; others, and the big clock, have none.
+    """
+    with sl.create(tmp_path / "log", tz="Europe/Vienna") as log:
+        door = log.add_door(name="front", x=1, y=1, theta=0, width=1, at="2025-10-26T01:30")
+        for state, offset in (("open", "+02:00"), ("closed", "+01:00")):
+            log.observe(door, state, at=f"2025-10-26T02:30:00{offset}")
+    shown(page, tmp_path, sl.read(tmp_path / "log"), "#t=2025-10-26T02:30:00+01:00")
+
+    times = page.evaluate(
+        "[...document.querySelectorAll('#changes tbody tr')]"
+        ".map(row => row.querySelector('button').textContent)"
+    )
+
+    assert ["26 Oct 02:30:00 +01:00", "26 Oct 02:30:00 +02:00"] == times[:2]
+    assert {"26 Oct 01:30:00"} == set(times[2:])
+    assert "02:30:00 Sun 26 Oct 2025" == page.evaluate(
+        "document.getElementById('clock').textContent")  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from importlib import resources
 
+from semmap_log.moments import format_short
 from tests.browser import a_page
 from tests.views.test_time_axis import ticks_of
 from tests.views.time_spans import axes
@@ -31,3 +32,22 @@ def test_the_page_and_python_have_the_same_ticks_in_every_zone() -> None:
     for case, found in zip(cases, shown, strict=True):
         true = [[tick.at_ms, tick.label, tick.begins_day] for tick in ticks_of(case)]
         assert true == found, case
+
+
+def test_the_page_and_python_agree_which_times_come_twice() -> None:
+    """
+    Around the changes of every zone's clocks: there, both show the offset.
+    """
+    cases = [(c, (c.start_ms + c.end_ms) // 2 // 1000 * 1000) for c in axes()]
+    script = PAGE.joinpath("calendar.js").read_text(encoding="utf-8")
+    asked = json.dumps([[c.offsets, ms] for c, ms in cases])
+
+    with a_page() as page:
+        shown = page.evaluate(
+            f"(() => {{ {script}\n return {asked}.map(([offsets, at]) =>"
+            " new WallClock(offsets).comesTwice(at)) })()"
+        )
+
+    true = [len(format_short(ms * 10**6, c.tz)) > len("2026-03-02 08:00:00") for c, ms in cases]
+    assert true == shown
+    assert {True, False} == set(true)

@@ -27,6 +27,12 @@ class WallClock {
     return this.stretches[i].ahead;
   }
 
+  /** Tell whether they show the same at another moment, too: in the hour that comes twice. */
+  comesTwice(at) {
+    const shown = at + this.ahead(at);
+    return this.stretches.filter(({ from, till, ahead }) => from <= shown - ahead && shown - ahead < till).length > 1;
+  }
+
   /** A Date whose UTC fields are what they show. */
   wall(at) {
     return new Date(at + this.ahead(at));

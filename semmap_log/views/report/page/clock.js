@@ -114,7 +114,7 @@ function setUpTransport() {
   clock.follow((t) => {
     slider.value = String(t);
     slider.setAttribute("aria-valuetext", `${dateText(t)} ${clockText(t)}`);
-    byId("clock").replaceChildren(el("b", {}, clockText(t)), ` ${dateText(t)}`);
+    byId("clock").replaceChildren(el("b", {}, timeOfDay(wall(t), true)), ` ${dateText(t)}`);
     say(byId("zone"), `${data.log.tz} ${offsetText(t)}`);
   });
   document.addEventListener("keydown", onKey);

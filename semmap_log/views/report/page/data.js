@@ -126,7 +126,9 @@ const wall = (t) => buildingClock.wall(data.begin + t);
 
 const offsetText = (t) => aheadText(buildingClock.ahead(data.begin + t));
 
-const clockText = (t, seconds = true) => timeOfDay(wall(t), seconds);
+/** The time of day; in the hour that comes twice with its offset, or two moments look alike. */
+const clockText = (t, seconds = true) =>
+  timeOfDay(wall(t), seconds) + (buildingClock.comesTwice(data.begin + t) ? ` ${offsetText(t)}` : "");
 
 const dayText = (t) => `${DAY_NAMES[weekday(wall(t))]} ${dayOfMonth(wall(t))}`;
 

@@ -24,9 +24,10 @@ class LevelPanel {
     this.svg = drawn("svg", { class: "map", role: "group", "aria-label": `Plan of ${level.name}` },
       this.picture, this.track, ...this.marks.map((mark) => mark.group), this.robot, this.labels, this.metres);
     this.unplaced = el("div", { class: "unplaced" });
+    this.unlabelled = el("p", { class: "aside unlabelled" });
     this.element = el("div", { class: "level", role: "tabpanel", id: `level-${this.level}`, "aria-label": level.name },
       el("h3", { class: "printed" }, quoted(level.name)), level.isEmpty ? el("p", { class: "aside" }, "Nothing on this level has a place: there is no plan to draw.") : this.svg,
-      this.unplaced);
+      this.unlabelled, this.unplaced);
     this.isEmpty = level.isEmpty;
     this.setUpPointer();
   }
@@ -152,7 +153,8 @@ class LevelPanel {
         part.setAttribute("x2", b[0]);
         part.setAttribute("y2", b[1]);
       }
-      const inside = a[0] > -20 && a[1] > -20 && a[0] < this.width + 20 && a[1] < this.height + 20;
+      const x = (a[0] + b[0]) / 2, y = (a[1] + b[1]) / 2; // a label beside nothing would be another's
+      const inside = x >= 0 && y >= 0 && x <= this.width && y <= this.height;
       if (inside) labelled.push({ text: door.short, id: door.id, a, b, isChosen: door.id === clock.chosen });
     });
     labelled.sort((one, other) => other.isChosen - one.isChosen);
@@ -163,6 +165,8 @@ class LevelPanel {
     this.labels.replaceChildren(...placed.flatMap((label, i) => (label ? [drawn("text", {
       x: label.x, y: label.y, class: labelled[i].isChosen ? "chosen" : null,
     }, label.text)] : [])));
+    const without = placed.filter((label) => !label).length;
+    say(this.unlabelled, without ? `There is no room for the labels of ${count(without, "door")}: zoom in, or point at one.` : "");
   }
 
   showRobot(t) {
