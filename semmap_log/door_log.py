@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypeVar
 from semmap_log.commands import resolve_door
 from semmap_log.commits import Commit
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import LogError, MomentError, UnknownDoorError
+from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import (
     KINDS,
@@ -116,6 +116,10 @@ class DoorLog:
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
             progress: Told how far the reading is.
+
+        Raises:
+            MomentError: A time cannot be read.
+            LogError: There is no event of that number.
         """
         scope = self.scope(at, known_at, event)
         state = replay(self.reader, scope, progress=progress)
@@ -245,13 +249,21 @@ class DoorLog:
     ) -> Window:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.
 
+        The number after the log's last event is taken, too: a range can begin or end there.
+
         Args:
             since: From then on.
             until: Before then.
             recorded: The range is of recorded time.
             kinds: Only these kinds.
+
+        Raises:
+            MomentError: A time cannot be read.
+            LogError: There is no event of that number.
         """
         first, last = self.moment(since), self.moment(until)
+        for bound in (first, last):
+            self._check_is_there(bound.event, behind_the_last=1)
         return Window(
             happened_from_ns=None if recorded else first.ns,
             happened_before_ns=None if recorded else last.ns,
@@ -292,8 +304,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         if after is None:
-            last = self.reader.last_commit()
-            after = -1 if last is None else last.last_event
+            after = self.reader.last_event()
         reader = LogReader(self._reader.log_folder)
         return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
 
@@ -338,7 +349,7 @@ class DoorLog:
         """
         for entry in self._entries(Window(first_event=number, before_event=number + 1)):
             return entry
-        raise LogError(f"{self.path}: there is no event {number}.")
+        raise self.reader.no_event(number)
 
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
@@ -565,12 +576,28 @@ class DoorLog:
 
         Raises:
             MomentError: A time cannot be read, or is not one.
+            LogError: There is no event of that number.
         """
         happened, known = self.moment(at), self.moment(known_at)
         if event is not None and (not is_whole_number(event) or event < 0):
             raise MomentError(f"event {event!r}: expected a whole number, from 0 on.")
         numbers = [n for n in (event, happened.event, known.event) if n is not None]
+        for number in numbers:
+            self._check_is_there(number)
         return Scope(happened.ns, known.ns, min(numbers, default=None))
+
+    def _check_is_there(self, event: int | None, *, behind_the_last: int = 0) -> None:
+        """Return if the log has the event of that number: behind the end nothing is known.
+
+        Args:
+            event: Its number; None: nothing is asked.
+            behind_the_last: So many numbers after the last event's are taken, too.
+
+        Raises:
+            LogError: It has none; the message names the last.
+        """
+        if event is not None and event > self.reader.last_event() + behind_the_last:
+            raise self.reader.no_event(event)
 
     def __enter__(self) -> Self:
         return self

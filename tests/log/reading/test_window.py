@@ -42,8 +42,8 @@ def test_a_part_of_the_log_is_what_all_of_it_would_give(seed: int) -> None:
         times = [t for _, happened, recorded, *_ in told for t in (happened, recorded)]
         for _ in range(12):
             asked: dict[str, Any] = {
-                "since": dice.choice([None, dice.choice(times), f"event:{dice.randrange(40)}"]),
-                "until": dice.choice([None, dice.choice(times), f"event:{dice.randrange(40)}"]),
+                "since": dice.choice([None, dice.choice(times), f"event:{dice.randint(0, len(told))}"]),
+                "until": dice.choice([None, dice.choice(times), f"event:{dice.randint(0, len(told))}"]),
                 "recorded": dice.random() < 0.4,
                 "kinds": dice.choice([None, dice.sample(KINDS, 3)]),
                 "doors": dice.choice([None, [DoorId(dice.randint(1, 4))]]),
