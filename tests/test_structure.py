@@ -31,7 +31,7 @@ ORDER = [
     {"folding"},
     {"retracting", "backdating"},
     {"door_log"},
-    {"appendable_log"},
+    {"appendable_log", "known_later"},
     {"door_log_writer"},
     {"opening", "summary", "day", "costmaps", "beliefs"},
     {"formats"},

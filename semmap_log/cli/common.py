@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from semmap_log.cli.printer import Printer
     from semmap_log.door_log import DoorLog, Time
     from semmap_log.door_log_writer import About
+    from semmap_log.doors import DoorId
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
 
@@ -131,6 +132,16 @@ def tell_how_to_begin(opened: DoorLog) -> None:
 
     if (hint := how_to_begin(opened)) is not None:
         say(hint)
+
+
+def tell_of_later(
+    opened: DoorLog, at: str | None, known_at: str | None, *, door: DoorId | None = None
+) -> None:
+    """Say so if what had happened by a moment was told later, as what was imported is."""
+    from semmap_log.known_later import known_later
+
+    if later := known_later(opened, at, known_at, door=door):
+        say(later)
 
 
 def size_of(size: int) -> str:

@@ -22,6 +22,7 @@ from semmap_log.cli.common import (
     refuse_nan,
     say,
     size_of,
+    tell_of_later,
 )
 
 if TYPE_CHECKING:
@@ -148,6 +149,8 @@ def run(
     for text in done.notes:
         say(text)
     say(f"{out}: {done.what}.")
+    if known_at is not None and not opened.replay(at, known_at, event).doors:
+        tell_of_later(opened, at, known_at)
 
 
 def _write_bag(
