@@ -6,7 +6,7 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -51,6 +51,7 @@ from semmap_log.events import (
 from semmap_log.levels import level_called, only_level, told
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
+from semmap_log.removed_doors import ID_PREFIX, told_door, which_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,8 @@ class Roster:
     """Doors that were removed, as far as that can be taken back."""
     log: Path = field(default=Path("LOG"), repr=False, compare=False)
     """Where the log is, for messages."""
+    names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
+    """What doors are called, removed ones too: for messages."""
     _levels: dict[int, str | None] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
@@ -132,6 +135,7 @@ class Roster:
             dict(self.level_names),
             dict(self.removals),
             self.log,
+            self.names,
         )
 
     @property
@@ -171,6 +175,10 @@ class Roster:
             raise CommandError(f"no id is free behind door {MAX_DOOR_ID}; give one yourself.")
         return DoorId(following)
 
+    def told(self, door_id: int) -> str:
+        """Return a door in words, with its name."""
+        return told_door(door_id, self.names().get(DoorId(door_id)))
+
     def way_back(self, door_id: int) -> str:
         """Return how a door that was removed comes back under its id, in words."""
         removal = self.removals.get(door_id)
@@ -182,7 +190,7 @@ class Roster:
     def absent(self, door_id: int) -> CommandError:
         """Return the error that a door is not in the map, and why."""
         if door_id in self.removed_ns:
-            return DoorRemovedError(f"door {door_id} was removed.{self.way_back(door_id)}")
+            return DoorRemovedError(f"{self.told(door_id)} was removed.{self.way_back(door_id)}")
         return UnknownDoorError(f"door {door_id} is not in the map.")
 
     def brought_back(self, event: Retracted) -> int | None:
@@ -501,7 +509,7 @@ class Gatekeeper:
             self._check_correction(event, self._taken_back[door_id])
         elif door_id in self.roster.used_ids:
             raise DoorRemovedError(
-                f"door {door_id} was removed, and an id is never used twice; "
+                f"{self.roster.told(door_id)} was removed, and an id is never used twice; "
                 f"the next free id is {self.roster.next_free_id}.{self.roster.way_back(door_id)}"
             )
         self._check_level(event.level)
@@ -524,8 +532,8 @@ class Gatekeeper:
         is_late = event.happened_ns is None or event.happened_ns > removed_ns
         if is_late and not self._are_facts:
             raise DoorRemovedError(
-                f"door {door_id} was removed; only what happened before that can be added to it."
-                f"{self.roster.way_back(door_id)}"
+                f"{self.roster.told(door_id)} was removed; only what happened before that can be "
+                f"added to it.{self.roster.way_back(door_id)}"
             )
 
     def _check_update(self, event: DoorUpdated) -> None:
@@ -543,8 +551,8 @@ class Gatekeeper:
 
     def _check_removal(self, event: DoorRemoved) -> None:
         if event.door_id not in self.roster.placed:
-            way_back = self.roster.way_back(event.door_id)
-            raise DoorRemovedError(f"door {event.door_id} was removed already.{way_back}")
+            told, way_back = self.roster.told(event.door_id), self.roster.way_back(event.door_id)
+            raise DoorRemovedError(f"{told} was removed already.{way_back}")
         added_ns = self.roster.added_ns.get(event.door_id, 0)
         if event.happened_ns is not None and event.happened_ns < added_ns:
             raise CommandError(f"door {event.door_id} cannot be removed before it was added.")
@@ -617,7 +625,9 @@ def is_door_id(text: str) -> bool:
 
 
 def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
-    """Return the door that a person means by an id, a name, or level/name.
+    """Return the door that a person means by an id, `id:7`, a name, or level/name.
+
+    A text of digits can be a name, too; `id:7` is the id, whatever doors are called.
 
     Raises:
         UnknownDoorError: None, or more than one.
@@ -625,6 +635,8 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
     """
     if not (isinstance(text, str) or is_whole_number(text)):
         raise InvalidEventError("door", "an id, a name, or level/name", text)
+    if isinstance(text, str) and text.startswith(ID_PREFIX):
+        return _door_of_id(text, door_map)
     doors = [door for door in door_map.doors.values() if text in (door.door_id, door.name)]
     if not doors and isinstance(text, str) and "/" in text:
         doors = [
@@ -641,10 +653,22 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
         which = ", ".join(
             f"{door_map.level_name(door.level)}/{door.label} (id {door.door_id})" for door in doors
         )
-        raise UnknownDoorError(f"{text!r} can mean {len(doors)} doors: {which}; use the id.")
+        ids = which_id([door.door_id for door in doors])
+        raise UnknownDoorError(
+            f"{text!r} can mean {len(doors)} doors: {which}; say which by {ids}."
+        )
     if str(text).isdecimal():
         raise UnknownDoorError(f"door {text} is not in the map.")
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
+
+
+def _door_of_id(text: str, door_map: DoorMap) -> DoorId:
+    digits = text.removeprefix(ID_PREFIX)
+    if not is_door_id(digits):
+        raise UnknownDoorError(f"{text!r}: expected a door's id, such as {ID_PREFIX}7.")
+    if int(digits) not in door_map.doors:
+        raise UnknownDoorError(f"door {digits} is not in the map.")
+    return DoorId(int(digits))
 
 
 def _similar(text: str, door_map: DoorMap) -> str:

@@ -52,6 +52,7 @@ from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.projections.projection import Projection
 from semmap_log.projections.retraction import Retractions
 from semmap_log.projections.timeline import Timeline, timelines
+from semmap_log.removed_doors import ID_PREFIX, removed_called, several_removed, told_removed
 from semmap_log.replay import Scope, replay, visible_batches
 
 if TYPE_CHECKING:
@@ -494,7 +495,29 @@ class DoorLog:
         Raises:
             UnknownDoorError: None, or more than one.
         """
-        return resolve_door(door, self.replay())
+        return self.resolve_in(door, self.scope())
+
+    def resolve_in(self, door: str | int, scope: Scope, door_map: DoorMap | None = None) -> DoorId:
+        """Return the same, as of a moment.
+
+        Args:
+            door: Id, name, or level/name.
+            scope: The moment.
+            door_map: The doors then, where they are known already.
+
+        Raises:
+            UnknownDoorError: None, more than one, or one that was removed by then.
+        """
+        if door_map is None:
+            door_map = replay(self.reader, scope).door_map()
+        try:
+            return resolve_door(door, door_map)
+        except UnknownDoorError:
+            state = replay(self.reader, scope)
+            removed = removed_called(door, state)
+            if not removed:
+                raise
+            raise UnknownDoorError(told_removed(removed, state)) from None
 
     def door_names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, removed doors too.
@@ -513,10 +536,16 @@ class DoorLog:
         try:
             return resolve_door(door, state.door_map())
         except UnknownDoorError:
+            removed = removed_called(door, state)
+            if len(removed) > 1:
+                raise UnknownDoorError(several_removed(door, removed)) from None
+            if removed:
+                return removed[0]
             for ever in (state, self._ever_said()):
                 names = ever.names()
                 for door_id in map(DoorId, sorted(ever.used_door_ids)):
-                    is_meant = str(door) in (str(door_id), names.get(door_id))
+                    called = (str(door_id), f"{ID_PREFIX}{door_id}", names.get(door_id))
+                    is_meant = str(door) in called
                     if is_meant and not state.is_present(door_id):
                         return door_id
             raise

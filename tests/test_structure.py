@@ -27,6 +27,7 @@ ORDER = [
     {"levels"},
     {"probabilities"},
     {"log"},
+    {"removed_doors"},
     {"replay", "commands", "command_content"},
     {"folding"},
     {"retracting", "backdating"},

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.learning import learn
-from semmap_log.commands import resolve_door
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId, DoorMap
 from semmap_log.errors import UnknownDoorError
 from semmap_log.known_later import known_later, moment_asked_ns
 from semmap_log.log.reading.passage import Progress
+from semmap_log.moments import Moment
 from semmap_log.probabilities.belief_fold import Beliefs
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.forecast import Forecast
@@ -98,13 +98,11 @@ def ask(
     happened, known = log.moment(at), log.moment(known_at)
     door_map = log.replay(at=happened, known_at=known)
     moment_ns = moment_asked_ns(log, happened, known)
-    try:
-        chosen = door_map.doors if doors is None else {resolve_door(d, door_map) for d in doors}
-    except UnknownDoorError as error:
-        later = known_later(log, at, known_at)
-        if later:
-            raise UnknownDoorError(f"{error} {later}") from None
-        raise
+    chosen = (
+        door_map.doors
+        if doors is None
+        else {_door_then(log, door, door_map, happened, known) for door in doors}
+    )
     clock = LocalClock(log.info.timezone if tz is None else tz)
     return Asked(
         beliefs=learn(
@@ -116,3 +114,22 @@ def ask(
         door_map=door_map,
         doors=[door_map[door_id] for door_id in sorted(chosen)],
     )
+
+
+def _door_then(
+    log: DoorLog, door: DoorId | str, door_map: DoorMap, at: Moment, known_at: Moment
+) -> DoorId:
+    """Return the door that is meant, among those that were known then.
+
+    Raises:
+        UnknownDoorError: There was none; it says so if one was told of later.
+    """
+    try:
+        return log.resolve_in(door, log.scope(at, known_at), door_map)
+    except UnknownDoorError as error:
+        try:
+            ever = log.resolve_ever(door)
+        except UnknownDoorError:
+            raise error from None
+        later = known_later(log, at, known_at, door=ever)
+        raise UnknownDoorError(f"{error} {later}".strip()) from None

@@ -30,7 +30,8 @@ LogPath = Annotated[
     Path, typer.Argument(metavar="LOG", help="The log's folder; to read, a zip of it, too.")
 ]
 DoorName = Annotated[
-    str, typer.Argument(metavar="DOOR", help="A door's id, its name, or level/name.")
+    str,
+    typer.Argument(metavar="DOOR", help="A door's id, name, or level/name; id:7: the id."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document, for machines.")]
 At = Annotated[
