@@ -26,8 +26,25 @@ if TYPE_CHECKING:
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
 
+
+def a_file(path: Path | None) -> Path | None:
+    """Return the path of a file to write; `-` is none.
+
+    Raises:
+        typer.BadParameter: It stands for standard output, which gets no files.
+    """
+    if path == Path("-"):
+        raise typer.BadParameter("expected a file's name, got -; no file goes to standard output")
+    return path
+
+
 LogPath = Annotated[
     Path, typer.Argument(metavar="LOG", help="The log's folder; to read, a zip of it, too.")
+]
+WritableLog = Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")]
+OutFile = Annotated[
+    Path,
+    typer.Argument(metavar="OUT", help="The file; its name tells the format.", callback=a_file),
 ]
 DoorName = Annotated[
     str,

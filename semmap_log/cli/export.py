@@ -14,6 +14,7 @@ from semmap_log.cli.common import (
     At,
     KnownAt,
     LogPath,
+    OutFile,
     PaletteName,
     UpToEvent,
     print_json,
@@ -39,9 +40,7 @@ MOST_EVERY_S = 1e9
 
 def run(
     log: LogPath,
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="The file; its name tells the format.")
-    ],
+    out: OutFile,
     *,
     at: At = None,
     known_at: KnownAt = None,

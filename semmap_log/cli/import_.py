@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, MapServer, print_json, progress, say
+from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, tell_plan
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    log: LogPath,
+    log: WritableLog,
     files: Annotated[
         list[Path] | None, typer.Argument(metavar="FILE", help="What to import.")
     ] = None,
