@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from semmap_log.command_lines import command_line
 from semmap_log.commits import Commit
-from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given
+from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given, next_door_id
 from semmap_log.errors import (
     CommandError,
     DoorExistsError,
@@ -51,7 +51,7 @@ from semmap_log.events import (
 from semmap_log.levels import level_called, only_level, told
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
-from semmap_log.removed_doors import ID_PREFIX, told_door, which_id
+from semmap_log.removed_doors import ID_PREFIX, told_absent, told_door, which_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,15 +165,8 @@ class Roster:
 
     @property
     def next_free_id(self) -> DoorId:
-        """The id after the greatest that was ever given.
-
-        Raises:
-            CommandError: There is none any more.
-        """
-        following = max(self.used_ids, default=0) + 1
-        if following > MAX_DOOR_ID:
-            raise CommandError(f"no id is free behind door {MAX_DOOR_ID}; give one yourself.")
-        return DoorId(following)
+        """The id after the greatest that was ever given: see `next_door_id`."""
+        return next_door_id(self.used_ids, max(self.used_ids, default=0))
 
     def told(self, door_id: int) -> str:
         """Return a door in words, with its name."""
@@ -191,7 +184,7 @@ class Roster:
         """Return the error that a door is not in the map, and why."""
         if door_id in self.removed_ns:
             return DoorRemovedError(f"{self.told(door_id)} was removed.{self.way_back(door_id)}")
-        return UnknownDoorError(f"door {door_id} is not in the map.")
+        return UnknownDoorError(told_absent(door_id))
 
     def brought_back(self, event: Retracted) -> int | None:
         """Return the door whose removal is the first that is taken back; None: there is none.
@@ -528,7 +521,7 @@ class Gatekeeper:
             return
         removed_ns = self.roster.removed_ns.get(door_id)
         if removed_ns is None:
-            raise UnknownDoorError(f"door {door_id} is not in the map.")
+            raise UnknownDoorError(told_absent(door_id))
         is_late = event.happened_ns is None or event.happened_ns > removed_ns
         if is_late and not self._are_facts:
             raise DoorRemovedError(
@@ -658,7 +651,7 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
             f"{text!r} can mean {len(doors)} doors: {which}; say which by {ids}."
         )
     if str(text).isdecimal():
-        raise UnknownDoorError(f"door {text} is not in the map.")
+        raise UnknownDoorError(told_absent(int(text)))
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
 
 
@@ -667,7 +660,7 @@ def _door_of_id(text: str, door_map: DoorMap) -> DoorId:
     if not is_door_id(digits):
         raise UnknownDoorError(f"{text!r}: expected a door's id, such as {ID_PREFIX}7.")
     if int(digits) not in door_map.doors:
-        raise UnknownDoorError(f"door {digits} is not in the map.")
+        raise UnknownDoorError(told_absent(int(digits)))
     return DoorId(int(digits))
 
 

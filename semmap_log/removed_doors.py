@@ -53,6 +53,12 @@ def told_door(door_id: int, name: str | None) -> str:
     return f"door {name!r} (id {door_id})" if name else f"door {door_id}"
 
 
+def told_absent(door_id: int) -> str:
+    """Return that a door is not in the map, and of door 0 why."""
+    why = "" if door_id else ": ids are given from 1 on, and 0 comes with the thesis's doors only"
+    return f"door {door_id} is not in the map{why}."
+
+
 def which_id(doors: Sequence[DoorId]) -> str:
     """Return how one of several doors is meant: `id:1 or id:4`."""
     return " or ".join(f"{ID_PREFIX}{door_id}" for door_id in doors)
