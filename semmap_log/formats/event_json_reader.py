@@ -29,7 +29,7 @@ from semmap_log.events import (
 from semmap_log.formats.event_json import CHANGED_FIELDS, FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
 from semmap_log.formats.problems import shown
 from semmap_log.formats.strict_json import StrictJsonError, load_object
-from semmap_log.moments import parse_instant
+from semmap_log.moments import parse_instant, zone
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +67,8 @@ class ParsedLine:
     """Digest of what that command asked for, 16 bytes."""
     retracted: bool = False
     """That log had taken it back."""
+    timezone: str = ""
+    """IANA zone of that log; empty: the line does not tell it."""
 
     @property
     def note(self) -> Note:
@@ -147,6 +149,9 @@ class _LineReader:
         commit = self.commit(number)
         content = _hex_id(self.left.pop("content", None), "content")
         retracted = self.truth("retracted") if "retracted" in self.left else False
+        timezone = self.text("timezone") if "timezone" in self.left else ""
+        if timezone:
+            zone(timezone)  # or it is none
         if commit is not None and command_id is None:
             raise _WrongError("commit: expected a command_id with it, got none")
         values = self.floor_map() if kind is FloorMap else self.fields(kind)
@@ -160,6 +165,7 @@ class _LineReader:
             commit=commit,
             content=content,
             retracted=retracted,
+            timezone=timezone,
             **said,
         )
 
@@ -377,7 +383,7 @@ def _own_id(command_id: bytes | None, number: object) -> bytes | None:
     return hashlib.sha256(command_id + str(number).encode()).digest()[: len(command_id)]
 
 
-_OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted")
+_OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted", "timezone")
 """Keys by which `import` makes the same log again."""
 
 _HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
