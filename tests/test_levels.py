@@ -214,9 +214,8 @@ def test_a_name_that_two_levels_bear_means_neither(tmp_path: Path) -> None:
     Their numbers do.
     """
     with new_log(tmp_path, "L", "L") as log:
-        with pytest.raises(
-            UnknownLevelError, match="the name of 2 levels: .* number:1 or number:2"
-        ):
+        said = r"the name of 2 levels: .* number:1 or number:2"
+        with pytest.raises(UnknownLevelError, match=said):
             log.add_door(level="L")
         door = log.add_door(level="2")
         assert 2 == log.door_map()[door].level
