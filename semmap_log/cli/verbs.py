@@ -96,6 +96,20 @@ class Verbs(TyperGroup):
             with formatter.section(group):
                 formatter.write_dl(rows)
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the verb that a word means; of one that is none, say which may be meant."""
+        try:
+            return super().resolve_command(ctx, args)
+        except CLICK_ERROR as error:
+            from difflib import get_close_matches
+
+            shown = [name for name in self.list_commands(ctx) if not self.commands[name].hidden]
+            close = get_close_matches(args[0], shown)
+            meant = f" Did you mean {' or '.join(close)}?" if close else ""
+            # typer's own text, where it has one, offers hidden names, too
+            error.message = f"No such command {args[0]!r}.{meant}"  # type: ignore[attr-defined]
+            raise
+
     def make_context(self, *args: Any, **kwargs: Any) -> Any:
         """Return the context of a command line; it may print help, whose reader may go."""
         with _reader_may_go():

@@ -209,6 +209,34 @@ def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -
     assert "--from" in run("add", "log", "--form", "1,2")[2]
 
 
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("replya", " Did you mean replay or play?\n"), ("stat", "\n"), ("xyzzy", "\n")],
+)
+def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
+    typed: str, meant: str, run: Run
+) -> None:
+    """
+    Not the hidden names of old: `state`, `log`.
+    """
+    code, out, err = run(typed, "log")
+
+    assert (2, "") == (code, out)
+    assert f"No such command '{typed}'.{meant}" in err
+    assert "state" not in err
+
+
+def test_when_it_happened_is_no_event(run: Run) -> None:
+    """
+    What is expected, and where the event's time stands.
+    """
+    code, _, err = run("observe", "log", "front", "open", "--at", "event:0")
+
+    assert 1 == code
+    assert "expected when it happened, a time such as 2026-" in err
+    assert "got the number of event 0" in err
+
+
 def test_from_and_to_are_places(run: Run) -> None:
     """
     Where a door is added.

@@ -139,7 +139,7 @@ def test_a_salt_is_never_shown():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "in.jsonl:5: expected one JSON object a line: "),
+        ("", "in.jsonl:5: expected one JSON object a line: .*, at character 1$"),
         ("[1]", "in.jsonl:5: expected a JSON object, got"),
         ("null", "expected a JSON object, got None"),
         (b"\xff", "expected UTF-8 text, got byte 0xff"),
