@@ -101,6 +101,8 @@ class Verbs(TyperGroup):
         try:
             return super().resolve_command(ctx, args)
         except CLICK_ERROR as error:
+            if args[0].startswith("-"):
+                raise
             from difflib import get_close_matches
 
             shown = [name for name in self.list_commands(ctx) if not self.commands[name].hidden]
