@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from semmap_log.backdating import remedy
 from semmap_log.command_content import are_same
-from semmap_log.commands import Gatekeeper, Roster, is_door_id, resolve_door
+from semmap_log.commands import Gatekeeper, Roster, resolve_door
 from semmap_log.commits import NO_CONTENT, Commit, Note
 from semmap_log.door_labels import labels_ever
 from semmap_log.door_log import DoorLog
@@ -38,6 +38,7 @@ from semmap_log.log.writing.writer import LogWriter
 from semmap_log.moments import format_local
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import EarlyEvents
+from semmap_log.removed_doors import removed_called, several_removed
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -145,6 +146,7 @@ class AppendableLog(DoorLog):
             if self._roster is None:
                 self._roster = Roster.of(self._writer.state)
                 self._roster.log = self.path
+                self._roster.names = self._names_now
             return self._roster
 
     @property
@@ -351,10 +353,15 @@ class AppendableLog(DoorLog):
             try:
                 return resolve_door(door, self._named)
             except UnknownDoorError:
-                is_id = isinstance(door, str) and is_door_id(door)
-                if is_id and self._writer.state.removed_door(int(door)):
-                    return DoorId(int(door))  # that it was removed, the gatekeeper says
+                removed = removed_called(door, self._writer.state)
+                if len(removed) > 1:
+                    raise UnknownDoorError(several_removed(door, removed)) from None
+                if removed:
+                    return removed[0]  # that it was removed, the gatekeeper says
                 raise
+
+    def _names_now(self) -> dict[DoorId, str]:
+        return self._writer.state.names()
 
     def level_meant(self, level: int | str | None) -> int:
         """Return the level that a caller means, as of now: as `Roster.level_meant`."""

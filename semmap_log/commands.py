@@ -6,7 +6,7 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from semmap_log.command_lines import command_line
 from semmap_log.commits import Commit
-from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given
+from semmap_log.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given, next_door_id
 from semmap_log.errors import (
     CommandError,
     DoorExistsError,
@@ -49,6 +49,7 @@ from semmap_log.meaning import PLACING, Changed, Presence
 from semmap_log.messages import OBJECT_KINDS
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
+from semmap_log.removed_doors import ID_PREFIX, told_absent, told_door, which_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,8 @@ class Roster:
     """Doors that were removed, as far as that can be taken back."""
     log: Path = field(default=Path("LOG"), repr=False, compare=False)
     """Where the log is, for messages."""
+    names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
+    """What doors are called, removed ones too: for messages."""
     _levels: dict[int, str | None] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
@@ -130,6 +133,7 @@ class Roster:
             dict(self.level_names),
             dict(self.removals),
             self.log,
+            self.names,
         )
 
     @property
@@ -159,15 +163,12 @@ class Roster:
 
     @property
     def next_free_id(self) -> DoorId:
-        """The id after the greatest that was ever given.
+        """The id after the greatest that was ever given: see `next_door_id`."""
+        return next_door_id(self.used_ids, max(self.used_ids, default=0))
 
-        Raises:
-            CommandError: There is none any more.
-        """
-        following = max(self.used_ids, default=0) + 1
-        if following > MAX_DOOR_ID:
-            raise CommandError(f"no id is free behind door {MAX_DOOR_ID}; give one yourself.")
-        return DoorId(following)
+    def told(self, door_id: int) -> str:
+        """Return a door in words, with its name."""
+        return told_door(door_id, self.names().get(DoorId(door_id)))
 
     def way_back(self, door_id: int) -> str:
         """Return how a door that was removed comes back under its id, in words."""
@@ -180,8 +181,8 @@ class Roster:
     def absent(self, door_id: int) -> CommandError:
         """Return the error that a door is not in the map, and why."""
         if door_id in self.removed_ns:
-            return DoorRemovedError(f"door {door_id} was removed.{self.way_back(door_id)}")
-        return UnknownDoorError(f"door {door_id} is not in the map.")
+            return DoorRemovedError(f"{self.told(door_id)} was removed.{self.way_back(door_id)}")
+        return UnknownDoorError(told_absent(door_id))
 
     def brought_back(self, event: Retracted) -> int | None:
         """Return the door whose removal is the first that is taken back; None: there is none.
@@ -499,7 +500,7 @@ class Gatekeeper:
             self._check_correction(event, self._taken_back[door_id])
         elif door_id in self.roster.used_ids:
             raise DoorRemovedError(
-                f"door {door_id} was removed, and an id is never used twice; "
+                f"{self.roster.told(door_id)} was removed, and an id is never used twice; "
                 f"the next free id is {self.roster.next_free_id}.{self.roster.way_back(door_id)}"
             )
         self._check_level(event.level)
@@ -518,12 +519,12 @@ class Gatekeeper:
             return
         removed_ns = self.roster.removed_ns.get(door_id)
         if removed_ns is None:
-            raise UnknownDoorError(f"door {door_id} is not in the map.")
+            raise UnknownDoorError(told_absent(door_id))
         is_late = event.happened_ns is None or event.happened_ns > removed_ns
         if is_late and not self._are_facts:
             raise DoorRemovedError(
-                f"door {door_id} was removed; only what happened before that can be added to it."
-                f"{self.roster.way_back(door_id)}"
+                f"{self.roster.told(door_id)} was removed; only what happened before that can be "
+                f"added to it.{self.roster.way_back(door_id)}"
             )
 
     def _check_update(self, event: DoorUpdated) -> None:
@@ -541,8 +542,8 @@ class Gatekeeper:
 
     def _check_removal(self, event: DoorRemoved) -> None:
         if event.door_id not in self.roster.placed:
-            way_back = self.roster.way_back(event.door_id)
-            raise DoorRemovedError(f"door {event.door_id} was removed already.{way_back}")
+            told, way_back = self.roster.told(event.door_id), self.roster.way_back(event.door_id)
+            raise DoorRemovedError(f"{told} was removed already.{way_back}")
         added_ns = self.roster.added_ns.get(event.door_id, 0)
         if event.happened_ns is not None and event.happened_ns < added_ns:
             raise CommandError(f"door {event.door_id} cannot be removed before it was added.")
@@ -618,7 +619,9 @@ def is_door_id(text: str) -> bool:
 
 
 def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
-    """Return the door that a person means by an id, a name, or level/name.
+    """Return the door that a person means by an id, `id:7`, a name, or level/name.
+
+    A text of digits can be a name, too; `id:7` is the id, whatever doors are called.
 
     Raises:
         UnknownDoorError: None, or more than one.
@@ -626,6 +629,8 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
     """
     if not (isinstance(text, str) or is_whole_number(text)):
         raise InvalidEventError("door", "an id, a name, or level/name", text)
+    if isinstance(text, str) and text.startswith(ID_PREFIX):
+        return _door_of_id(text, door_map)
     doors = [door for door in door_map.doors.values() if text in (door.door_id, door.name)]
     if not doors and isinstance(text, str) and "/" in text:
         doors = [
@@ -642,10 +647,22 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
         which = ", ".join(
             f"{door_map.level_name(door.level)}/{door.label} (id {door.door_id})" for door in doors
         )
-        raise UnknownDoorError(f"{text!r} can mean {len(doors)} doors: {which}; use the id.")
+        ids = which_id([door.door_id for door in doors])
+        raise UnknownDoorError(
+            f"{text!r} can mean {len(doors)} doors: {which}; say which by {ids}."
+        )
     if str(text).isdecimal():
-        raise UnknownDoorError(f"door {text} is not in the map.")
+        raise UnknownDoorError(told_absent(int(text)))
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
+
+
+def _door_of_id(text: str, door_map: DoorMap) -> DoorId:
+    digits = text.removeprefix(ID_PREFIX)
+    if not is_door_id(digits):
+        raise UnknownDoorError(f"{text!r}: expected a door's id, such as {ID_PREFIX}7.")
+    if int(digits) not in door_map.doors:
+        raise UnknownDoorError(told_absent(int(digits)))
+    return DoorId(int(digits))
 
 
 def _similar(text: str, door_map: DoorMap) -> str:

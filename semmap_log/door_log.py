@@ -21,7 +21,7 @@ from semmap_log.commands import resolve_door
 from semmap_log.commits import Commit
 from semmap_log.door_labels import labels_ever
 from semmap_log.doors import DoorId, DoorMap
-from semmap_log.errors import LogError, MomentError, UnknownDoorError
+from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.event_batch import EventBatch, RecordedEvent
 from semmap_log.events import KINDS, DoorAdded, DoorAnnotated, Event, FloorMap, is_whole_number
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
@@ -46,6 +46,7 @@ from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.projections.projection import Projection
 from semmap_log.projections.retraction import Retractions
 from semmap_log.projections.timeline import Timeline, timelines
+from semmap_log.removed_doors import ID_PREFIX, removed_called, several_removed, told_removed
 from semmap_log.replay import Scope, replay, visible_batches
 
 if TYPE_CHECKING:
@@ -110,6 +111,10 @@ class DoorLog:
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
             progress: Told how far the reading is.
+
+        Raises:
+            MomentError: A time cannot be read.
+            LogError: There is no event of that number.
         """
         scope = self.scope(at, known_at, event)
         state = replay(self.reader, scope, progress=progress)
@@ -239,13 +244,21 @@ class DoorLog:
     ) -> Window:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.
 
+        The number after the log's last event is taken, too: a range can begin or end there.
+
         Args:
             since: From then on.
             until: Before then.
             recorded: The range is of recorded time.
             kinds: Only these kinds.
+
+        Raises:
+            MomentError: A time cannot be read.
+            LogError: There is no event of that number.
         """
         first, last = self.moment(since), self.moment(until)
+        for bound in (first, last):
+            self._check_is_there(bound.event, behind_the_last=1)
         return Window(
             happened_from_ns=None if recorded else first.ns,
             happened_before_ns=None if recorded else last.ns,
@@ -286,8 +299,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         if after is None:
-            last = self.reader.last_commit()
-            after = -1 if last is None else last.last_event
+            after = self.reader.last_event()
         reader = LogReader(self._reader.log_folder)
         return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
 
@@ -332,7 +344,7 @@ class DoorLog:
         """
         for entry in self._entries(Window(first_event=number, before_event=number + 1)):
             return entry
-        raise LogError(f"{self.path}: there is no event {number}.")
+        raise self.reader.no_event(number)
 
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
@@ -477,7 +489,29 @@ class DoorLog:
         Raises:
             UnknownDoorError: None, or more than one.
         """
-        return resolve_door(door, self.replay())
+        return self.resolve_in(door, self.scope())
+
+    def resolve_in(self, door: str | int, scope: Scope, door_map: DoorMap | None = None) -> DoorId:
+        """Return the same, as of a moment.
+
+        Args:
+            door: Id, name, or level/name.
+            scope: The moment.
+            door_map: The doors then, where they are known already.
+
+        Raises:
+            UnknownDoorError: None, more than one, or one that was removed by then.
+        """
+        if door_map is None:
+            door_map = replay(self.reader, scope).door_map()
+        try:
+            return resolve_door(door, door_map)
+        except UnknownDoorError:
+            state = replay(self.reader, scope)
+            removed = removed_called(door, state)
+            if not removed:
+                raise
+            raise UnknownDoorError(told_removed(removed, state)) from None
 
     def door_names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, removed doors too.
@@ -500,10 +534,16 @@ class DoorLog:
         try:
             return resolve_door(door, state.door_map())
         except UnknownDoorError:
+            removed = removed_called(door, state)
+            if len(removed) > 1:
+                raise UnknownDoorError(several_removed(door, removed)) from None
+            if removed:
+                return removed[0]
             for ever in (state, self._ever_said()):
                 names = ever.names()
                 for door_id in map(DoorId, sorted(ever.used_door_ids)):
-                    is_meant = str(door) in (str(door_id), names.get(door_id))
+                    called = (str(door_id), f"{ID_PREFIX}{door_id}", names.get(door_id))
+                    is_meant = str(door) in called
                     if is_meant and not state.is_present(door_id):
                         return door_id
             raise
@@ -563,12 +603,28 @@ class DoorLog:
 
         Raises:
             MomentError: A time cannot be read, or is not one.
+            LogError: There is no event of that number.
         """
         happened, known = self.moment(at), self.moment(known_at)
         if event is not None and (not is_whole_number(event) or event < 0):
             raise MomentError(f"event {event!r}: expected a whole number, from 0 on.")
         numbers = [n for n in (event, happened.event, known.event) if n is not None]
+        for number in numbers:
+            self._check_is_there(number)
         return Scope(happened.ns, known.ns, min(numbers, default=None))
+
+    def _check_is_there(self, event: int | None, *, behind_the_last: int = 0) -> None:
+        """Return if the log has the event of that number: behind the end nothing is known.
+
+        Args:
+            event: Its number; None: nothing is asked.
+            behind_the_last: So many numbers after the last event's are taken, too.
+
+        Raises:
+            LogError: It has none; the message names the last.
+        """
+        if event is not None and event > self.reader.last_event() + behind_the_last:
+            raise self.reader.no_event(event)
 
     def __enter__(self) -> Self:
         return self

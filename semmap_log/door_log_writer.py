@@ -29,6 +29,7 @@ from semmap_log.events import (
 )
 from semmap_log.keywords import knows_its_keywords
 from semmap_log.meaning import Changed
+from semmap_log.moments import INSTANTS
 from semmap_log.retracting import check_can_retract
 
 E = TypeVar("E", bound=Event)
@@ -508,7 +509,10 @@ class DoorLogWriter(AppendableLog):
             return None
         moment = self.moment(about.at, now_ns=self.now_ns())
         if moment.event is not None:
-            raise MomentError("when it happened is a time, not an event number.")
+            raise MomentError(
+                f"expected when it happened, a time such as {INSTANTS}; got the number of event "
+                f"{moment.event}, of whose time `show` tells."
+            )
         return moment.ns
 
     def _last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:

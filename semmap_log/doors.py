@@ -7,9 +7,10 @@ the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import count
 from types import MappingProxyType
 from typing import Final, NewType
 
@@ -37,6 +38,21 @@ LEVEL_NOT_GIVEN: Final[int] = _LevelNotGiven(0)
 def is_given(level: int) -> bool:
     """Tell whether a level was given, be it 0."""
     return not isinstance(level, _LevelNotGiven)
+
+
+def next_door_id(used: Container[int], greatest: int) -> DoorId:
+    """Return the id for a new door: the one after the greatest, while there is one.
+
+    Behind the last there is none: then the lowest from 1 on that was never given.
+
+    Args:
+        used: Every id that was ever given, or is to stay free.
+        greatest: Of those that were given; 0: none was.
+    """
+    following = next(door_id for door_id in count(greatest + 1) if door_id not in used)
+    if following > MAX_DOOR_ID:
+        following = next(door_id for door_id in count(1) if door_id not in used)
+    return DoorId(following)
 
 
 class DoorState(IntEnum):

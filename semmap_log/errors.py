@@ -28,11 +28,12 @@
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
-and three warnings:
+and four warnings:
 
     KeyframeWarning                 a cache in the log cannot be used; answers only take longer
     NewerLogWarning                 events of a later version are left out; they change no answer
     EarlyEventsWarning              what was appended had happened before its door was added
+    LevelNameWarning                a level's name is the number of another; the name counts
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
 """
@@ -251,3 +252,7 @@ class KeyframeWarning(UserWarning):
 
 class EarlyEventsWarning(UserWarning):
     """Events had happened before their door was added: they are kept, and no answer counts them."""
+
+
+class LevelNameWarning(UserWarning):
+    """A text was taken for the level of that name, and is the number of another level."""

@@ -127,7 +127,7 @@ def import_file(
     if plan_of is None:
         assert command_id is not None
         zone = log.info.timezone if options.tz is None else options.tz
-        taken = LineOptions(zone, command_id, note, options.at_ns)
+        taken = LineOptions(zone, command_id, note, log.info.timezone, options.at_ns)
         return _import_lines(log, path, taken, progress)
     plan = plan_of(log, path, options)
     if options.since_ns is not None:

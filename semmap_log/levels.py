@@ -1,7 +1,8 @@
 """Which level is meant where something is put on one, or asked of one: the one rule for it.
 
 The levels of a log are those that have a name, a floor map, or a door with a place. Where a level
-is told, by its name or its number, that one is meant. Where none is told,
+is told, by its name or its number, that one is meant. A text of digits is a name first, with a
+warning where another level has that number; `number:2` is the number. Where none is told,
 
 - the only level is meant, if the log has one;
 - it is an error that names them, if the log has several;
@@ -13,11 +14,14 @@ are appended, the events before them in the same commit included.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 
 from semmap_log.doors import DoorMap, Level
-from semmap_log.errors import UnknownLevelError
+from semmap_log.errors import LevelNameWarning, UnknownLevelError
 from semmap_log.projections.doors_present import DoorsPresent
+
+NUMBER_PREFIX = "number:"
 
 OPTION = '--level L on the command line, level=L in Python, "level": L in a JSON line'
 """How a level is told."""
@@ -69,18 +73,38 @@ def resolve_level(text: str | int | None, door_map: DoorMap) -> int:
 def level_called(text: str | int, names: Mapping[int, str | None]) -> int:
     """Return the level of that name, else of that number; a number that is no text is one.
 
+    `number:2` is the number, whatever levels are called.
+
     Raises:
         UnknownLevelError: There is no such level, or several of the name.
     """
+    if isinstance(text, str) and text.startswith(NUMBER_PREFIX):
+        return _numbered(text, names)
     named = [number for number, name in names.items() if name and name == text]
     if len(named) > 1:
         raise UnknownLevelError(
-            f"{text!r} is the name of {len(named)} levels: {told(names)}; say its number."
+            f"{text!r} is the name of {len(named)} levels: {told(names)}; say which by "
+            f"{' or '.join(f'{NUMBER_PREFIX}{number}' for number in named)}."
         )
     numbered = [number for number in (*names, 0) if text in (number, str(number))]
     if not named and not numbered:
         raise UnknownLevelError(f"no level {text!r}; there are: {told(names) or '0'}.")
+    if named and numbered[:1] and numbered[0] in names and numbered[0] != named[0]:
+        warnings.warn(
+            f"{text!r} is taken for the level of that name, {told({named[0]: names[named[0]]})}; "
+            f"level {told({numbered[0]: names[numbered[0]]})} is {NUMBER_PREFIX}{text}",
+            LevelNameWarning,
+            stacklevel=2,
+        )
     return (named or numbered)[0]
+
+
+def _numbered(text: str, names: Mapping[int, str | None]) -> int:
+    digits = text.removeprefix(NUMBER_PREFIX)
+    found = [number for number in (*names, 0) if digits == str(number)]
+    if not found:
+        raise UnknownLevelError(f"no level {text!r}; there are: {told(names) or '0'}.")
+    return found[0]
 
 
 def level_shown(door_map: DoorMap) -> int:

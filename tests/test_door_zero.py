@@ -17,6 +17,7 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from semmap_log.cli.show import run
 from semmap_log.doors import DoorId, DoorState
+from semmap_log.errors import UnknownDoorError
 from semmap_log.events import DoorEvent, PatrolStarted, RobotPose
 from semmap_log.log.compaction.run import compact
 from semmap_log.log.verification.run import verify
@@ -110,6 +111,18 @@ def test_ids_are_given_from_1_on_all_the_same(log: sl.DoorLogWriter, tmp_path: P
 
         assert 1 == another.add_door()
         assert 2 == Known.of(another).next_id
+
+
+@pytest.mark.parametrize("door", [ZERO, "0", "id:0"])
+def test_who_counts_from_0_is_told_where_ids_begin(door: DoorId | str, tmp_path: Path) -> None:
+    """
+    Of a log whose doors did not come from the thesis.
+    """
+    with sl.create(tmp_path / "another", tz="UTC") as another:
+        another.add_door()
+
+        with pytest.raises(UnknownDoorError, match=r"door 0 is not in the map: ids .* from 1 on"):
+            another.observe(door, "open")
 
 
 def test_a_name_is_shown_of_its_own_events_alone(

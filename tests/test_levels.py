@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.doors import LEVEL_NOT_GIVEN, DoorId, DoorState, is_given
-from semmap_log.errors import InvalidEventError, UnknownLevelError
+from semmap_log.errors import InvalidEventError, LevelNameWarning, UnknownLevelError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import (
     Changed,
@@ -213,10 +214,27 @@ def test_a_name_that_two_levels_bear_means_neither(tmp_path: Path) -> None:
     Their numbers do.
     """
     with new_log(tmp_path, "L", "L") as log:
-        with pytest.raises(UnknownLevelError, match="the name of 2 levels"):
+        said = r"the name of 2 levels: .* number:1 or number:2"
+        with pytest.raises(UnknownLevelError, match=said):
             log.add_door(level="L")
         door = log.add_door(level="2")
         assert 2 == log.door_map()[door].level
+
+
+def test_a_name_that_is_the_number_of_another_level_is_told(tmp_path: Path) -> None:
+    """
+    As in a house whose ground floor is called 0, and numbered 1: the name counts, not in silence.
+    """
+    with new_log(tmp_path, "0", "1") as log:
+        with pytest.warns(LevelNameWarning, match=r"name, 2 \(1\); level 1 \(0\) is number:1$"):
+            door = log.add_door(level="1")
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            others = [log.add_door(level=told) for told in (1, "number:1", "number:2", "0")]
+        with pytest.raises(UnknownLevelError, match="no level 'number:3'"):
+            log.add_door(level="number:3")
+
+        assert [2, 1, 1, 2, 1] == [log.door_map()[each].level for each in (door, *others)]
 
 
 def test_doors_with_a_place_make_a_level(tmp_path: Path) -> None:

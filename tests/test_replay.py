@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
+from semmap_log.beliefs.beliefs import probabilities
 from semmap_log.commands import Gatekeeper
 from semmap_log.doors import DoorId, DoorMap, DoorState
 from semmap_log.errors import CommandError, InvalidEventError
@@ -312,13 +313,56 @@ def test_diff_names_what_changed_and_the_events_that_did_it(tmp_path: Path) -> N
     assert [2, 3, 4] == [entry.number for entry in found.events]
 
 
-def test_a_number_behind_the_end_is_the_end(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda log: log.replay(event=2),
+        lambda log: log.replay("event:2"),
+        lambda log: log.replay(known_at="event:2"),
+        lambda log: log.timeline(1, at="event:2"),
+        lambda log: log.timeline(1, until="event:2"),
+        lambda log: log.diff("event:0", "event:2"),
+        lambda log: log.diff("event:2", "event:3"),
+        lambda log: list(log.history(since="event:3")),
+        lambda log: list(log.batches(until="event:3")),
+        lambda log: log.event(2),
+        lambda log: log.entry(2),
+        lambda log: probabilities(log, at="event:2"),
+    ],
+)
+def test_a_number_behind_the_end_is_an_error_that_names_the_last(ask, tmp_path: Path) -> None:
     """
-    `event` bounds the numbers; it need not be one of them.
+    Nobody knows what is true after an event that has not come; a typing error must not look so.
     """
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
+        log.add_door()
+    with pytest.raises(sl.SemmapError, match=r"there is no event [23]; the last is event 1\.$"):
+        ask(sl.read(tmp_path / "log"))
 
-        assert 1 == len(log.replay(event=1000))
+
+def test_a_range_ends_behind_the_last_event(tmp_path: Path) -> None:
+    """
+    Half-open: `until` is the next number, from which a later question goes on.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door()
+        log.add_door()
+
+        assert 2 == sum(map(len, log.batches("event:0", "event:2")))
+        assert 0 == sum(map(len, log.batches("event:2")))
+        assert 2 == len(log.replay(event=1))
         with pytest.raises(sl.SemmapError, match="from 0 on"):
             log.replay(event=-1)
+
+
+def test_a_log_without_events_says_so(tmp_path: Path) -> None:
+    """
+    There is no last event to name.
+    """
+    log = sl.create(tmp_path / "log", tz="UTC")
+
+    with pytest.raises(sl.SemmapError, match="there is no event 0; the log has none yet"):
+        log.replay("event:0")
+    assert [] == list(log.history(since="event:0"))
+    log.close()

@@ -33,6 +33,7 @@ hexadecimal digits by which a line that is sent again is stored once. A time is 
 An export has more keys, by which `import` makes the same log again: `event` and `recorded` (its
 number and when it was recorded), `commit` (first and last number, where a commit has several
 events), `content` (the digest of its command), and `retracted` of an event that was taken back.
+Its first line has `timezone`, the log's: `import` into a log of another zone says so.
 
 """
 

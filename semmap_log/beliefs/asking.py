@@ -8,16 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.backdating import early_events, remedy
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.learning import learn
-from semmap_log.commands import resolve_door
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import Door, DoorId, DoorMap
 from semmap_log.errors import UnknownDoorError
+from semmap_log.known_later import known_later, moment_asked_ns
 from semmap_log.log.reading.passage import Progress
-from semmap_log.log.reading.window import Window
-from semmap_log.moments import Moment, format_local
+from semmap_log.moments import Moment
 from semmap_log.probabilities.belief_fold import Beliefs
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.forecast import Forecast
@@ -99,14 +97,12 @@ def ask(
     """
     happened, known = log.moment(at), log.moment(known_at)
     door_map = log.replay(at=happened, known_at=known)
-    moment_ns = _moment_ns(log, happened, known)
-    try:
-        chosen = door_map.doors if doors is None else {resolve_door(d, door_map) for d in doors}
-    except UnknownDoorError as error:
-        later = known_later(log, at, known_at)
-        if later:
-            raise UnknownDoorError(f"{error} {later}") from None
-        raise
+    moment_ns = moment_asked_ns(log, happened, known)
+    chosen = (
+        door_map.doors
+        if doors is None
+        else {_door_then(log, door, door_map, happened, known) for door in doors}
+    )
     clock = LocalClock(log.info.timezone if tz is None else tz)
     return Asked(
         beliefs=learn(
@@ -120,47 +116,20 @@ def ask(
     )
 
 
-def known_later(log: DoorLog, at: Time, known_at: Time) -> str:
-    """Return why the log knows so little of the time that is asked about, and what to do.
+def _door_then(
+    log: DoorLog, door: DoorId | str, door_map: DoorMap, at: Moment, known_at: Moment
+) -> DoorId:
+    """Return the door that is meant, among those that were known then.
 
-    What it tells of that time was recorded later, or is of doors that were added later; "" where
-    it is neither.
-
-    Args:
-        log: Whose doors.
-        at: As it was asked.
-        known_at: As it was asked; None: then all is known.
+    Raises:
+        UnknownDoorError: There was none; it says so if one was told of later.
     """
-    happened, known = log.moment(at), log.moment(known_at)
-    if known.ns is None:
-        return _told_of_early(log, _moment_ns(log, happened, known))
-    moment_ns = _moment_ns(log, happened, known)
-    window = Window(happened_before_ns=moment_ns + 1, recorded_from_ns=known.ns + 1)
-    first = next((batch for batch in log.reader.batches(window) if len(batch)), None)
-    if first is None:
-        return ""
-    recorded = format_local(int(first.recorded_ns[0]), log.info.timezone)
-    then = format_local(moment_ns, log.info.timezone)
-    return (
-        f"What the log tells of that time was recorded later, from {recorded} on, as by an import; "
-        f'with all that is known today, ask --at "{then}" without --known-at.'
-    )
-
-
-def _told_of_early(log: DoorLog, moment_ns: int) -> str:
-    early = early_events(log.reader)
-    if not early.counts or min(early.first_ns.values()) > moment_ns:
-        return ""
-    since = format_local(min(early.first_ns.values()), log.info.timezone)
-    return f"{early.in_words(log.door_labels(), since)}; {remedy(log.path)}"
-
-
-def _moment_ns(log: DoorLog, at: Moment, known_at: Moment) -> int:
-    """Return the moment that is asked about."""
-    if at != Moment():
-        at_ns = log.instant(at)
-        assert at_ns is not None
-        return at_ns
-    if known_at.event is not None:
-        return log.event(known_at.event).recorded_ns
-    return log.end_ns() if known_at.ns is None else known_at.ns
+    try:
+        return log.resolve_in(door, log.scope(at, known_at), door_map)
+    except UnknownDoorError as error:
+        try:
+            ever = log.resolve_ever(door)
+        except UnknownDoorError:
+            raise error from None
+        later = known_later(log, at, known_at, door=ever)
+        raise UnknownDoorError(f"{error} {later}".strip()) from None

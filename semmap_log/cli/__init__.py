@@ -6,11 +6,22 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 INTERRUPTED = 130
+
+USAGE = 2
+"""Exit code of what would fail again: a wrong option; of `serve` and `record`, no log, too."""
+
+RESPAWNED = "SEMMAP_RESPAWNED"
+"""Set by launch files, which start a node again whatever its exit code: where that would change
+nothing, it waits to be stopped instead. Not for systemd: its units know exit code 2."""
+
+WAITS_S = 3600.0
+"""At a time."""
 
 
 class _CtrlC(KeyboardInterrupt):
@@ -43,7 +54,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except OSError as error:  # such as a full disk behind our output
             forget_output()
             code = fail(error, as_json=asks_for_json(ours), is_output_lost=True)
+        if code == USAGE and os.environ.get(RESPAWNED):
+            _wait_to_be_stopped()
         sys.exit(code or 0)
+
+
+def _wait_to_be_stopped() -> None:
+    """Stay, and do nothing, until a signal ends this process."""
+    from semmap_log.cli.failures import tell
+
+    tell(
+        "this does not mend itself, and what launched it would start it again for ever: it waits. "
+        "Stop the launch, mend it, and launch again."
+    )
+    while True:
+        time.sleep(WAITS_S)
 
 
 @contextmanager

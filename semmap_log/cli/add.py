@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, print_json, refuse_nan, takes_about
+from semmap_log.cli.common import AsJson, WritableLog, print_json, refuse_nan, takes_about
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @takes_about
 def run(
-    log: LogPath,
+    log: WritableLog,
     *,
     x: X = None,
     y: Y = None,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.cli.common import AsJson, DoorName, WritableLog, takes_about
 
 if TYPE_CHECKING:
     from semmap_log.door_log_writer import About
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @takes_about
 def run(
-    log: LogPath,
+    log: WritableLog,
     door: DoorName,
     key: Annotated[str, typer.Argument(metavar="KEY", help="name, rooms, kind, or your own.")],
     value: Annotated[

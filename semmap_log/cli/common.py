@@ -22,14 +22,33 @@ if TYPE_CHECKING:
     from semmap_log.cli.printer import Printer
     from semmap_log.door_log import DoorLog, Time
     from semmap_log.door_log_writer import About
+    from semmap_log.doors import DoorId
     from semmap_log.log.reading.passage import Progress
     from semmap_log.views.palette import Palette
+
+
+def a_file(path: Path | None) -> Path | None:
+    """Return the path of a file to write; `-` is none.
+
+    Raises:
+        typer.BadParameter: It stands for standard output, which gets no files.
+    """
+    if path == Path("-"):
+        raise typer.BadParameter("expected a file's name, got -; no file goes to standard output")
+    return path
+
 
 LogPath = Annotated[
     Path, typer.Argument(metavar="LOG", help="The log's folder; to read, a zip of it, too.")
 ]
+WritableLog = Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")]
+OutFile = Annotated[
+    Path,
+    typer.Argument(metavar="OUT", help="The file; its name tells the format.", callback=a_file),
+]
 DoorName = Annotated[
-    str, typer.Argument(metavar="DOOR", help="A door's id, its name, or level/name.")
+    str,
+    typer.Argument(metavar="DOOR", help="A door's id, name, or level/name; id:7: the id."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document, for machines.")]
 At = Annotated[
@@ -131,6 +150,16 @@ def tell_how_to_begin(opened: DoorLog) -> None:
 
     if (hint := how_to_begin(opened)) is not None:
         say(hint)
+
+
+def tell_of_later(
+    opened: DoorLog, at: str | None, known_at: str | None, *, door: DoorId | None = None
+) -> None:
+    """Say so if what had happened by a moment was told later, as what was imported is."""
+    from semmap_log.known_later import known_later
+
+    if later := known_later(opened, at, known_at, door=door):
+        say(later)
 
 
 def size_of(size: int) -> str:

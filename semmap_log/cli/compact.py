@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, print_json, progress
+from semmap_log.cli.common import AsJson, WritableLog, print_json, progress
 from semmap_log.wording import counted
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    log: LogPath,
+    log: WritableLog,
     *,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say what would be done; needs no write access.")

@@ -17,6 +17,7 @@ from semmap_log.cli.common import (
     KnownAt,
     LogPath,
     MapServer,
+    OutFile,
     UpToEvent,
     print_json,
     progress,
@@ -57,9 +58,7 @@ class By(str, Enum):
 
 def run(
     log: LogPath,
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="The file; its name tells the format.")
-    ],
+    out: OutFile,
     *,
     at: At = None,
     known_at: KnownAt = None,

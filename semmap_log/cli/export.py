@@ -14,6 +14,7 @@ from semmap_log.cli.common import (
     At,
     KnownAt,
     LogPath,
+    OutFile,
     PaletteName,
     UpToEvent,
     print_json,
@@ -22,6 +23,7 @@ from semmap_log.cli.common import (
     refuse_nan,
     say,
     size_of,
+    tell_of_later,
 )
 
 if TYPE_CHECKING:
@@ -38,9 +40,7 @@ MOST_EVERY_S = 1e9
 
 def run(
     log: LogPath,
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="The file; its name tells the format.")
-    ],
+    out: OutFile,
     *,
     at: At = None,
     known_at: KnownAt = None,
@@ -148,6 +148,8 @@ def run(
     for text in done.notes:
         say(text)
     say(f"{out}: {done.what}.")
+    if known_at is not None and not opened.replay(at, known_at, event).doors:
+        tell_of_later(opened, at, known_at)
 
 
 def _write_bag(

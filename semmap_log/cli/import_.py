@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, MapServer, print_json, progress, say
+from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, tell_plan
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    log: LogPath,
+    log: WritableLog,
     files: Annotated[
         list[Path] | None, typer.Argument(metavar="FILE", help="What to import.")
     ] = None,
@@ -123,7 +123,7 @@ def run(
         return
     results = []
     with sl.append(log) as opened:
-        at_ns = opened.moment(at).ns
+        at_ns = _time_ns(opened, at, "--at")
         since_ns = _since_ns(opened, since, since_ever=since_ever)
         options = ImportOptions(
             level=level, windows=windows, tz=tz, update=update, renumber=renumber, at_ns=at_ns,
@@ -156,6 +156,11 @@ def _check_together(
     if since is not None and since_ever:
         raise typer.BadParameter("give one of the two", param_hint="--since, --since-ever")
     is_dated = since is not None or since_ever
+    if Path("-") in files:
+        raise typer.BadParameter(
+            "expected a file's name, got -; standard input is what `record` reads",
+            param_hint="FILE",
+        )
     if not files and not is_dated:
         raise typer.BadParameter("give at least one file", param_hint="FILE")
     if dry_run and is_dated:
@@ -180,11 +185,25 @@ def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int
             )
             return log.now_ns()
         return ever_ns
-    moment = log.moment(since, now_ns=log.now_ns())
-    if moment.event is not None:
-        raise MomentError("--since: expected a time, got an event number.")
-    if moment.ns is not None and moment.ns > log.now_ns():
+    since_ns = _time_ns(log, since, "--since", now_ns=log.now_ns())
+    if since_ns is not None and since_ns > log.now_ns():
         raise MomentError(f"--since: expected a time up to now, got {since!r}.")
+    return since_ns
+
+
+def _time_ns(
+    log: DoorLogWriter, text: str | None, option: str, *, now_ns: int | None = None
+) -> int | None:
+    """Return the time that an option tells; None: it was not given.
+
+    Raises:
+        MomentError: It is an event's number, or cannot be read.
+    """
+    from semmap_log.errors import MomentError
+
+    moment = log.moment(text, now_ns=now_ns)
+    if moment.event is not None:
+        raise MomentError(f"{option}: expected a time, got an event number.")
     return moment.ns
 
 

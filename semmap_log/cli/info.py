@@ -15,7 +15,8 @@ MOST_DOORS = 16
 
 def run(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="The log's folder, or one of its .mcap files.")
+        Path,
+        typer.Argument(metavar="LOG", help="The log's folder, a zip of it, or an .mcap of it."),
     ],
     *,
     day: Annotated[

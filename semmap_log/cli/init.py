@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, MapServer, print_json, say
+from semmap_log.cli.common import AsJson, MapServer, print_json, say
 
 if TYPE_CHECKING:
     from semmap_log.costmap.map_rules import RulesName
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 
 def run(
-    log: LogPath,
+    log: Annotated[
+        Path, typer.Argument(metavar="LOG", help="The folder to make; or one that is empty.")
+    ],
     *,
     tz: Annotated[
         str | None,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MappingFile = Annotated[
     Path | None,
     typer.Option(
-        "--mapping", metavar="YAML", help="Which ROS topics are read, and how; see below."
+        "--mapping", metavar="YAML", help="Which ROS topics are read, and how; see above."
     ),
 ]
 DryRun = Annotated[

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, LogPath, refuse_nan, takes_about
+from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
 
 if TYPE_CHECKING:
     from semmap_log.door_log_writer import About
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @takes_about
 def run(
-    log: LogPath,
+    log: WritableLog,
     door: DoorName,
     state: Annotated[str, typer.Argument(metavar="STATE", help="What was seen, such as open.")],
     *,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, takes_about
+from semmap_log.cli.common import AsJson, WritableLog, takes_about
 
 if TYPE_CHECKING:
     from semmap_log.door_log_writer import About
@@ -22,7 +22,7 @@ class Phase(str, Enum):
 
 @takes_about
 def run(
-    log: LogPath,
+    log: WritableLog,
     phase: Annotated[
         Phase, typer.Argument(metavar="start|finish", help="What the round does now.")
     ],

@@ -20,12 +20,12 @@ from semmap_log.cli.common import (
     say,
     takes_about,
     tell_how_to_begin,
+    tell_of_later,
 )
 
 if TYPE_CHECKING:
     from semmap_log.beliefs.applying import Applied
     from semmap_log.beliefs.typical_week import TypicalWeek
-    from semmap_log.door_log import DoorLog
     from semmap_log.door_log_writer import About
 
 
@@ -138,18 +138,9 @@ def run(
         return
     console().print(belief_table(beliefs, tz=zone))
     if all(belief.evidence.is_empty for belief in beliefs):
-        _tell_of_later(opened, asked)
+        tell_of_later(opened, asked["at"], asked["known_at"])
     if applied is not None:
         _tell(applied)
-
-
-def _tell_of_later(log: DoorLog, asked: dict[str, Any]) -> None:
-    """Say so if what had happened by then was recorded later, as what was imported is."""
-    from semmap_log.beliefs.asking import known_later
-
-    later = known_later(log, asked["at"], asked["known_at"])
-    if later:
-        say(later)
 
 
 def _refuse_useless(about: About, *, horizon: str, typical: bool, apply: bool) -> None:
@@ -194,7 +185,7 @@ def _show_typical(
         return
     _print_weeks(weeks, which)
     if not weeks:
-        _tell_of_later(opened, asked)
+        tell_of_later(opened, asked["at"], asked["known_at"])
 
 
 def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import LogPath, on_stop, print_json, say
+from semmap_log.cli.common import WritableLog, on_stop, print_json, say
 from semmap_log.cli.failures import problems_to_json, tell
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile
 from semmap_log.cli.plain_streams import json_text
@@ -27,7 +27,7 @@ class Level(str, Enum):
 
 def run(
     context: typer.Context,
-    log: LogPath,
+    log: WritableLog,
     *,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
@@ -42,7 +42,7 @@ def run(
     ] = False,
     durability: Annotated[
         Level,
-        typer.Option(help="What is true of a line when it is answered; see below."),
+        typer.Option(help="What is true of a line when it is answered; see above."),
     ] = Level.event,
     batch_events: Annotated[
         int, typer.Option(min=1, help="batch: so many events at most share a sync.")

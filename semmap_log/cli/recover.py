@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, console, print_json, progress
+from semmap_log.cli.common import AsJson, WritableLog, console, print_json, progress
 
 NEEDS_YES = 4
 """Exit code where there is something to do that was not asked for yet."""
@@ -19,7 +19,7 @@ Out = Annotated[
 Yes = Annotated[bool, typer.Option("--yes", help="Do it; without it, only show what would be.")]
 
 
-def run(log: LogPath, *, out: Out = None, yes: Yes = False, as_json: AsJson = False) -> None:
+def run(log: WritableLog, *, out: Out = None, yes: Yes = False, as_json: AsJson = False) -> None:
     """Save what is whole of a damaged log, and name what is lost. Without --yes nothing is written.
 
     A commit is saved if all of it is there as it was written, by its checksums and its own hash;

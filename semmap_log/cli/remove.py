@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from semmap_log.cli.common import AsJson, DoorName, LogPath, takes_about
+from semmap_log.cli.common import AsJson, DoorName, WritableLog, takes_about
 
 if TYPE_CHECKING:
     from semmap_log.door_log_writer import About
 
 
 @takes_about
-def run(log: LogPath, door: DoorName, *, as_json: AsJson = False, about: About) -> None:
+def run(log: WritableLog, door: DoorName, *, as_json: AsJson = False, about: About) -> None:
     """Take a door out of the map; its history stays, its id is never used again.
 
     \b

@@ -12,6 +12,7 @@ from semmap_log.cli.common import (
     print_json,
     progress,
     tell_how_to_begin,
+    tell_of_later,
 )
 
 
@@ -39,6 +40,7 @@ def run(
       semmap-log replay office --known-at 2026-03-01T14:02 --json
     """
     import semmap_log as sl
+    from semmap_log.doors import DoorState
     from semmap_log.formats.door_json import door_map_to_json
     from semmap_log.views.tables import door_table
 
@@ -50,3 +52,6 @@ def run(
         print_json(door_map_to_json(door_map))
         return
     console().print(door_table(door_map, tz=opened.info.timezone))
+    doors = door_map.doors.values()
+    if event is None and all(door.state is DoorState.UNKNOWN for door in doors):
+        tell_of_later(opened, at, known_at)

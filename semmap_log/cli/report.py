@@ -14,6 +14,7 @@ from semmap_log.cli.common import (
     PaletteName,
     Since,
     Until,
+    a_file,
     print_json,
     progress,
     range_of,
@@ -25,7 +26,7 @@ from semmap_log.cli.common import (
 
 def run(
     log: LogPath,
-    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.", callback=a_file)],
     *,
     since: Since = None,
     until: Until = None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, console, say, takes_about
+from semmap_log.cli.common import AsJson, WritableLog, console, say, takes_about
 from semmap_log.wording import counted
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ MOST_SHOWN = 20
 
 @takes_about
 def run(
-    log: LogPath,
+    log: WritableLog,
     events: Annotated[
         str, typer.Argument(metavar="N[..M]", help="An event's number; or the first and last.")
     ],

@@ -51,7 +51,7 @@ def run(
     ros2: Ros2 = False,
     yaml: Annotated[
         Path | None,
-        typer.Option("--yaml", metavar="FILE", help="The thesis's doors: see below."),
+        typer.Option("--yaml", metavar="FILE", help="The thesis's doors: see above."),
     ] = None,
     yaml_replace: Annotated[
         bool, typer.Option("--yaml-replace", help="Make the log's doors those of --yaml.")
@@ -109,7 +109,7 @@ def run(
         bool, typer.Option("--read-only", help="Offer the map, refuse the actions; no lock.")
     ] = False,
     durability: Annotated[
-        Level, typer.Option(help="What is true of a goal when it is answered; see below.")
+        Level, typer.Option(help="What is true of a goal when it is answered; see above.")
     ] = Level.event,
     batch_events: Annotated[
         int, typer.Option(min=1, help="batch: so many events at most are not yet synced.")

@@ -15,6 +15,7 @@ from semmap_log.cli.common import (
     progress,
     range_of,
     say,
+    tell_of_later,
 )
 
 
@@ -41,6 +42,7 @@ def run(
       semmap-log timeline office 17 --known-at 2026-03-01T14:02 --json
     """
     import semmap_log as sl
+    from semmap_log.doors import DoorState
     from semmap_log.formats.timeline_json import timeline_to_json
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
@@ -57,5 +59,7 @@ def run(
         out.print(page)
     if not len(found):
         say(f"door {door} was not in the map then; without times, all its intervals are shown.")
-        return
-    out.print(timeline_totals(found, tz=opened.info.timezone))
+    else:
+        out.print(timeline_totals(found, tz=opened.info.timezone))
+    if (found.state == DoorState.UNKNOWN).all():
+        tell_of_later(opened, at, known_at, door=door_id)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, LogPath, refuse_nan, takes_about
+from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @takes_about
 def run(
-    log: LogPath,
+    log: WritableLog,
     door: DoorName,
     *,
     x: X = None,

@@ -15,6 +15,7 @@ from typer import core
 from typer.core import TyperCommand, TyperGroup
 
 from semmap_log.cli.completion import OFFERS, Offers
+from semmap_log.cli.failures import CLICK_ERROR
 from semmap_log.cli.plain_streams import forget_output
 
 OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
@@ -48,6 +49,23 @@ class Verb(TyperCommand):
                 parser.add_option(options[new], [old], dest=options[new].name)
         return parser
 
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """Take up the command line; of a word that is no option, say which may be meant."""
+        try:
+            return super().parse_args(ctx, args)
+        except CLICK_ERROR as error:
+            if hasattr(error, "possibilities") and hasattr(error, "option_name"):
+                error.possibilities = self._similar(error.option_name)
+            raise
+
+    def _similar(self, option: str) -> list[str]:
+        """Return the options of a like name that help shows: no hidden ones, no old spellings."""
+        from difflib import get_close_matches
+
+        shown = (param for param in self.params if not getattr(param, "hidden", False))
+        named = [name for param in shown for name in (*param.opts, *param.secondary_opts)]
+        return get_close_matches(option, [name for name in named if name.startswith("--")])
+
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write what is made late of this verb's help."""
         if self.name in HELP_MADE_LATE:
@@ -77,6 +95,22 @@ class Verbs(TyperGroup):
         for group, rows in groups.items():
             with formatter.section(group):
                 formatter.write_dl(rows)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the verb that a word means; of one that is none, say which may be meant."""
+        try:
+            return super().resolve_command(ctx, args)
+        except CLICK_ERROR as error:
+            if args[0].startswith("-"):
+                raise
+            from difflib import get_close_matches
+
+            shown = [name for name in self.list_commands(ctx) if not self.commands[name].hidden]
+            close = get_close_matches(args[0], shown)
+            meant = f" Did you mean {' or '.join(close)}?" if close else ""
+            # typer's own text, where it has one, offers hidden names, too
+            error.message = f"No such command {args[0]!r}.{meant}"  # type: ignore[attr-defined]
+            raise
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:
         """Return the context of a command line; it may print help, whose reader may go."""

@@ -21,7 +21,8 @@ Head = Annotated[
 
 def run(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="The log's folder, or one of its .mcap files.")
+        Path,
+        typer.Argument(metavar="LOG", help="The log's folder, a zip of it, or an .mcap of it."),
     ],
     *,
     head: Head = "",

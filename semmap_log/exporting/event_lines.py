@@ -32,7 +32,8 @@ def write_event_lines(
 ) -> WrittenLines:
     """Write the events of a scope, numbers ascending, retracted ones marked.
 
-    A retraction counts whenever it happened, as it does for every question about the scope.
+    A retraction counts whenever it happened, as it does for every question about the scope. The
+    first line also tells the log's time zone.
 
     Args:
         reader: The log.
@@ -43,13 +44,15 @@ def write_event_lines(
     finder = CommitFinder(reader)
     limit = scope.limit(reader)
     retractions = reader.retractions(limit=limit)
-    written = WrittenLines()
+    written, zone = WrittenLines(), {"timezone": reader.info.timezone}
     with path.open("w", encoding="utf-8", newline="\n") as file:
         for batch in _batches(reader, scope.at_ns, limit, progress, finder.look_at):
             hidden = retractions.hidden(batch).tolist()
             for recorded, retracted in zip(batch, hidden, strict=True):
                 commit = finder.commit_at(recorded.number)
-                file.write(_line(line_to_json(recorded, commit, retracted=retracted)))
+                shown = line_to_json(recorded, commit, retracted=retracted)
+                file.write(_line(zone | shown))
+                zone = {}
             written.events += len(batch)
             written.retracted += sum(hidden)
     return written

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from semmap_log.formats.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cell
 from semmap_log.formats.problems import shown
 from semmap_log.formats.strict_json import StrictJsonError, load_object
 from semmap_log.meaning import PART_OF, PARTS, Changed, changed
-from semmap_log.moments import parse_instant
+from semmap_log.moments import parse_instant, zone
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,8 @@ class ParsedLine:
     """Digest of what that command asked for, 16 bytes."""
     retracted: bool = False
     """That log had taken it back."""
+    timezone: str = ""
+    """IANA zone of that log; empty: the line does not tell it."""
 
     @property
     def note(self) -> Note:
@@ -137,6 +140,7 @@ class _LineReader:
 
     def line(self) -> ParsedLine:
         kind = self.kind()
+        self.refuse_unknown(kind)
         happened_ns = self.instant("happened")
         said = {key: self.text(key) for key in NOTE_KEYS if key in self.left}
         command_id = self.command_id()
@@ -145,14 +149,13 @@ class _LineReader:
         commit = self.commit(number)
         content = _hex_id(self.left.pop("content", None), "content")
         retracted = self.truth("retracted") if "retracted" in self.left else False
+        timezone = self.text("timezone") if "timezone" in self.left else ""
+        if timezone:
+            zone(timezone)  # or it is none
         if commit is not None and command_id is None:
             raise _WrongError("commit: expected a command_id with it, got none")
         values = self.floor_map() if kind is FloorMap else self.fields(kind)
-        if self.left:
-            known = ", ".join(["happened", *keys_of(kind)])
-            raise _WrongError(
-                f"unknown key {shown(next(iter(self.left)))}: {kind.__name__} has the keys {known}"
-            )
+        assert not self.left, "a key that is known is taken"
         event = kind(happened_ns=happened_ns, **values)
         return ParsedLine(
             event,
@@ -162,6 +165,7 @@ class _LineReader:
             commit=commit,
             content=content,
             retracted=retracted,
+            timezone=timezone,
             **said,
         )
 
@@ -170,6 +174,22 @@ class _LineReader:
         if not isinstance(name, str) or name not in KIND_BY_NAME:
             raise _WrongError(f"kind: expected one of {', '.join(KIND_BY_NAME)}; got {shown(name)}")
         return KIND_BY_NAME[name]
+
+    def refuse_unknown(self, kind: type[Event]) -> None:
+        """Name a key that the kind does not have, before one is missed that may be meant by it.
+
+        Raises:
+            _WrongError: There is one.
+        """
+        unknown = next((key for key in self.left if key not in _KNOWN_KEYS[kind]), None)
+        if unknown is None:
+            return
+        known = ["happened", *keys_of(kind)]
+        close = get_close_matches(unknown, known, n=1, cutoff=0.7)
+        meant = f" (did you mean {close[0]}?)" if close else ""
+        raise _WrongError(
+            f"unknown key {shown(unknown)}{meant}: {kind.__name__} has the keys {', '.join(known)}"
+        )
 
     def fields(self, kind: type[Event]) -> dict[str, Any]:
         values: dict[str, Any] = {}
@@ -224,6 +244,12 @@ class _LineReader:
         if kind is DoorAdded and "door" not in self.left:
             return self.lookup.next_id()
         if kind is not DoorAdded and "door" in self.left:
+            named = self.left["door"]
+            if isinstance(named, int) and not isinstance(named, bool):
+                raise _WrongError(
+                    f"door: expected a name, or level/name, as text, got {named}; an id is told as "
+                    f'"door_id": {named}'
+                )
             return self.lookup.resolve(self.text("door"))
         expected = (
             "door_id, or none for the next free one"
@@ -354,6 +380,9 @@ def _own_id(command_id: bytes | None, number: object) -> bytes | None:
     return hashlib.sha256(command_id + str(number).encode()).digest()[: len(command_id)]
 
 
+_OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted", "timezone")
+"""Keys by which `import` makes the same log again."""
+
 _HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
 _TEXTS = frozenset({"key", "value", "name", "format", "file_name"})
 _WHOLES = frozenset({"door_id", "level", "patrol", "first_event", "last_event"})
@@ -371,7 +400,7 @@ def required_keys(kind: type[Event]) -> list[tuple[str, str]]:
 def keys_of(kind: type[Event]) -> list[str]:
     """Return the keys that a line of the kind may have, beside `kind` and `happened`."""
     if kind is FloorMap:
-        return [*FLOOR_MAP_KEYS]
+        return [*FLOOR_MAP_KEYS, *NOTE_KEYS, "command_id"]
     names = ["at" if name == "at_ns" else name for name in field_names(kind) if name != "salt"]
     names += ["accuracy"] if kind is DoorObserved else []
     names += ["door"] if issubclass(kind, DoorEvent) and kind is not DoorAdded else []
@@ -381,3 +410,12 @@ def keys_of(kind: type[Event]) -> list[str]:
 def _is_unicode(text: str) -> bool:
     """False for half a surrogate pair, which JSON can write and UTF-8 cannot."""
     return not any("\ud800" <= character <= "\udfff" for character in text)
+
+
+_KNOWN_KEYS = {
+    kind: frozenset(
+        {"happened", *keys_of(kind), *_OF_EXPORTS, *(["door"] * issubclass(kind, DoorEvent))}
+    )
+    for kind in KIND_BY_NAME.values()
+}
+"""The keys that are looked at; of a `door` in a DoorAdded more is said than that it has none."""

@@ -17,12 +17,12 @@ from semmap_log.backdating import added_since
 from semmap_log.command_lines import command_line
 from semmap_log.commands import Roster
 from semmap_log.doors import (
-    MAX_DOOR_ID,
     Door,
     DoorId,
     DoorMap,
     DoorState,
     RemovedDoor,
+    next_door_id,
     reduced,
 )
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
@@ -59,9 +59,9 @@ class Present:
     """Where the log is, for messages."""
 
     @property
-    def next_id(self) -> DoorId:
-        """The id after the greatest that was ever given."""
-        return DoorId(max(self.used_ids, default=0) + 1)
+    def greatest_id(self) -> int:
+        """The greatest id that was ever given; 0: none was."""
+        return max(self.used_ids, default=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def plan_doors(
     Raises:
         DoorExistsError: Doors that are there with other values, without `update`.
         DoorRemovedError: Ids that were removed, without `renumber` and `update`.
-        CommandError: Ids have run out, or a name is borne by two doors of a level.
+        CommandError: A name is borne by two doors of a level.
     """
     return _DoorPlanner(
         table, present, update=update, renumber=renumber, at_ns=at_ns, since_ns=since_ns
@@ -135,7 +135,8 @@ class _DoorPlanner:
         self.level_of: dict[int, int] = {}
         """The log's number of each of the file's levels."""
         ids = {door.door_id for door in table.doors if door.door_id is not None}
-        self.next_id = DoorId(max(present.used_ids | ids, default=0) + 1)
+        self.used_ids: set[int] = {*present.used_ids, *ids}
+        self.greatest_id = max(self.used_ids, default=0)
         self.added = self.updated = self.same = self.back = 0
         self.said: list[str] = []
         self.existing: list[str] = []
@@ -243,11 +244,9 @@ class _DoorPlanner:
                 else (f"was removed, by event {known.event}")
             )
             self.removed.append(f"{self.where(door)}: door {door.door_id} {how}")
-        new, self.next_id = self.next_id, DoorId(self.next_id + 1)
-        if new > MAX_DOOR_ID:
-            raise CommandError(
-                f"{self.where(door)}: no id is free any more (at most {MAX_DOOR_ID})."
-            )
+        new = next_door_id(self.used_ids, self.greatest_id)
+        self.used_ids.add(new)
+        self.greatest_id = max(self.greatest_id, new)
         if door.door_id is not None:
             self.said.append(f"door {door.door_id} of the file is door {new} in the log")
         return new

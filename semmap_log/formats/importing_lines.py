@@ -132,6 +132,8 @@ class _LinePlanner:
         self.last_source = -1
         self.count = self.commit_count = self.groups = self.stored_count = 0
         self.uses_note = False
+        self.zones: dict[str, None] = {}
+        """Of the logs that wrote the lines."""
         self.left_out: list[str] = []
         self.kept: list[tuple[int, ParsedLine]] | None = []
 
@@ -174,6 +176,14 @@ class _LinePlanner:
                 "who and why stay as the log that wrote the lines has them; what was given now "
                 "is not stored"
             )
+        others = [zone for zone in self.zones if zone != self.options.log_tz]
+        if others and self.count:
+            mine = self.options.log_tz
+            yield (
+                f"the lines are of a log in {', '.join(others)}, this one is in {mine}: the "
+                f"instants stay, but times are shown and days are counted in {mine}; for a new "
+                f"log: init --tz {others[0]}"
+            )
         early = self.times.happened_later
         if early and not self.keeps_recorded:
             yield (
@@ -192,6 +202,8 @@ class _LinePlanner:
 
     def watch(self, line: int, parsed: ParsedLine) -> None:
         """Take note of what is taken back: nothing of it may come to count again."""
+        if parsed.timezone:
+            self.zones[parsed.timezone] = None
         if parsed.number is None:
             if parsed.retracted:
                 self.problems.add(line, "retracted: expected the key event with it, got none")

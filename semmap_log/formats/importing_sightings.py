@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap
-from semmap_log.errors import CommandError, UnknownDoorError, UnknownLevelError
+from semmap_log.doors import Door, DoorId, DoorMap, next_door_id
+from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.event_batch import EventBatch
 from semmap_log.events import DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorUpdated
 from semmap_log.formats.importing import ImportPlan, Present
@@ -39,7 +39,6 @@ def plan_sightings(
     Raises:
         UnknownDoorError: A name that several doors bear, or a level that has no door of the name.
         UnknownLevelError: Doors are new, there are several levels, and none is told.
-        CommandError: Ids have run out.
     """
     known = _names(present.door_map.doors.values(), present.door_map, level)
     if not renumber:
@@ -47,7 +46,7 @@ def plan_sightings(
         known = _names(removed, present.door_map, level) | known
     ids: list[DoorId] = []
     new: list[bool] = []
-    next_id = present.next_id
+    used_ids, greatest_id = {*present.used_ids}, present.greatest_id
     for name in sightings.doors:
         found = known.get(name, [])
         if len(found) > 1:
@@ -58,10 +57,9 @@ def plan_sightings(
         if not found:
             _check_no_level(sightings, name, present.door_map)
         new.append(not found)
-        ids.append(found[0] if found else next_id)
-        next_id = next_id if found else DoorId(next_id + 1)
-    if next_id > MAX_DOOR_ID + 1:
-        raise CommandError(f"{sightings.path}: no id is free any more (at most {MAX_DOOR_ID}).")
+        ids.append(found[0] if found else next_door_id(used_ids, greatest_id))
+        used_ids.add(ids[-1])
+        greatest_id = max(greatest_id, ids[-1])
     if level is None:
         level = _level_of_new(sightings, new, present.door_map) if any(new) else 0
     events = _SightingEvents(sightings, tuple(ids), tuple(new), level)

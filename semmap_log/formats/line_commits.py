@@ -28,6 +28,8 @@ class LineOptions:
     """Digest of the file and of how it is taken, 16 bytes: of it the ids of commits are made."""
     note: Note
     """Of lines that say nothing of who and why, unless a log wrote them."""
+    log_tz: str
+    """IANA zone of the log."""
     at_ns: int | None = None
     """When events happened whose line does not say; None: when they are recorded."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from semmap_log.doors import LEVEL_NOT_GIVEN, DoorId
+from semmap_log.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.events import DoorAdded, DoorAnnotated, DoorEvent, DoorUpdated, LevelAdded
 from semmap_log.formats.event_json_reader import DoorLookup, ParsedLine, parse_event_line
@@ -26,7 +26,7 @@ class LineReader:
         self.problems = Problems(path)
         self.lookup = DoorLookup(self._resolve, self._next_id, self._level_of, self._level)
         self.door_map = present.door_map
-        self.free_id = present.next_id
+        self.used_ids, self.greatest_id = {*present.used_ids}, present.greatest_id
         self.level_names = {n: level.name for n, level in levels_of(present.door_map).items()}
         self.levels = {door.door_id: door.level for door in present.door_map.doors.values()}
         self.names = {door.door_id: door.name or "" for door in present.door_map.doors.values()}
@@ -56,7 +56,8 @@ class LineReader:
         return parsed
 
     def _learn(self, event: DoorEvent) -> None:
-        self.free_id = max(self.free_id, DoorId(event.door_id + 1))
+        self.used_ids.add(event.door_id)
+        self.greatest_id = max(self.greatest_id, event.door_id)
         if isinstance(event, DoorAdded) or (
             isinstance(event, DoorUpdated) and Changed.POSE in event.changed
         ):
@@ -79,7 +80,7 @@ class LineReader:
         return found[0]
 
     def _next_id(self) -> DoorId:
-        return self.free_id
+        return next_door_id(self.used_ids, self.greatest_id)
 
     def _level_of(self, door_id: DoorId) -> int:
         return self.levels.get(door_id, LEVEL_NOT_GIVEN)

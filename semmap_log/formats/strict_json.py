@@ -42,6 +42,10 @@ def load_object(text: str | bytes) -> dict[str, Any]:
         raise StrictJsonError(
             f"expected UTF-8 text, got byte 0x{error.object[error.start]:02x}"
         ) from None
+    except json.JSONDecodeError as error:
+        raise StrictJsonError(
+            f"expected one JSON object a line: {error.msg}, at character {error.pos + 1}"
+        ) from None
     except ValueError as error:
         raise StrictJsonError(f"expected one JSON object a line: {error}") from None
     if not isinstance(value, dict):

@@ -49,9 +49,13 @@ from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 from semmap_log.events import KINDS, FloorMap
 from semmap_log.messages import ros_type, type_name
+
+NAMES_OF_FILES = (".mcap", ".zip")
+"""How the name of a segment ends, and of a log that was packed; no folder of a log is called so."""
 
 FORMAT_VERSION = "3"
 """The major one."""
@@ -123,6 +127,11 @@ class Topic:
     """The first minor version that has it."""
     changes_nothing: bool = False
     """As its kind says: `Event.changes_nothing`."""
+
+
+def has_name_of_file(path: Path) -> bool:
+    """Tell whether a path is called like a segment, or like a zip of a log."""
+    return path.suffix.lower() in NAMES_OF_FILES
 
 
 def snake_case(name: str) -> str:

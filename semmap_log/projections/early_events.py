@@ -97,6 +97,12 @@ class EarlyEvents:
         for door_id, count in others.counts.items():
             self.add(door_id, others.first_ns[door_id], count)
 
+    def of(self, door_id: DoorId) -> EarlyEvents:
+        """Return those of one door."""
+        if door_id not in self.counts:
+            return EarlyEvents.none()
+        return EarlyEvents({door_id: self.counts[door_id]}, {door_id: self.first_ns[door_id]})
+
     def in_words(self, names: Mapping[DoorId, str], since: str) -> str:
         """Return how many there are of which doors.
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from semmap_log.appendable_log import AppendableLog
 from semmap_log.door_log import DoorLog
-from semmap_log.doors import MAX_DOOR_ID, Door, DoorId, DoorMap
-from semmap_log.errors import CommandError, UnknownDoorError
+from semmap_log.doors import Door, DoorId, DoorMap, next_door_id
+from semmap_log.errors import UnknownDoorError
 from semmap_log.events import (
     DoorAnnotated,
     DoorEvent,
@@ -83,25 +83,12 @@ class Known:
 
     @property
     def next_id(self) -> DoorId:
-        """The id after the greatest that was ever given.
-
-        Raises:
-            CommandError: There is none any more.
-        """
+        """The id after the greatest that was ever given: see `next_door_id`."""
         return self.next_id_but(frozenset())
 
     def next_id_but(self, others: Collection[int]) -> DoorId:
-        """Return a new id that is none of some others that want to stay free.
-
-        Raises:
-            CommandError: There is none any more.
-        """
-        following = self.greatest_id + 1
-        while following in others:
-            following += 1
-        if following > MAX_DOOR_ID:
-            raise CommandError(f"no id is free behind door {MAX_DOOR_ID}")
-        return DoorId(following)
+        """Return a new id that is none of some others that want to stay free."""
+        return next_door_id({*self.used_ids, *others}, self.greatest_id)
 
     def called(self, text: str, *, or_id: bool = True) -> DoorId | None:
         """Return the door of that name, level/name or id; None: there is none.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,7 @@ def test_what_was_made_is_told_as_json(run: Run) -> None:
         ["export", "log", "x.mcap"],
         ["costmap", "log", "x.mcap"],
         ["evaluate", "log"],
+        ["diff", "log"],
     ],
     ids=str,
 )
@@ -169,6 +171,70 @@ def test_ranges_of_time_have_one_name(run: Run, verb: list[str]) -> None:
     shown = run(verb[0], "--help")[1]
     assert "--since" in shown
     assert "--from" not in shown
+
+
+def test_diff_takes_its_moments_in_either_way(run: Run) -> None:
+    """
+    By their places, or as other verbs have them; not one of them twice, and the first always.
+    """
+    asked = [
+        ["event:0", "event:1"], ["event:0..event:1"], ["--since", "event:0", "--until", "event:1"],
+        ["event:0", "--until", "event:1"], ["--since", "event:0..event:1"], ["event:0"],
+    ]  # fmt: skip
+    answers = {run("diff", "log", *words, "--json")[1] for words in asked[:-1]}
+    left_open = json.loads(run("diff", "log", *asked[-1], "--json")[1])
+    (answer,) = answers
+
+    assert json.loads(answer)["events"] == left_open["events"] != []
+    for words, said in (
+        ([], "expected the earlier moment"),
+        (["--until", "now"], "expected the earlier moment"),
+        (["event:0", "--since", "event:0"], "says that already"),
+        (["event:0", "event:1", "--until", "now"], "says that already"),
+        (["event:0..event:1", "event:1"], "leave T2 out"),
+    ):
+        code, out, err = run("diff", "log", *words)
+        assert (2, "", True) == (code, out, said in err), err
+
+
+@pytest.mark.parametrize("typed", ["--form", "--frm", "--t", "--from-", "--too"])
+def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -> None:
+    """
+    Help does not know them; what is offered, it does.
+    """
+    _, _, err = run("evaluate", "log", typed, "1")
+    assert "No such option" in err
+    assert set() == {"--from", "--to"} & set(re.findall(r"--[a-z]+", err.partition("options")[2]))
+    assert "--since" in run("history", "log", "--sinc", "1")[2]
+    assert "--from" in run("add", "log", "--form", "1,2")[2]
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("replya", " Did you mean replay or play?\n"), ("stat", "\n"), ("xyzzy", "\n")],
+)
+def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
+    typed: str, meant: str, run: Run
+) -> None:
+    """
+    Not the hidden names of old: `state`, `log`.
+    """
+    code, out, err = run(typed, "log")
+
+    assert (2, "") == (code, out)
+    assert f"No such command '{typed}'.{meant}" in err
+    assert "state" not in err
+
+
+def test_when_it_happened_is_no_event(run: Run) -> None:
+    """
+    What is expected, and where the event's time stands.
+    """
+    code, _, err = run("observe", "log", "front", "open", "--at", "event:0")
+
+    assert 1 == code
+    assert "expected when it happened, a time such as 2026-" in err
+    assert "got the number of event 0" in err
 
 
 def test_from_and_to_are_places(run: Run) -> None:

@@ -282,11 +282,34 @@ def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_kn
         assert 'ask --at "2024-05-19 00:00:00+00:00"' in text
     assert "front" in now.out
     assert "" == now.err
+    for verb in (("replay", "log"), ("timeline", "log", "front"), ("export", "log", "doors.csv")):
+        assert 0 == run(*verb, "--known-at", "2024-05-19")
+        assert 'ask --at "2024-05-19 00:00:00+00:00" alone' in capsys.readouterr().err
+        assert 0 == run(*verb, "--at", "2024-05-19")
+        assert "recorded later" not in capsys.readouterr().err
     for verb in (("probabilities", "log", "front"), ("best-time", "log", "front")):
         assert 1 == run(*verb, "--known-at", "2024-05-19")
         assert 'ask --at "2024-05-19 00:00:00+00:00"' in capsys.readouterr().err
         assert 0 == run(*verb, "--at", "2024-05-19")
         capsys.readouterr()
+
+
+def test_a_door_of_which_nothing_was_told_later_is_not_said_to_be_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    The hint is about the door that is asked for; by an event's number the same is found.
+    """
+    monkeypatch.chdir(tmp_path)
+    clock = SteadyClock()
+    with sl.create("log", tz="UTC", clock=clock) as log:
+        log.add_door(name="side")
+        log.add_door(name="front")
+        log.observe("front", "open", at=log.event(2).happened_ns)
+
+    for door, hints in (("front", 1), ("side", 0)):
+        assert 0 == run("timeline", "log", door, "--known-at", "event:3")
+        assert hints == capsys.readouterr().err.count("recorded later")
 
 
 def test_who_asks_about_a_time_before_the_doors_were_added_is_told_so(

@@ -104,6 +104,41 @@ def test_a_random_log_comes_back_as_it_was(seed: int, tmp_path: Path) -> None:
     assert [] == summarize(other.reader).suspects
 
 
+def test_a_log_in_another_zone_says_so(tmp_path: Path) -> None:
+    """
+    The instants are the same; which days they are on is not. In one zone nothing is said.
+    """
+    with sl.create(tmp_path / "log", tz="Asia/Tokyo") as log:
+        log.add_door(at="2026-03-02T07:00")
+        log.add_door(at="2026-03-02T08:00")
+    lines = lines_of(tmp_path / "log")
+    texts = [json.loads(line) for line in lines.read_text().splitlines()]
+    assert ["Asia/Tokyo", None] == [line.get("timezone") for line in texts]
+
+    told = {}
+    for tz in ("Asia/Tokyo", "UTC"):
+        with sl.create(tmp_path / tz.replace("/", ""), tz=tz) as other:
+            told[tz] = import_file(other, lines).plan.warnings
+            assert [22, 23] == [int(entry.happened_ns // 3600e9 % 24) for entry in other.history()]
+    (warning,) = told["UTC"]
+    assert "of a log in Asia/Tokyo, this one is in UTC" in warning
+    assert "init --tz Asia/Tokyo" in warning
+    assert () == told["Asia/Tokyo"]
+
+
+def test_a_zone_that_is_none_is_a_bad_line(tmp_path: Path) -> None:
+    """
+    As any other wrong value.
+    """
+    lines = tmp_path / "lines.jsonl"
+    lines.write_text('{"timezone": "Mars/Olympus", "kind": "DoorAdded"}\n')
+    with (
+        sl.create(tmp_path / "log", tz="UTC") as log,
+        pytest.raises(FormatError, match=r"lines\.jsonl:1: No time zone 'Mars/Olympus'"),
+    ):
+        import_file(log, lines)
+
+
 def test_the_file_again_changes_nothing(tmp_path: Path) -> None:
     """
     Not a byte: neither in the copy nor in the log that it was exported from.

@@ -118,7 +118,7 @@ def test_every_moment_with_and_without_a_checkpoint(
     for _ in range(60):
         scope = {
             dice.choice(("at", "known_at", "event")): dice.choice([None, *times]),
-            "event": dice.choice([None, None, dice.randrange(commits[-1].last_event + 3)]),
+            "event": dice.choice([None, None, dice.randrange(commits[-1].last_event + 1)]),
         }
         if dice.random() < 0.1:
             path.unlink(missing_ok=True)

@@ -26,4 +26,4 @@ class NothingStored:
 
 def lines_of(tz: str, note: Note = Note(source="in.jsonl")) -> LineOptions:
     """Return how lines are taken, where only the zone matters."""
-    return LineOptions(tz=tz, file_id=FILE_ID, note=note)
+    return LineOptions(tz=tz, file_id=FILE_ID, note=note, log_tz=tz)

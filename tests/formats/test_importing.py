@@ -192,12 +192,13 @@ def test_renumber_gives_such_doors_the_next_free_ids():
             "door 2 of the file is door 11 in the log") == plan.summary  # fmt: skip
 
 
-def test_ids_can_run_out():
+def test_behind_the_last_id_come_those_that_were_never_given():
     """
-    They are never wrapped.
+    Never wrapped, never given twice.
     """
-    with pytest.raises(CommandError, match="no id is free any more"):
-        plan_doors(table(row(None)), present(used=[MAX_DOOR_ID]))
+    plan = plan_doors(table(row(None), row(None), row(4)), present(used=[1, MAX_DOOR_ID]))
+
+    assert {2, 3, 4} == {event.door_id for event in plan.events if isinstance(event, DoorAdded)}
 
 
 # Buildings

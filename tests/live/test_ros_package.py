@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from shutil import which
@@ -221,7 +222,30 @@ def test_roslaunch_loads_the_parameters_of_the_costmap(ros1: RosWorld) -> None:
         "track_unknown_space": True,
         "trinary_costmap": False,
     }
-    assert ["/my/log", "--costmap"] == command[1:3]
+    respawned, _, *words = command
+    assert ('SEMMAP_RESPAWNED="1"', ["/my/log", "--costmap"]) == (respawned, words[:2])
+
+
+def test_roslaunch_does_not_start_for_ever_what_would_fail_again(
+    ros1: RosWorld, tmp_path: Path
+) -> None:
+    """
+    Without a log: told once, though it starts a node again after two seconds.
+    """
+    command = tmp_path / "semmap-log"
+    command.write_text(f'#!/bin/sh\nexec {ros1.interpreter} -m semmap_log "$@"\n')
+    command.chmod(0o755)
+    where = {"ROS_PACKAGE_PATH": str(PACKAGE.parent), "SEMMAP_LOG": str(command)}
+    launch = ("lta_semantic_map", "server.launch", f"log:={tmp_path / 'nowhere'}")
+
+    with ros1.tool("roslaunch", *launch, environment=where) as launched:
+        launched.wait_for("it waits")
+        time.sleep(5)
+        told = launched.output + launched.errors
+        assert 0 == launched.stop()
+
+    assert 1 == told.count("no such log")
+    assert "has died" not in told
 
 
 def test_parameters_name_what_is_served() -> None:

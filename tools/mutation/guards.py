@@ -5,6 +5,7 @@ What its answers and its pictures rest on is in the files beside this one.
 
 from __future__ import annotations
 
+from mutation.asking_guards import ASKING
 from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.closed_guards import CLOSED_PARTS
@@ -348,7 +349,7 @@ BROUGHT_BACK = (
            "semmap_log/live/serving/yaml_start.py", "    if gone:\n", "    if False:\n",
            ("tests/live/serving/test_yaml_start.py",)),
     Mutant("a door that was removed, named by its id", "semmap_log/appendable_log.py",
-           "if is_id and self._writer.state.removed_door(int(door)):", "if False:",
+           "                if removed:\n", "                if False:\n",
            (RETRACTING,)),
 )  # fmt: skip
 
@@ -356,5 +357,5 @@ GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
 )  # fmt: skip

@@ -206,6 +206,11 @@ class LogReader:
         """Return the log's last commit; None in a log without any."""
         return next((c for s in reversed(self.segments) if (c := last_commit(s))), None)
 
+    def last_event(self) -> int:
+        """Return the number of the log's last event; -1: there is none."""
+        last = self.last_commit()
+        return -1 if last is None else last.last_event
+
     def last_log_time_ns(self) -> int:
         """Return the log time of the last record, keyframes included; 0 in an empty log."""
         for segment in reversed(self.segments):
@@ -241,7 +246,7 @@ class LogReader:
         for batch in self.batches(window, with_newer=True):
             (recorded,) = batch
             return recorded
-        raise self._no_event(number)
+        raise self.no_event(number)
 
     def commit_at(self, number: int) -> Commit:
         """Return the commit that holds an event, with its note.
@@ -251,7 +256,7 @@ class LogReader:
         """
         commit = self.find_commit(number)
         if commit is None:
-            raise self._no_event(number)
+            raise self.no_event(number)
         return commit
 
     def find_commit(self, number: int) -> Commit | None:
@@ -260,8 +265,11 @@ class LogReader:
         place = self.segment_of(number)
         return None if place is None else commit_of(self.segments[place], number)
 
-    def _no_event(self, number: int) -> LogError:
-        return LogError(f"{self.folder}: there is no event {number}.")
+    def no_event(self, number: int) -> LogError:
+        """Return the error that there is no event of that number, and which is the last."""
+        last = self.last_event()
+        there = "the log has none yet" if last < 0 else f"the last is event {last}"
+        return LogError(f"{self.folder}: there is no event {number}; {there}.")
 
     def segment_of(self, number: int) -> int | None:
         """Return the place of the segment that holds an event, or would; None: none begins yet."""

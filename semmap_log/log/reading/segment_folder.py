@@ -13,7 +13,7 @@ from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALog
 from semmap_log.log.bag_metadata import listed_names
 from semmap_log.log.closed_mark import ClosedMark, read_mark
 from semmap_log.log.folder import LogFolder, Version
-from semmap_log.log.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.log.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, has_name_of_file
 from semmap_log.log.reading.mapping import map_file
 from semmap_log.log.reading.scan import Segment, open_segment, read_head
 from semmap_log.log.reading.segment_set import (
@@ -179,9 +179,7 @@ def list_segments(folder: LogFolder) -> Listing:
     try:
         found = [(name, inode) for name, inode in folder.files() if name.endswith(".mcap")]
     except FileNotFoundError:
-        line = command_line("init", folder.path)
-        message = f"{folder.path}: no such log. To make one: {line}"
-        raise NotALogError(message) from None
+        raise NotALogError(_no_such_log(folder.path)) from None
     except NotADirectoryError:
         raise NotALogError(f"{folder.path}: a log is a folder, this is a file.") from None
     except OSError as error:
@@ -189,6 +187,12 @@ def list_segments(folder: LogFolder) -> Listing:
     if not found:
         raise NotALogError(f"{folder.path}: a folder without segments (*.mcap), so not a log.")
     return found
+
+
+def _no_such_log(path: Path) -> str:
+    if has_name_of_file(path):
+        return f"{path}: no such file; a log is a folder, or, to read, a zip of one."
+    return f"{path}: no such log. To make one: {command_line('init', path)}"
 
 
 def check_is_log(folder: LogFolder) -> None:

@@ -65,7 +65,9 @@ def arrange(path: Path) -> Arrangement:
             found.findings.append(_alien(path, "not a segment of a semmap log"))
         return found
     if not path.is_dir():
-        found.findings.append(_alien(path, "no such log: expected a folder or one .mcap file"))
+        found.findings.append(
+            _alien(path, "no such log: expected a folder, a zip of it, or one .mcap file")
+        )
         return found
     found.mark = _mark(found)
     found.listed = frozenset(listed_names(_bag_metadata_of(path)))

@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from semmap_log.errors import LogAccessError, LogExistsError
+from semmap_log.command_lines import command_line
+from semmap_log.errors import LogAccessError, LogError, LogExistsError
 from semmap_log.log.commits import NO_HASH
 from semmap_log.log.compaction.merge import remove_merged
 from semmap_log.log.disk import sync_folder
 from semmap_log.log.file_calls import check_can_write
 from semmap_log.log.folder import LogFolder
+from semmap_log.log.form import has_name_of_file
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
@@ -27,11 +29,13 @@ def create_log(path: Path, info: LogInfo, surroundings: Surroundings = Surroundi
 
     Raises:
         LogExistsError: Something is there already.
+        LogError: Its name is that of a file: a zip of a log, or a segment.
         LogAccessError: The folder cannot be made, or this system lacks what writing needs.
     """
     check_can_write(path)
     with _told_as_access_error(path, "no log can be made here"):
         _check_is_free(path)
+        _check_is_folders_name(path)
         path.mkdir(parents=True, exist_ok=True)
         folder = LogFolder.held(path)
         with _locked(folder) as lock:
@@ -70,6 +74,17 @@ def _check_is_free(path: Path, folder: LogFolder | None = None) -> None:
         raise LogExistsError(
             f"{path}: there is something here already; a new log wants a new or an empty folder."
         )
+
+
+def _check_is_folders_name(path: Path) -> None:
+    if has_name_of_file(path):
+        line = command_line("init", path.with_suffix(""))
+        raise LogError(
+            f"{path}: a log is a folder, and this is the name of a file; leave {path.suffix} out: "
+            f"{line}"
+        )
+    if path.name == "-":
+        raise LogError(f"{path}: expected the name of a folder; a log is not written to a stream.")
 
 
 def _may_be_half_made(reader: LogReader) -> bool:
