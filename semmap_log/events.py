@@ -28,6 +28,28 @@ from semmap_log.doors import (
 )
 from semmap_log.errors import InvalidEventError
 
+__all__ = [
+    "KINDS",
+    "Changed",
+    "DoorAdded",
+    "DoorAnnotated",
+    "DoorEvent",
+    "DoorObserved",
+    "DoorPassed",
+    "DoorRemoved",
+    "DoorRequested",
+    "DoorUpdated",
+    "Event",
+    "FloorMap",
+    "LevelAdded",
+    "LogExported",
+    "PatrolFinished",
+    "PatrolStarted",
+    "Retracted",
+    "RobotPose",
+    "UnknownEvent",
+]
+
 MAX_EVENT = 2**63 - 1
 MAX_TIME_NS = 2**63 - 1
 """Times are stored as MCAP's uint64 and handled as int64: good until the year 2262."""
