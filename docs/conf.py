@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 project = "semmap-log"
 author = "the semmap-log authors"
-copyright = "Apache-2.0"  # noqa: A001  # the name that Sphinx gives it
+copyright = "the semmap-log authors, Apache-2.0"  # noqa: A001  # the name that Sphinx gives it
 release = version = version_of("semmap-log")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
@@ -54,7 +54,9 @@ napoleon_numpy_docstring = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = "semmap-log"
-html_static_path: list[str] = []
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]
+html_sidebars: dict[str, list[str]] = {"quickstart": [], "two_times": []}
 html_show_sourcelink = False
 html_theme_options = {
     "navbar_end": ["theme-switcher"],
@@ -94,7 +96,9 @@ class ParquetColumns(Directive):
         from semmap_log.arrow.columns import COLUMNS, SAID
 
         lines = ["| column | type | means |", "| --- | --- | --- |"]
-        lines += [f"| `{one.name}` | {one.type} | {one.says} |" for one in (*COLUMNS, *SAID)]
+        for one in (*COLUMNS, *SAID):
+            means = one.says.replace("|", "\\|")
+            lines.append(f"| `{one.name}` | `{one.type}` | {means} |")
         block = nodes.container()
         self.state.nested_parse(StringList(lines, "the columns"), self.content_offset, block)
         return block.children
@@ -147,7 +151,9 @@ def adapt_links(_app: Sphinx, _path: Path, _page: str, content: list[str]) -> No
             return match[0]
         page = INCLUDED.get(target, "/" + target.removeprefix("docs/"))
         is_page = target in INCLUDED or target.startswith("docs/")
-        return f"[{text}]({page})" if is_page else f"{text} (`{target}`)"
+        if is_page:
+            return f"[{text}]({page})"
+        return f"`{target}`" if text == target else f"{text} (`{target}`)"
 
     content[0] = re.sub(r"(?<!!)\[([^]]+)\]\(([^)]+)\)", lead, content[0])
 
