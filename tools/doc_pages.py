@@ -172,11 +172,14 @@ def fits(expected: str, got: str) -> bool:
 
 
 def masked(text: str, now: datetime | None) -> str:
-    """Return a text without its times of the last minutes; without all its times, if None."""
+    """Return a text without its times of the last minutes; without all its times, if None.
+
+    Around midnight a table has a day where the page has none: so nothing is put in their place.
+    """
 
     def mask(match: re.Match[str]) -> str:
         if now is None:
-            return "TIME"
+            return ""
         if match["minute"]:  # whatever the zone, which is whole hours away
             told_s = 60 * int(match["minute"]) + int(match["second"])
             is_recent = (60 * now.minute + now.second - told_s) % 3600 < RECENT_S
@@ -184,7 +187,7 @@ def masked(text: str, now: datetime | None) -> str:
             is_recent = int(match["age"]) * (1 if match["unit"] == "s" else 60) < RECENT_S
         else:
             is_recent = abs(date.fromisoformat(match["day"]) - now.date()) <= timedelta(days=1)
-        return "TIME" if is_recent else match[0]
+        return "" if is_recent else match[0]
 
     return _TIME.sub(mask, text)
 
