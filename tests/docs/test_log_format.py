@@ -35,15 +35,15 @@ GUARD = "import sys; sys.modules['semmap_log'] = None\n"
 """Makes each import of the product an error."""
 
 
-def run_reader(log: Path) -> subprocess.CompletedProcess[str]:
+def run_reader(log: Path, *options: str) -> subprocess.CompletedProcess[str]:
     """Return what the page's program does with a log."""
-    line = [sys.executable, "-I", "-c", GUARD + READER, str(log)]
+    line = [sys.executable, "-I", "-c", GUARD + READER, str(log), *options]
     return subprocess.run(line, capture_output=True, text=True, check=False)
 
 
-def read_by_page(log: Path) -> dict[str, Any]:
+def read_by_page(log: Path, *options: str) -> dict[str, Any]:
     """Return what the page's program says of a log."""
-    done = run_reader(log)
+    done = run_reader(log, *options)
     assert 0 == done.returncode, done.stderr
     said: dict[str, Any] = json.loads(done.stdout)
     return said
@@ -61,7 +61,7 @@ def without_nan(said: dict[str, Any]) -> dict[str, Any]:
     return {**said, "doors": doors}
 
 
-def read_by_product(path: Path) -> dict[str, Any]:
+def read_by_product(path: Path, **moment: int | None) -> dict[str, Any]:
     """Return the same of semmap-log."""
     log = sl.read(path)
     commits = list(log.commits())
@@ -79,7 +79,7 @@ def read_by_product(path: Path) -> dict[str, Any]:
             "prob_closed": number(door.prob_closed),
             "last_seen_ns": door.last_seen_ns,
         }
-        for door in log.replay().doors.values()
+        for door in log.replay(**moment).doors.values()
     ]
     return {
         "events": commits[-1].last_event + 1,
@@ -142,6 +142,30 @@ def test_a_shipped_recording(name: str) -> None:
     log = ROOT / "recordings" / name
 
     assert read_by_product(log) == without_nan(read_by_page(log))
+
+
+HOURS = ("07:35", "08:30", "10:30", "11:00", "13:30", "14:30", "15:30", "19:30", "20:30")
+"""Between a wrong sighting and its retraction, between what happened and its late report …"""
+
+
+@pytest.mark.parametrize("names", ["at", "known_at", "at known_at"])
+def test_moments_of_a_shipped_recording(names: str) -> None:
+    """
+    What was true, what was known, and both: known at each moment is what was true at 10:30.
+    """
+    log = ROOT / "recordings" / "office"
+    said = set()
+
+    for hour in HOURS:
+        moment = dict.fromkeys(names.split(), sl.read(log).instant(f"2026-03-02T{hour}"))
+        if len(moment) == 2:
+            moment["at"] = sl.read(log).instant("2026-03-02T10:30")
+        options = [f"--{name.replace('_', '-')}={ns}" for name, ns in moment.items()]
+        by_page = without_nan(read_by_page(log, *options))
+        assert read_by_product(log, **moment) == by_page
+        said.add(json.dumps(by_page))
+
+    assert len(said) == {"at": 7, "known_at": 9, "at known_at": 4}[names]
 
 
 @pytest.mark.parametrize("which", ["log", "live"])
