@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -126,3 +128,21 @@ def test_the_set_up_of_the_quickstart_is_the_readmes() -> None:
     )
 
     assert first == quick
+
+
+@pytest.mark.parametrize(
+    ("name", "printed"),
+    [("README.md", "OPEN\n"), ("docs/guides/python.md", "OPEN\n{1: 1}\n{1: 1}\n")],
+)
+def test_a_program_prints_what_its_comments_say(name: str, printed: str, tmp_path: Path) -> None:
+    """
+    In an empty folder, without the page's other examples.
+    """
+    page = (ROOT / name).read_text(encoding="utf-8")
+    (program,) = [block.text for block in blocks_of(page) if block.language == "python"]
+
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+
+    assert printed == done.stdout
