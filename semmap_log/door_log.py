@@ -322,8 +322,8 @@ class DoorLog:
     ) -> Iterator[HistoryEntry]:
         """Yield events with who did it and why, retracted ones marked; since <= happened < until.
 
-        Those of kinds that a later version has added are `UnknownEvent`s. What they may have
-        changed of others (a door's state, or that an event counts) is not told.
+        Those of kinds that a later version has added are of the class `UnknownEvent`. What they
+        may have changed of others (a door's state, or that an event counts) is not told.
 
         Args:
             door: Only events about it (its id, name, or level/name), and those unknown here;

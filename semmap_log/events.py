@@ -29,6 +29,28 @@ from semmap_log.errors import InvalidEventError
 from semmap_log.meaning import ALL_CHANGED, NO_EFFECT, PARTS, Effect, Presence
 from semmap_log.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
 
+__all__ = [
+    "KINDS",
+    "Changed",
+    "DoorAdded",
+    "DoorAnnotated",
+    "DoorEvent",
+    "DoorObserved",
+    "DoorPassed",
+    "DoorRemoved",
+    "DoorRequested",
+    "DoorUpdated",
+    "Event",
+    "FloorMap",
+    "LevelAdded",
+    "LogExported",
+    "PatrolFinished",
+    "PatrolStarted",
+    "Retracted",
+    "RobotPose",
+    "UnknownEvent",
+]
+
 MAX_EVENT = 2**63 - 1
 MAX_TIME_NS = 2**63 - 1
 """Times are stored as MCAP's uint64 and handled as int64: good until the year 2262."""

@@ -15,7 +15,7 @@ import semmap_log as sl
 from semmap_log.appendable_log import AppendableLog
 from semmap_log.beliefs.applying import apply_probabilities
 from semmap_log.beliefs.beliefs import probabilities
-from semmap_log.beliefs.best_time import best_time
+from semmap_log.beliefs.best_times import best_time
 from semmap_log.beliefs.calibration import calibrate
 from semmap_log.beliefs.evaluation import evaluate
 from semmap_log.beliefs.learning import learn

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.beliefs.beliefs import DoorBelief
-from semmap_log.beliefs.best_time import BestTime, Window
+from semmap_log.beliefs.best_times import BestTime, Window
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.typical_week import By, TypicalWeek
 from semmap_log.doors import Door

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.best_time import BestTime, Window
+from semmap_log.beliefs.best_times import BestTime, Window
 from semmap_log.moments import SECOND_NS, format_short
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
 from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval

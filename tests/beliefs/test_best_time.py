@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.best_time import best_runs, best_time
+from semmap_log.beliefs.best_times import best_runs, best_time
 from semmap_log.moments import DAY_NS, parse_instant
 from tests.beliefs.patrolled import OPEN_HOURS, ROUNDS, VIENNA, patrolled
 

@@ -1,4 +1,4 @@
-"""The README's commands for a robot run as they stand, in a real ROS 2."""
+"""The guide's commands for a robot run as they stand, in a real ROS 2."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ SLOW, FAST = "--rate 600", "--rate 100000"
 
 def _commands() -> list[list[str]]:
     """Return the words of each command, without the program's name; a day passes faster."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"## On a robot\n.*?```bash\n(.*?)```", readme, flags=re.DOTALL)
+    guide = (ROOT / "docs" / "guides" / "robot.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```bash\n(.*?)```", guide, flags=re.DOTALL)
     assert SLOW in block
     lines = block.replace(SLOW, FAST).splitlines()
     return [shlex.split(line, comments=True)[1:] for line in lines]
