@@ -2,7 +2,7 @@
 
 A plain run meets every room, and leaves out
 
-- what is marked `slow`;
+- what is marked `slow`, or has a fixture that is: a real ROS, packages from npm, later versions;
 - of a test with more than `MOST_CASES` cases all but so many: the first, the last, and those in
   even steps between;
 - most examples of a property that does not say how many it wants.
@@ -21,6 +21,7 @@ from hypothesis import HealthCheck, is_hypothesis_test, settings
 
 MOST_CASES = 6
 QUICK_EXAMPLES = 20
+SLOW_FIXTURES = {"ros", "ros1", "ros_1_or_2", "jazzy", "kilted", "node_packages", "newer"}
 
 _STEADY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
 settings.register_profile("steady", _STEADY)
@@ -66,9 +67,14 @@ def quick_tests(items: list[pytest.Item]) -> set[pytest.Item]:
     """Return the tests of a plain run."""
     cases: dict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
-        if item.get_closest_marker("slow") is None:
+        if not _is_slow(item):
             cases[item.nodeid.partition("[")[0]].append(item)
     return {item for of_one in cases.values() for item in _some(of_one)}
+
+
+def _is_slow(item: pytest.Item) -> bool:
+    fixtures = getattr(item, "fixturenames", ())
+    return item.get_closest_marker("slow") is not None or not SLOW_FIXTURES.isdisjoint(fixtures)
 
 
 def _some(cases: list[pytest.Item]) -> list[pytest.Item]:

@@ -33,6 +33,7 @@ def test_the_python_example_runs(tmp_path: Path) -> None:
     assert done.stdout.startswith("OPEN\n")
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(MOST_S)
 def test_the_commands_run_as_they_stand(tmp_path: Path) -> None:
     """

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -35,6 +36,7 @@ def commit(first: int, end: int) -> Commit:
     )
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(cuts, cuts, st.sets(st.integers(0, EVENTS - 1), min_size=1))
 def test_each_event_has_what_its_own_commit_says(

@@ -44,6 +44,7 @@ def _offered(folder: Path, *words: str, shell: str = "bash") -> list[str]:
 ALL = ["front", "ground/both", "3", "4", "5"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
@@ -79,6 +80,7 @@ def test_what_is_offered(log: Path, words: list[str], offered: list[str]) -> Non
     assert before == sorted((path, path.stat().st_mtime_ns) for path in log.parent.rglob("*"))
 
 
+@pytest.mark.slow
 def test_shells_that_show_help_tell_what_an_id_means(log: Path) -> None:
     """
     A door by its number says its name.

@@ -154,6 +154,7 @@ def test_tests_are_named_without_their_folder(name: str, test_id: str, checkout:
     assert test_id == checkout.test_id(name)
 
 
+@pytest.mark.slow
 def test_a_mutant_is_noticed_and_named() -> None:
     """
     One whole run of the tool: the quickest guard to miss.
