@@ -36,7 +36,6 @@ def commit(first: int, end: int) -> Commit:
     )
 
 
-@pytest.mark.slow
 @settings(deadline=None)
 @given(cuts, cuts, st.sets(st.integers(0, EVENTS - 1), min_size=1))
 def test_each_event_has_what_its_own_commit_says(

@@ -80,7 +80,6 @@ def test_what_is_offered(log: Path, words: list[str], offered: list[str]) -> Non
     assert before == sorted((path, path.stat().st_mtime_ns) for path in log.parent.rglob("*"))
 
 
-@pytest.mark.slow
 def test_shells_that_show_help_tell_what_an_id_means(log: Path) -> None:
     """
     A door by its number says its name.

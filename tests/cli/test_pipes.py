@@ -159,7 +159,6 @@ def test_what_is_said_about_a_table_is_not_in_the_pipe(log: Path) -> None:
     assert "2 doors, up to event 5\n" == done.stderr
 
 
-@pytest.mark.slow
 def test_two_tables_have_an_empty_line_between(log: Path) -> None:
     """
     As `diff` has: what differs, and the events that did it.

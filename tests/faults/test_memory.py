@@ -45,6 +45,7 @@ def test_no_stack_left(memory: Path) -> None:
     assert [] == _bad(outcomes)
 
 
+@pytest.mark.slow
 def test_events_that_cannot_be_had(memory: Path) -> None:
     """
     Whatever an iterator of events raises, and after how many of them: none of them is stored.

@@ -21,6 +21,7 @@ def oracle() -> Iterator[Oracle]:
         yield oracle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 def test_eight_threads_at_once(level: str, plan: Plan, oracle: Oracle) -> None:
     """

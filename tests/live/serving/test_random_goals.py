@@ -98,7 +98,6 @@ def _as_values(door: Door) -> dict[str, object]:
 _numbered: Callable[[], int] = count().__next__
 
 
-@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(_goals, max_size=12))
 def test_random_goals_do_what_a_dictionary_would(

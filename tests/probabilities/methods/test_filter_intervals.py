@@ -22,7 +22,6 @@ KEEPS = np.exp(-1 / STEPS_H / 12)
 """Of its state, a quarter of an hour later: it forgets in twelve hours."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("ahead_h", [3, 6])
 def test_the_truth_lies_in_the_interval_about_as_often_as_is_said(ahead_h: int) -> None:
     """
