@@ -12,8 +12,16 @@ from pathlib import Path
 from shutil import which
 
 import pytest
-from hypothesis import HealthCheck, settings
 from steady_clock import SteadyClock
+
+from tests.quick import (  # noqa: F401 - pytest's hooks
+    pytest_addoption,
+    pytest_collection_modifyitems,
+    pytest_configure,
+    pytest_sessionfinish,
+    pytest_terminal_summary,
+    pytest_testnodedown,
+)
 
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
@@ -27,13 +35,6 @@ if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a shell's background job, which would hand it on to all that the tests interrupt.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-settings.register_profile(
-    "steady", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
-)
-settings.load_profile("steady")
-"""The same examples at each run, however slow the machine is; for others, some day:
-`pytest --hypothesis-profile default`."""
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 

@@ -106,6 +106,7 @@ def cut(events: list[Event], at: list[int]) -> list[Event | EventBatch]:
 notes = st.sampled_from([sl.Note(), sl.Note(actor="me")])
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(
     st.lists(st.lists(kinds_about(strangers), min_size=1, max_size=30), min_size=1, max_size=3),
@@ -142,6 +143,7 @@ def test_a_batch_that_takes_an_adding_back_is_asked_about_that_door(tmp_path: Pa
     assert said[0] == "UnknownDoorError door 3 is not in the map."
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(kinds_about(doors), min_size=1, max_size=60), st.sampled_from([200, 500, 2000]))
 def test_chunks_are_cut_at_the_same_places(
@@ -163,6 +165,7 @@ def test_chunks_are_cut_at_the_same_places(
         assert one_by_one == written(folder / "one", [EventBatch.from_events(allowed)])
 
 
+@pytest.mark.slow
 def test_large_commits_have_the_same_bytes(tmp_path: Path) -> None:
     """
     30,000 events of two kinds: some chunks of a MiB, compressed.

@@ -44,6 +44,7 @@ def test_it_says_what_it_does_not_know(tmp_path: Path) -> None:
     assert made.moments[1].at_ns == main.known_ns == main.time_ns
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("terminal")
 def test_it_runs_twice_and_writes_over_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

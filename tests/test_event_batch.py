@@ -63,6 +63,7 @@ def test_single_values_are_one_event() -> None:
     assert 0 == len(EventBatch.of(DoorRequested, door_id=[], state=[]))
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(events, max_size=20), st.data())
 def test_events_become_columns_and_events_again(drawn: list[Event], data: st.DataObject) -> None:

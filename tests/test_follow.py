@@ -264,6 +264,7 @@ def _run_writer(path: Path, *, at_least: int) -> int:
     return last
 
 
+@pytest.mark.slow
 def test_following_a_writer_that_is_killed_again_and_again(tmp_path: Path) -> None:
     """
     Three followers, over rolls, SIGKILLs, recoveries, compactions and restarts: each sees every

@@ -27,6 +27,7 @@ from semmap_log.importing import import_file
 from tests.conftest import SteadyClock
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_interrupt_at_any_moment_leaves_a_log_that_opens(tmp_path: Path) -> None:
     """
@@ -322,6 +323,7 @@ def test_a_pipe_in_the_folder_is_refused(tmp_path: Path) -> None:
         sl.read(tmp_path / "log")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [["replay", "LOG", "--json"], ["history", "LOG"], ["add", "LOG"], ["info", "LOG"]],
@@ -344,6 +346,7 @@ def test_a_full_disk_behind_stdout_is_one_line(arguments: list[str], tmp_path: P
     assert "No space left" in done.stderr
 
 
+@pytest.mark.slow
 def test_closed_streams_and_plain_terminals_are_no_error(tmp_path: Path) -> None:
     """
     stdin and stdout closed, or ASCII only.

@@ -147,6 +147,7 @@ def expected(doors: dict[int, dict[str, Any]]) -> dict[int, dict[str, Any]]:
     }
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32))
 def test_every_moment_is_what_the_model_says(seed: int) -> None:
@@ -175,6 +176,7 @@ def test_every_moment_is_what_the_model_says(seed: int) -> None:
             assert repr(expected(model(told, at, known_at, event))) == repr(plain(doors))
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32))
 def test_the_fold_commutes_and_a_keyframe_is_the_state(seed: int) -> None:

@@ -71,7 +71,8 @@ def main(arguments: list[str]) -> int:
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": folder}
         coverage = [sys.executable, "-m", "coverage"]
         rcfile = f"--rcfile={settings}"
-        run = [*coverage, "run", rcfile, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+        run = [*coverage, "run", rcfile, "-m", "pytest", "--all", "-q",
+               "-p", "no:cacheprovider"]  # fmt: skip
         tests = [] if any(a.startswith("tests/") for a in arguments) else [*TESTS]
         done = subprocess.run([*run, *tests, *arguments], cwd=ROOT, env=environment, check=False)
         subprocess.run([*coverage, "combine", "-q", rcfile], cwd=ROOT, env=environment, check=False)

@@ -2,17 +2,20 @@
 
     python tools/mutations.py                 every guard: some minutes
     python tools/mutations.py sync lock       those whose name has one of these words
+    python tools/mutations.py --sample 40     so many of them, others at each run
     python tools/mutations.py --check         only whether each guard is still where the list says
 
-Each mutant is a copy of the tree with one snippet replaced; the tests that are named for it run
-until the first fails. Before that they must all pass with every guard in its place. The exit code
-is 1 if they do not, if a mutant survives, or if a snippet is not found once.
+The guards are in `tools/mutation/`; how one is told, `mutation/mutant.py` says. Each mutant is a
+copy of the tree with one piece replaced; the tests that are named for it run until the first
+fails. Before that they must all pass with every guard in its place. The exit code is 1 if they do
+not, if a mutant survives, or if a guard or a test is not found, or found twice.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import random
 import re
 import shutil
 import subprocess
@@ -25,7 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mutation.guards import GUARDS
-from mutation.mutant import Mutant
+from mutation.mutant import Checkout, Mutant
 
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("semmap_log", "tests", "tools", "pyproject.toml")
@@ -51,7 +54,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the command line asks for; 0 all mutants died, 1 one survived, or is out of date."""
     args = _parsed(sys.argv[1:] if arguments is None else arguments)
     chosen = [m for m in GUARDS if not args.words or any(w in m.name for w in args.words)]
-    problems = [problem for mutant in chosen if (problem := mutant.problem(ROOT))]
+    if args.sample is not None:
+        chosen = random.sample(chosen, min(args.sample, len(chosen)))
+    here = Checkout(ROOT)
+    problems = [problem for mutant in chosen if (problem := mutant.problem(here))]
     for problem in problems:
         print(problem, file=sys.stderr)
     if problems or args.check:
@@ -73,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _problem_without_mutation(mutants: Sequence[Mutant]) -> str:
     """Return which test fails though nothing is missing; empty: none."""
     tests = dict.fromkeys(test for mutant in mutants for test in mutant.tests)
-    return fate_of(Mutant("nothing", "pyproject.toml", "", "", tuple(tests))).killer
+    return fate_of(Mutant("nothing", "", "", "", tuple(tests))).killer
 
 
 def fate_of(mutant: Mutant) -> Fate:
@@ -90,10 +96,12 @@ def fate_of(mutant: Mutant) -> Fate:
             _copy(ROOT / name, tree / name)
         for name in LINKED:
             (tree / name).symlink_to(ROOT / name)
-        if mutant.snippet:
-            mutant.apply(tree)
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "--no-header",
-                   "-p", "no:cacheprovider", *mutant.tests]  # fmt: skip
+        copied = Checkout(tree)
+        if mutant.where:
+            mutant.apply(copied)
+        tests = map(copied.test_id, mutant.tests)
+        command = [sys.executable, "-m", "pytest", "--all", "-x", "-q", "--tb=no", "--no-header",
+                   "-p", "no:cacheprovider", *tests]  # fmt: skip
         environment = {**os.environ, "PYTHONPATH": str(tree), "TMPDIR": str(temporary),
                        "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
         try:
@@ -127,7 +135,8 @@ def _line(fate: Fate) -> str:
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Take out guards and see which test notices.")
     parser.add_argument("words", nargs="*", help="only guards whose name has one of these words")
-    parser.add_argument("--check", action="store_true", help="only look the snippets up")
+    parser.add_argument("--check", action="store_true", help="only look the guards up")
+    parser.add_argument("--sample", type=int, metavar="N", help="only N of them, by chance")
     parser.add_argument("--only-mutants", action="store_true",
                         help="trust that the tests pass with every guard in its place")  # fmt: skip
     parser.add_argument("--jobs", type=int, default=2, help="mutants at a time; default: 2")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pyarrow as pa
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,6 +26,7 @@ from tests.batches import batch_of
 from tests.strategies import events
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(st.lists(events, max_size=30))
 def test_every_event_is_the_row_that_it_should_be(drawn: list[Event]) -> None:
@@ -36,6 +38,7 @@ def test_every_event_is_the_row_that_it_should_be(drawn: list[Event]) -> None:
     assert list(map(row_of, batch)) == rows_of(batch.to_arrow())
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(events, max_size=8), st.lists(events, max_size=8))
 def test_tables_can_be_joined(one: list[Event], other: list[Event]) -> None:

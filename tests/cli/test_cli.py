@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -60,34 +61,42 @@ class Result:
         return json.loads(self.out)
 
 
+@pytest.fixture(scope="session")
+def office(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of one door `front`; nobody writes to it."""
+    path = tmp_path_factory.mktemp("cli") / "office"
+    place = ("--from", "2,1.5", "--to", "2.9,1.5")
+    _code("init", path, "--tz", "Europe/Vienna")
+    _code("add", path, *place, "--name", "front", "--actor", "survey")
+    return path
+
+
+def _code(*arguments: object) -> int:
+    """Run a command line in this process and return its exit code."""
+    try:
+        main([str(argument) for argument in arguments])
+    except SystemExit as left:
+        return left.code if isinstance(left.code, int) else 1
+    return 0
+
+
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Run a command line in a folder of its own, with a log `office` of one door `front`."""
+def run(
+    capsys: pytest.CaptureFixture[str],
+    office: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Run a command line in a folder of its own, with a copy of that log in it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TZ", "UTC")
+    shutil.copytree(office, "office")
 
     def run(*arguments: object) -> Result:
-        code = 0
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as left:
-            code = left.code if isinstance(left.code, int) else 1
+        code = _code(*arguments)
         captured = capsys.readouterr()
         return Result(code, captured.out, captured.err)
 
-    run("init", "office", "--tz", "Europe/Vienna")
-    run(
-        "add",
-        "office",
-        "--from",
-        "2,1.5",
-        "--to",
-        "2.9,1.5",
-        "--name",
-        "front",
-        "--actor",
-        "survey",
-    )
     return run
 
 
@@ -184,6 +193,7 @@ def test_replay_at_and_known_at(run) -> None:
     assert 1 == known["event"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("terminal")
 def test_diff_and_show(run) -> None:
     """
@@ -222,6 +232,7 @@ def test_info_counts(run) -> None:
     )
 
 
+@pytest.mark.slow
 def test_history_as_a_picture(run, tmp_path: Path) -> None:
     """
     Lanes of all doors or of one; what is about events does not go with it.
@@ -299,6 +310,7 @@ def test_no_name_is_no_zone(run, arguments: tuple[str, ...]) -> None:
     assert "No time zone '': expected an IANA name" in " ".join((done.err + done.out).split())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("terminal")
 def test_info_draws_a_day(run) -> None:
     """
@@ -392,6 +404,7 @@ def test_patrol_rounds_are_numbered(run) -> None:
     assert [1, 1, 2, 2] == numbers
 
 
+@pytest.mark.slow
 def test_a_door_comes_back_with_the_file_it_came_from(run) -> None:
     """
     The file alone changes nothing, and says how; the refusal of a sighting names the event.
@@ -415,6 +428,7 @@ def test_a_door_comes_back_with_the_file_it_came_from(run) -> None:
     assert "removed from the map (retracted by event" in said
 
 
+@pytest.mark.slow
 def test_export_and_import_again(run) -> None:
     """
     YAML, CSV and JSON lines of a log read back as the same doors, states and events.
@@ -474,6 +488,7 @@ def _start(*arguments: object, **more: Any) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.slow
 def test_record_answers_each_line(run, tmp_path: Path) -> None:
     """
     By its event once it is durable, or by what is wrong with it; then the exit code is 1.
@@ -497,6 +512,7 @@ def test_record_answers_each_line(run, tmp_path: Path) -> None:
     assert ["DoorObserved", "RobotPose", "DoorAdded"] == kinds[2:]
 
 
+@pytest.mark.slow
 def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:
     """
     What came before it is stored, what comes after is not.
@@ -509,6 +525,7 @@ def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:
     assert "line 2" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
 def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Path) -> None:
     """
@@ -527,6 +544,7 @@ def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Pat
     assert sl.read(tmp_path / "office").reader.segments[-1].closed
 
 
+@pytest.mark.slow
 def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path) -> None:
     """
     SIGKILL in the middle of its lines: the log opens, and every answered line is in it.
@@ -546,6 +564,7 @@ def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path)
         assert log.replay().event >= max(answered)
 
 
+@pytest.mark.slow
 def test_the_same_log_gives_the_same_pictures(tmp_path: Path) -> None:
     """
     Byte for byte, in processes that hash in another order and live in other zones.
@@ -600,6 +619,7 @@ def test_python_m_is_the_same(tmp_path: Path) -> None:
     assert done.stdout.startswith("semmap-log ")
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:
     """
     As `| head` does: no traceback.
@@ -620,6 +640,7 @@ def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:
     assert ("[\n", "") == (done.stdout, done.stderr)
 
 
+@pytest.mark.slow
 def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
     """
     A keyframe that cannot be used: the answer is there, the warning beside it, no Python in it.
@@ -662,6 +683,7 @@ main()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     """

@@ -185,6 +185,7 @@ def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
     assert (0, True) == (code, "nothing to do; closed segments: 0" in out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [0.0, 0.02, 0.05, 0.1])
 def test_ctrl_c_leaves_the_whole_log(tmp_path: Path, delay_s: float) -> None:
     """

@@ -44,6 +44,7 @@ def _offered(folder: Path, *words: str, shell: str = "bash") -> list[str]:
 ALL = ["front", "ground/both", "3", "4", "5"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "offered"),
     [

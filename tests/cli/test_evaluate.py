@@ -152,6 +152,7 @@ def test_what_cannot_be_is_said_in_one_line(
     assert said in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.slow
 def test_the_plot_is_a_picture(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     A panel an estimator, with the counts; the words of an .svg can be searched.
@@ -169,6 +170,7 @@ def test_the_plot_is_a_picture(lab: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "c.svg: the reliability diagram." in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_sensor_is_calibrated(seen: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     54 of 60 right while open; what to type then, and that closed was never seen.

@@ -81,6 +81,7 @@ def _plain(text: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", text).replace("\r", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("verb", "rows"),
     [
@@ -112,6 +113,7 @@ def test_each_row_of_a_pipe_is_a_line_of_as_many_cells_as_the_head(
     assert rows in (None, len(lines))
 
 
+@pytest.mark.slow
 def test_cut_takes_the_columns(log: Path) -> None:
     """
     The same cells under the same names as `history` and `tail` have; line ends are spelt.
@@ -132,6 +134,7 @@ def test_cut_takes_the_columns(log: Path) -> None:
     assert [row[:6] for row in rows] == [line.split("\t")[:6] for line in tail.stdout.splitlines()]
 
 
+@pytest.mark.slow
 def test_columns_of_a_pipe_do_not_depend_on_what_doors_have(tmp_path: Path, log: Path) -> None:
     """
     A script that takes the ninth column takes it of every log.
@@ -145,6 +148,7 @@ def test_columns_of_a_pipe_do_not_depend_on_what_doors_have(tmp_path: Path, log:
     assert ["id", "x", "y"] == [full[0].split("\t")[n].removeprefix("door_") for n in (0, 3, 4)]
 
 
+@pytest.mark.slow
 def test_what_is_said_about_a_table_is_not_in_the_pipe(log: Path) -> None:
     """
     Which moment it is of: on stderr.
@@ -165,6 +169,7 @@ def test_two_tables_have_an_empty_line_between(log: Path) -> None:
     assert HISTORY == events.splitlines()[0].split("\t")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "verb",
     [
@@ -189,6 +194,7 @@ def test_a_reader_that_goes_ends_it_quietly(log: Path, verb: list[str]) -> None:
     assert (READER_GONE, "") == (done.returncode, re.sub(r".*up to event 5\n", "", done.stderr))
 
 
+@pytest.mark.slow
 def test_a_narrow_terminal_leaves_columns_out_and_says_so(log: Path) -> None:
     """
     The least important ones; every line fits, no number is cut, and the name is all there.
@@ -208,6 +214,7 @@ def test_a_narrow_terminal_leaves_columns_out_and_says_so(log: Path) -> None:
     assert "kitchen" in folded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [30, 40, 80])
 @pytest.mark.parametrize(
     "verb",
@@ -230,6 +237,7 @@ def test_tables_fit_any_terminal(log: Path, verb: list[str], columns: int) -> No
     assert [] == [line for line in wide if not line.startswith("  semmap-log ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("environment", "has_colours"),
     [
@@ -253,6 +261,7 @@ def test_colours_of_a_terminal(
     assert has_colours == ("\x1b[31m" in said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variable", ["FORCE_COLOR", "CLICOLOR_FORCE"])
 def test_lines_for_programs_never_have_colours(log: Path, variable: str) -> None:
     """

@@ -54,6 +54,7 @@ VERBS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb[0])
 def test_no_verb_hands_on_what_steers_a_terminal(log: Path, verb: list[str]) -> None:
     """
@@ -67,6 +68,7 @@ def test_no_verb_hands_on_what_steers_a_terminal(log: Path, verb: list[str]) -> 
         assert "\t" not in ended.stderr
 
 
+@pytest.mark.slow
 def test_json_is_exact(log: Path) -> None:
     """
     What a program reads is the name itself.
@@ -78,6 +80,7 @@ def test_json_is_exact(log: Path) -> None:
     assert EVIL == door["name"]
 
 
+@pytest.mark.slow
 def test_brackets_and_colons_are_no_markup(log: Path) -> None:
     """
     `[red]` and `:door:` in a name are these letters.
@@ -88,6 +91,7 @@ def test_brackets_and_colons_are_no_markup(log: Path) -> None:
         assert ":door:" in shown
 
 
+@pytest.mark.slow
 def test_errors_name_files_plainly(tmp_path: Path, log: Path) -> None:
     """
     Of bags, of usage, of folders that are not there, and libraries' errors with names in them.
@@ -110,6 +114,7 @@ def test_errors_name_files_plainly(tmp_path: Path, log: Path) -> None:
 OUTPUTS = ["o.yaml", "o.csv", "o.jsonl", "o.parquet", "o.html", "o.mcap", "o.bag", "o"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_a_log_and_files_whose_names_are_not_utf8(tmp_path: Path, log: Path, name: str) -> None:
     """
@@ -125,6 +130,7 @@ def test_a_log_and_files_whose_names_are_not_utf8(tmp_path: Path, log: Path, nam
     assert [out.name] == [path.name for path in tmp_path.iterdir()]
 
 
+@pytest.mark.slow
 def test_the_report_of_a_log_whose_name_is_not_utf8(tmp_path: Path, log: Path) -> None:
     """
     Its bytes are spelt out in the title; the page itself is UTF-8.
@@ -137,6 +143,7 @@ def test_the_report_of_a_log_whose_name_is_not_utf8(tmp_path: Path, log: Path) -
     assert "l\\\\xff" in out.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_file_whose_name_is_not_utf8_is_imported(tmp_path: Path) -> None:
     """
     The note tells where it came from, its bytes spelt out.
@@ -151,6 +158,7 @@ def test_a_file_whose_name_is_not_utf8_is_imported(tmp_path: Path) -> None:
     assert {"\\xfed.csv"} == {entry.source for entry in sl.read(tmp_path / "log").history()}
 
 
+@pytest.mark.slow
 def test_on_a_terminal_there_are_colours_and_nothing_else(log: Path) -> None:
     """
     Rich's own sequences reach it; those in a name do not.

@@ -72,6 +72,7 @@ def test_the_table_tells_numbers_evidence_and_the_night(
     assert "what is said of an hour never seen is carried over from other hours" in out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", [[], ["--by", "hour"], ["--by", "weekday"], ["--by", "week"]])
 def test_132_doors_with_long_names_fit_80_columns(
     by: list[str], capsys: pytest.CaptureFixture[str]
@@ -225,6 +226,7 @@ def test_mistakes_are_named(
     assert words in flat(capsys.readouterr().err)
 
 
+@pytest.mark.slow
 def test_a_plot_is_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     A PNG of the week; of the hours, with the table, as SVG.
@@ -253,6 +255,7 @@ def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> No
     assert "never seen: Tue-Sun" in out
 
 
+@pytest.mark.slow
 def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -45,6 +45,7 @@ def _record(office: Path, text: str, *options: str) -> tuple[int, list[Any], str
     return process.returncode, [json.loads(line) for line in out.splitlines()], err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["event", "batch", "flush", "none"])
 def test_every_level_answers_every_line(level: str, office: Path) -> None:
     """
@@ -58,6 +59,7 @@ def test_every_level_answers_every_line(level: str, office: Path) -> None:
     assert [Durability.EVENT] + [Durability.parse(level)] * 300 == levels
 
 
+@pytest.mark.slow
 def test_a_line_of_a_batch_is_answered_when_the_batch_is_over(office: Path) -> None:
     """
     Not at once, and not never: after the time that was given, though nothing more comes.
@@ -79,6 +81,7 @@ def test_a_line_of_a_batch_is_answered_when_the_batch_is_over(office: Path) -> N
     assert 0 == process.wait(timeout=DEADLINE_S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["event", "batch", "flush"])
 def test_killed_it_has_every_line_that_it_answered(level: str, office: Path) -> None:
     """
@@ -99,6 +102,7 @@ def test_killed_it_has_every_line_that_it_answered(level: str, office: Path) -> 
         assert log.replay().event >= answered[-1]
 
 
+@pytest.mark.slow
 def test_a_line_with_a_command_id_is_stored_once(office: Path) -> None:
     """
     In one run and in the next, though its door has another name by now; its spacing is free.
@@ -115,6 +119,7 @@ def test_a_line_with_a_command_id_is_stored_once(office: Path) -> None:
     assert 4 == sl.read(office).replay().event + 1
 
 
+@pytest.mark.slow
 def test_another_line_with_the_same_command_id_is_a_bad_line(office: Path) -> None:
     """
     Reported with its number; what was stored under that id is named.
@@ -127,6 +132,7 @@ def test_another_line_with_the_same_command_id_is_a_bad_line(office: Path) -> No
     assert "line 2: command_id: stored already, as event 2, for another line" in err
 
 
+@pytest.mark.slow
 def test_an_added_door_that_is_sent_again_keeps_its_id(office: Path) -> None:
     """
     Though the next free id is another by then.
@@ -139,6 +145,7 @@ def test_an_added_door_that_is_sent_again_keeps_its_id(office: Path) -> None:
     assert [1, 2, 3] == sorted(sl.read(office).replay().doors)
 
 
+@pytest.mark.slow
 def test_who_no_longer_listens_stops_nothing_that_was_read(office: Path) -> None:
     """
     With its answers' pipe closed it ends, and what it read is stored and closed.
@@ -155,6 +162,7 @@ def test_who_no_longer_listens_stops_nothing_that_was_read(office: Path) -> None
     assert sl.read(office).reader.segments[-1].closed
 
 
+@pytest.mark.slow
 def test_closed_stdin_is_an_end_like_any(office: Path) -> None:
     """
     Exit code 0: there was nothing to store.
@@ -195,6 +203,7 @@ def exported(office: Path) -> Path:
     return office.parent / "lines.jsonl"
 
 
+@pytest.mark.slow
 def test_lines_that_a_log_wrote_are_taken_once_each(exported: Path, tmp_path: Path) -> None:
     """
     Each is a commit; what was taken back does not come to count again.
@@ -213,6 +222,7 @@ def test_lines_that_a_log_wrote_are_taken_once_each(exported: Path, tmp_path: Pa
     assert ["", "", "eva", "eva", ""] == [e.actor for e in sl.read(tmp_path / "new").history()]
 
 
+@pytest.mark.slow
 def test_a_line_that_was_imported_is_answered_as_it_is_stored(
     exported: Path, tmp_path: Path
 ) -> None:

@@ -47,6 +47,7 @@ def test_without_yes_it_only_shows(log: Path, capsys) -> None:
     assert all(len(line) <= 80 for line in out.splitlines())
 
 
+@pytest.mark.slow
 def test_in_place(log: Path, capsys) -> None:
     """
     Then the log is good, says so, and there is nothing to do any more.

@@ -74,6 +74,7 @@ def test_options_that_make_no_sense(
     assert text in " ".join(said.replace("│", " ").split())
 
 
+@pytest.mark.slow
 def test_a_log_that_another_process_writes(office: Path) -> None:
     """
     One line, exit code 1: nobody waits for a lock that a recorder holds all day.
@@ -87,6 +88,7 @@ def test_a_log_that_another_process_writes(office: Path) -> None:
     assert 1 == said.count("\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [("--ros2",), ("--ros1", "--read-only")])
 def test_no_log_at_all(tmp_path: Path, options: tuple[str, ...]) -> None:
     """
@@ -157,6 +159,7 @@ def test_without_a_log_the_usage_is_told(refused: Callable[..., tuple[int, str]]
     assert "give the log" in " ".join(said.replace("│", " ").split())
 
 
+@pytest.mark.slow
 def test_a_file_that_differs_stops_the_server(office: Path, tmp_path: Path) -> None:
     """
     The difference is printed, nothing is written, and the log is free again.
@@ -174,6 +177,7 @@ def test_a_file_that_differs_stops_the_server(office: Path, tmp_path: Path) -> N
         assert 1 == len(list(log.commits()))
 
 
+@pytest.mark.slow
 def test_a_level_that_is_not_there(office: Path) -> None:
     """
     It is told at the start, before ROS is joined, and not to the first who adds a door.
@@ -184,6 +188,7 @@ def test_a_level_that_is_not_there(office: Path) -> None:
     assert "no level 'attic'; there are: 0" in said
 
 
+@pytest.mark.slow
 def test_the_interpreter_has_no_ros(office: Path) -> None:
     """
     What is missing is named, with what to do.

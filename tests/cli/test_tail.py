@@ -98,6 +98,7 @@ def test_all_behind_a_position(
     assert list(range(after + 1, after + 1 + expected)) == numbers
 
 
+@pytest.mark.slow
 def test_json_lines_can_be_recorded(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     What tail gives, record takes: the same log again.
@@ -133,6 +134,7 @@ def _tail(*arguments: object) -> Iterator[subprocess.Popen[str]]:
         process.wait()
 
 
+@pytest.mark.slow
 def test_following_until_ctrl_c(office: Path) -> None:
     """
     New events come as they are written, a door's new name with them; Ctrl-C is exit code 0.
@@ -153,6 +155,7 @@ def test_following_until_ctrl_c(office: Path) -> None:
     assert (0, "", "") == (process.returncode, out, err)
 
 
+@pytest.mark.slow
 def test_a_closed_pipe_ends_it(office: Path) -> None:
     """
     Also while nothing is written to the log: nobody else would end it.

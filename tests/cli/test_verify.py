@@ -132,6 +132,7 @@ def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> No
     ]
 
 
+@pytest.mark.slow
 def test_flipped_bits_by_the_command(log: Path) -> None:
     """
     A sample of places, by real processes: 4 each time.
@@ -148,6 +149,7 @@ def test_flipped_bits_by_the_command(log: Path) -> None:
     assert [4] * 7 == codes
 
 
+@pytest.mark.slow
 def test_nothing_is_written_and_no_permission_to_is_needed(log: Path) -> None:
     """
     As nobody, on files and a folder that may only be read: no lock file, no byte changed.
@@ -178,6 +180,7 @@ def _as_nobody(log: Path) -> subprocess.CompletedProcess[bytes]:
     )
 
 
+@pytest.mark.slow
 def test_a_disk_that_does_not_give_some_bytes(log: Path, tmp_path: Path) -> None:
     """
     A read error of the disk is a finding with its place, not a dead process; the rest is read.

@@ -128,6 +128,7 @@ def test_options_that_make_no_sense_together_are_refused(
     assert [log] == list(log.parent.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.viewer
 def test_a_picture_of_one_view_in_other_colours(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -150,6 +151,7 @@ def test_a_picture_of_one_view_in_other_colours(
     assert {log, picture} == set(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.viewer
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_a_log_is_followed_while_another_process_records(log: Path, ending: signal.Signals) -> None:
@@ -175,6 +177,7 @@ def test_a_log_is_followed_while_another_process_records(log: Path, ending: sign
     assert ["Open this address in a browser of this machine; Ctrl-C ends it."] == said.splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.viewer
 def test_a_viewer_that_is_killed_ends_the_following(log: Path) -> None:
     """
@@ -192,6 +195,7 @@ def test_a_viewer_that_is_killed_ends_the_following(log: Path) -> None:
     assert 2 == len(said.splitlines())  # the other one is about the address
 
 
+@pytest.mark.slow
 @pytest.mark.viewer
 def test_a_browser_shows_the_recording(log: Path) -> None:
     """

@@ -77,6 +77,7 @@ def test_every_cell_is_claimed_by_the_same_source(seed: int, reach: int, density
     assert np.array_equal(expected, claims)
 
 
+@pytest.mark.slow
 def test_a_claim_is_not_always_that_of_the_nearest() -> None:
     """
     Found at random: a cell whose cost an exact distance transform would set otherwise.

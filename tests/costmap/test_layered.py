@@ -87,6 +87,7 @@ class World:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_updated_is_drawn_anew(part: int) -> None:
     """

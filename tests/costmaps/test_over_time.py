@@ -106,6 +106,7 @@ def _happens(log: sl.DoorLogWriter, dice: random.Random) -> None:
             log.observe(door, state, at=at)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_frames_are_the_costmaps_of_their_moments(seed: int, tmp_path: Path) -> None:
     """
@@ -128,6 +129,7 @@ def test_frames_are_the_costmaps_of_their_moments(seed: int, tmp_path: Path) -> 
     assert 20 < len(frames)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", ["state", "belief"])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_layer_after_any_events_is_that_of_the_door_map(
@@ -162,6 +164,7 @@ def test_the_layer_after_any_events_is_that_of_the_door_map(
     assert len(seen) > 5 or by == "state"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_live_it_is_the_costmap_of_each_commit(seed: int, tmp_path: Path) -> None:
     """

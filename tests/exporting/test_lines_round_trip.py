@@ -304,6 +304,7 @@ def test_times_to_come_are_not_kept(tmp_path: Path) -> None:
                       for c in sl.read(tmp_path / "copy").commits()}  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["office", "clinic_week"])
 def test_a_recording_comes_back_as_it_was(name: str, tmp_path: Path) -> None:
     """

@@ -60,6 +60,7 @@ def test_a_door_without_probabilities_needs_a_word(tmp_path: Path) -> None:
     assert ["doors.yaml", "log"] == sorted(p.name for p in tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["doors.yaml", "states.csv", "events.jsonl", "a.geojson"])
 def test_a_full_disk_leaves_the_old_file_whole(name: str, tmp_path: Path) -> None:
     """

@@ -29,6 +29,7 @@ LATCHED = {"/map", "/semmap/doors", "/lta_semantic_map_door_db"}
 MARKED = StreamOptions(markers=True)
 
 
+@pytest.mark.slow
 def test_the_mcap_library_decodes_every_message(tmp_path: Path) -> None:
     """
     By its CRCs, its index and mcap-ros2-support; stamps of log and publishing are the same.
@@ -89,6 +90,7 @@ def test_ros_1_knows_the_thesis_messages_by_their_digests() -> None:
     } == digests
 
 
+@pytest.mark.slow
 def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
     """
     It makes classes of the definitions in the bag, and checks their digests.

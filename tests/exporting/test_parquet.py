@@ -36,6 +36,7 @@ def exported(log: sl.DoorLog, path: Path, scope: Scope = Scope()) -> pa.Table:
     return pq.read_table(path)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(commits)
 def test_the_file_is_the_log(drawn: list[tuple[list[Event], sl.Note]]) -> None:
@@ -100,6 +101,7 @@ def test_the_file_tells_which_log_it_is_of(log: sl.DoorLog, tmp_path: Path) -> N
     assert b"when it happened, as given" == schema.field("happened").metadata[b"description"]
 
 
+@pytest.mark.slow
 def test_the_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
     """
     Once more, from another process, and after it was compacted.
@@ -154,6 +156,7 @@ def test_duckdb_reads_it(log: sl.DoorLog, tmp_path: Path) -> None:
     assert [(door.door_id, door.state.name) for door in log.replay().doors.values()] == rows
 
 
+@pytest.mark.slow
 def test_a_full_disk_leaves_the_old_file_whole(tmp_path: Path) -> None:
     """
     No half file, no litter, one clear error.

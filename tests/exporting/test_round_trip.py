@@ -17,6 +17,7 @@ from tests.exporting.lively import lively_log
 from tests.formats.played import played
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["x.mcap", "x.bag", "x"])
 def test_what_was_exported_comes_back(name: str, tmp_path: Path) -> None:
     """

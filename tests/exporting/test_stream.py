@@ -39,6 +39,7 @@ def topic(messages: list[Played], name: str, until_ns: int | None = None) -> lis
     return [m for m in messages if m.topic == name and (until_ns is None or m.at_ns <= until_ns)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_whoever_played_from_the_start_sees_what_a_replay_gives(
@@ -60,6 +61,7 @@ def test_whoever_played_from_the_start_sees_what_a_replay_gives(
             assert expected == doors_in(shown_after(arrays))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3, 9))
 def test_whoever_jumps_to_a_moment_sees_the_same(seed: int, tmp_path: Path) -> None:
     """
@@ -81,6 +83,7 @@ def test_whoever_jumps_to_a_moment_sees_the_same(seed: int, tmp_path: Path) -> N
     assert min(shown.values()) > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 @pytest.mark.parametrize("options", [MARKED, StreamOptions()], ids=["markers", "plain"])
 def test_the_thesis_message_is_the_door_database(
@@ -118,6 +121,7 @@ def entries(message: Any) -> list[tuple[Any, ...]]:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_without_markers_the_other_topics_are_the_same(tmp_path: Path) -> None:
     """
     Message by message, at each change, however many there are: markers only come in between.
@@ -161,6 +165,7 @@ def test_a_default_stands_for_probabilities_that_were_not_given(tmp_path: Path) 
     assert [(0.25, 0.75), (0.125, 0.125)] == [(e.prob_open, e.prob_closed) for e in first.door_db]
 
 
+@pytest.mark.slow
 def test_each_change_is_sent_once(tmp_path: Path) -> None:
     """
     No message is the same as the one before it, and each has the time of an event.
@@ -215,6 +220,7 @@ def test_a_log_with_very_many_changes_gets_an_interval(
     assert (0, 600) == (plenty, few)
 
 
+@pytest.mark.slow
 def test_a_part_begins_with_what_was_there(tmp_path: Path) -> None:
     """
     Doors, database and floor plan stand at its first moment; nothing is later than its last.
@@ -237,6 +243,7 @@ def test_a_part_begins_with_what_was_there(tmp_path: Path) -> None:
     assert until >= messages[-1].at_ns
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 def test_the_floor_plans_are_the_logs_own(name: str, tmp_path: Path) -> None:
     """
@@ -272,6 +279,7 @@ def test_the_floor_plans_are_the_logs_own(name: str, tmp_path: Path) -> None:
     assert checked > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 def test_the_robot_is_where_it_said_it_was(name: str, tmp_path: Path) -> None:
     """
@@ -313,6 +321,7 @@ def test_the_events_say_who_did_what_and_why(name: str, info: int, tmp_path: Pat
     assert sorted(e.number for e in entries_) == sorted(line.line for line in lines)
 
 
+@pytest.mark.slow
 def test_what_was_retracted_is_not_told(tmp_path: Path) -> None:
     """
     The retractions are.

@@ -23,6 +23,7 @@ def test_no_clock_changes_the_order(lie: str, memory: Path) -> None:
     assert (24, 0) == (outcome.checked, outcome.lost)
 
 
+@pytest.mark.slow
 def test_clocks_that_jump_at_random_change_nothing_either(memory: Path) -> None:
     """
     By nanoseconds, seconds, days and years, back and forth.

@@ -27,6 +27,7 @@ def live(sample: Sample, tmp_path_factory: pytest.TempPathFactory) -> Subject:
     return Subject.of(sample.live, tmp_path_factory.mktemp("live"), "live")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count"), [("flips", 1000), ("cuts", 400), ("sectors-damaged", 400)]
 )

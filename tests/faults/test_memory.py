@@ -8,6 +8,7 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
+import pytest
 from fault_injection.fault import Outcome
 from fault_injection.interrupts import (
     exhaust_the_stack,
@@ -24,6 +25,7 @@ def _bad(outcomes: list[Outcome]) -> list[Outcome]:
     return [outcome for outcome in outcomes if not outcome.is_good]
 
 
+@pytest.mark.slow
 def test_ctrl_c_at_any_step_leaves_nothing_by_half(memory: Path) -> None:
     """
     What was acknowledged is there, no id is given twice, and who goes on goes on rightly.
@@ -43,6 +45,7 @@ def test_no_stack_left(memory: Path) -> None:
     assert [] == _bad(outcomes)
 
 
+@pytest.mark.slow
 def test_events_that_cannot_be_had(memory: Path) -> None:
     """
     Whatever an iterator of events raises, and after how many of them: none of them is stored.
@@ -52,6 +55,7 @@ def test_events_that_cannot_be_had(memory: Path) -> None:
     assert [] == _bad(outcomes)
 
 
+@pytest.mark.slow
 def test_signals_at_any_moment(memory: Path) -> None:
     """
     Ctrl-C, SIGTERM and SIGKILL to a process that appends: what it was told stays.
@@ -76,6 +80,7 @@ def test_a_stopped_writer_keeps_its_place(memory: Path) -> None:
     assert outcome.is_good
 
 
+@pytest.mark.slow
 def test_memory_that_runs_out(memory: Path) -> None:
     """
     With none, some and almost enough: no commit by half, and small ones go on if they may.

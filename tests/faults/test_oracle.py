@@ -49,6 +49,7 @@ print("foreign:", *sorted(foreign))
     assert "foreign:" == done.stdout.splitlines()[-1].strip()
 
 
+@pytest.mark.slow
 def test_it_agrees_with_every_verb_on_whole_logs(tmp_path: Path, oracle: Oracle) -> None:
     """
     Closed, live, compacted, and the office recording; `Examined` compares and fails if not.
@@ -60,6 +61,7 @@ def test_it_agrees_with_every_verb_on_whole_logs(tmp_path: Path, oracle: Oracle)
         assert 20 < sum(name.startswith("replay") for name in examined.truth)
 
 
+@pytest.mark.slow
 def test_it_sees_every_flipped_byte_of_a_commit(
     sample: Sample, tmp_path: Path, oracle: Oracle
 ) -> None:
@@ -82,6 +84,7 @@ def test_it_sees_every_flipped_byte_of_a_commit(
             assert found["problems"] or is_torn
 
 
+@pytest.mark.slow
 def test_it_survives_any_head(sample: Sample, tmp_path: Path, oracle: Oracle) -> None:
     """
     A run of zeros anywhere before the first commit is told; the oracle goes on.

@@ -9,6 +9,7 @@ import pytest
 from tests.faults.running import faults, is_tried
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "cuts"), [("power-ext4", 3), ("power-xfs", 1)])
 def test_what_was_acknowledged_survives_a_power_cut(kind: str, cuts: int, tmp_path: Path) -> None:
     """

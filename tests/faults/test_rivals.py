@@ -61,6 +61,7 @@ def test_the_loser_leaves_every_byte_and_time_alone(tmp_path: Path) -> None:
         assert before == _everything(path)
 
 
+@pytest.mark.slow
 def test_nothing_is_opened_for_writing_before_the_lock_is_held(tmp_path: Path) -> None:
     """
     In a recovery, where most is written, each change of a file comes after both locks.
@@ -136,6 +137,7 @@ def _killed_writer(path: Path) -> None:
     assert -signal.SIGKILL == done.returncode
 
 
+@pytest.mark.slow
 def test_what_a_forked_child_does_releases_nothing(tmp_path: Path) -> None:
     """
     It cannot append or sync; it closes the log, collects garbage and ends: the lock stays held,
@@ -220,6 +222,7 @@ def test_threads_share_a_log(durability: str, tmp_path: Path) -> None:
     assert told == {e.number: e.event.door_id for e in events if isinstance(e.event, DoorAdded)}
 
 
+@pytest.mark.slow
 def test_processes_that_race_lose_and_invent_nothing(memory: Path) -> None:
     """
     Three processes open, append and close one log as fast as they can.
@@ -230,6 +233,7 @@ def test_processes_that_race_lose_and_invent_nothing(memory: Path) -> None:
     assert [] == _bad(outcomes)
 
 
+@pytest.mark.slow
 def test_readers_see_prefixes_whatever_happens_to_the_log(memory: Path) -> None:
     """
     For a few seconds: writing, rolling, compacting, kills and recoveries; whole commits only.

@@ -14,6 +14,7 @@ import semmap_log as sl
 from semmap_log.errors import CorruptLogError
 
 
+@pytest.mark.slow
 def test_no_file_out_of_place_gives_a_wrong_answer(plan: Plan) -> None:
     """
     Everything that `tools/faults.py segments` does, reading and appending.

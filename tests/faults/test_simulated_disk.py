@@ -18,6 +18,7 @@ MAGIC = b"\x89MCAP0\r\n"
 O_CREAT = os.O_CREAT
 
 
+@pytest.mark.slow
 def test_nothing_acknowledged_is_lost_whatever_a_disk_keeps(tmp_path: Path) -> None:
     """
     Unsynced writes lost, torn, reordered, names and renames undone, at any call, at all levels.

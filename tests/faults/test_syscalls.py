@@ -18,6 +18,7 @@ from semmap_log.log.writing import segment_chain
 from tests.faults.running import faults, is_tried
 
 
+@pytest.mark.slow
 def test_a_process_may_be_killed_at_any_call(tmp_path: Path) -> None:
     """
     Before each call on the folder, in half of a write, and again in the recovery.
@@ -27,6 +28,7 @@ def test_a_process_may_be_killed_at_any_call(tmp_path: Path) -> None:
     is_tried(said, at_least=120)
 
 
+@pytest.mark.slow
 def test_any_call_may_fail(tmp_path: Path) -> None:
     """
     Once or for ever: the program is told, goes on, and what had failed is stored once or not.
@@ -36,6 +38,7 @@ def test_any_call_may_fail(tmp_path: Path) -> None:
     is_tried(said, at_least=120)
 
 
+@pytest.mark.slow
 def test_limits_of_the_machine_are_met_and_lifted(tmp_path: Path) -> None:
     """
     A full disk, a file too large, no more files; read-only and not ours: read, never written.

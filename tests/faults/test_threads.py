@@ -21,6 +21,7 @@ def oracle() -> Iterator[Oracle]:
         yield oracle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 def test_eight_threads_at_once(level: str, plan: Plan, oracle: Oracle) -> None:
     """
@@ -33,6 +34,7 @@ def test_eight_threads_at_once(level: str, plan: Plan, oracle: Oracle) -> None:
         assert 96 == outcome.checked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_drawn_orders(program: str, plan: Plan, oracle: Oracle) -> None:
     """
@@ -44,6 +46,7 @@ def test_drawn_orders(program: str, plan: Plan, oracle: Oracle) -> None:
         assert outcome.is_good, outcome
 
 
+@pytest.mark.slow
 def test_the_kind_as_it_is_run(tmp_path: Path) -> None:
     """
     Programs and levels in turn, on all cores.

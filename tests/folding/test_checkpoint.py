@@ -90,6 +90,7 @@ def test_an_empty_log_has_nothing_to_keep(tmp_path: Path, path: Path) -> None:
     assert path.exists()
 
 
+@pytest.mark.slow
 def test_a_file_cut_anywhere_is_damaged(log_path: Path, path: Path) -> None:
     """
     At every byte: a warning, a fold from the start, and the file is whole again.
@@ -107,6 +108,7 @@ def test_a_file_cut_anywhere_is_damaged(log_path: Path, path: Path) -> None:
         assert whole == path.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_anywhere_is_noticed(log_path: Path, path: Path) -> None:
     """
     In its first line it is no checkpoint any more: an error. Behind that it is a damaged one.

@@ -63,6 +63,7 @@ lines = st.lists(cells | st.sampled_from(["", "a,b", "a,b,c,d,e", " "]), max_siz
 orderly = st.lists(good, max_size=30).map(lambda rows: [",".join(row) for row in sorted(rows)])
 
 
+@pytest.mark.slow
 @settings(max_examples=500, deadline=None)
 @given(
     lines | orderly,
@@ -108,6 +109,7 @@ def _by_itself(text: str, tz: str) -> tuple[int, int] | str:
         return str(error)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.lists(times | bad_times | st.text(max_size=30), max_size=30),
        st.sampled_from([VIENNA, "UTC", "Australia/Lord_Howe"]))  # fmt: skip
@@ -151,6 +153,7 @@ def test_decimals_at_once_are_floats(texts: list[str]) -> None:
             assert not math.isnan(value), text
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.lists(st.text(max_size=40), max_size=40), max_size=4))
 def test_texts_get_numbers_in_the_order_of_their_first_coming(columns: list[list[str]]) -> None:

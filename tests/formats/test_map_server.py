@@ -328,6 +328,7 @@ def test_strips_join_without_a_seam(tmp_path, monkeypatch):
     assert whole == read_map(path)
 
 
+@pytest.mark.slow
 def test_a_hundred_megapixels_stay_in_bounds(tmp_path):
     """
     The picture, the grid, and little more.

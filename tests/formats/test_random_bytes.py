@@ -79,6 +79,7 @@ json_values = st.recursive(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=500, suppress_health_check=list(HealthCheck))
 @given(st.sampled_from(sorted(KIND_BY_NAME)), st.dictionaries(st.sampled_from(KEYS), json_values))
 def test_any_keys_and_values_are_an_event_or_refused(kind, values):

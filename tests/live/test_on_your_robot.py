@@ -81,6 +81,7 @@ def test_the_doors_of_the_page_lie_where_a_service_may_write() -> None:
     assert [] == [path for path in named if not path.startswith(state)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
 def test_what_does_not_mend_itself_is_not_started_again(path: Path, tmp_path: Path) -> None:
     """

@@ -141,6 +141,7 @@ def _listen_in_sim_time(ros: RosWorld) -> Running:
         ros.tool("rosparam", "delete", "/use_sim_time").finish()
 
 
+@pytest.mark.slow
 def test_a_loop_begins_with_the_state_of_its_beginning(
     ros_1_or_2: RosWorld, log: sl.DoorLog, expected: list[str]
 ) -> None:

@@ -434,6 +434,7 @@ def test_a_workspace_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture
     assert [] == list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
     """
     A wheel as pip builds it from this checkout holds every file, and leaves the scripts executable.

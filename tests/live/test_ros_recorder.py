@@ -52,6 +52,7 @@ _MESSAGES = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(_MESSAGES)
 def test_live_or_from_a_bag_the_events_are_the_same(drawn: list[Any]) -> None:

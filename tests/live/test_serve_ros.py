@@ -194,6 +194,7 @@ def test_a_database_of_the_thesis_that_counts_from_0(ros: RosWorld, path: Path) 
 GOALS = 25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("leg", ["ros1", "jazzy"])
 def test_a_server_that_is_killed_loses_no_result(
     request: pytest.FixtureRequest, leg: str, path: Path

@@ -76,6 +76,7 @@ def told(log: Path) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [CLOSED, LIVE])
 def test_each_block_of_a_file(whole: Path, name: str, tmp_path: Path) -> None:
     """
@@ -113,6 +114,7 @@ def test_each_block_of_a_file(whole: Path, name: str, tmp_path: Path) -> None:
         image.unlink()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     ["replay", "history", "info", "tail", "show 4", "diff event:1 event:9", "compact",
@@ -166,6 +168,7 @@ def test_a_bad_block_is_no_end_of_a_compaction(whole: Path, tmp_path: Path) -> N
         assert before.st_ino == (log / CLOSED).stat().st_ino
 
 
+@pytest.mark.slow
 def test_recovering_in_place(whole: Path, tmp_path: Path) -> None:
     """
     The new log takes the place of the old one, whose files are kept as far as they can be.

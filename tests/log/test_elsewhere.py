@@ -44,6 +44,7 @@ def _run(system: str, *arguments: str | Path) -> subprocess.CompletedProcess[str
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["windows", "macos"])
 @pytest.mark.parametrize("verb", READING)
 def test_every_reading_verb_says_the_same(system: str, verb: str) -> None:
@@ -56,6 +57,7 @@ def test_every_reading_verb_says_the_same(system: str, verb: str) -> None:
     assert there.stdout == here.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["windows", "macos"])
 @pytest.mark.parametrize("ending", FILES)
 def test_files_come_out_the_same(tmp_path: Path, system: str, ending: str) -> None:
@@ -94,6 +96,7 @@ def test_a_zip_is_read_there_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["windows", "macos"])
 @pytest.mark.parametrize("verb", WRITING)
 def test_writing_says_what_is_missing(tmp_path: Path, system: str, verb: str) -> None:
@@ -114,6 +117,7 @@ def test_writing_says_what_is_missing(tmp_path: Path, system: str, verb: str) ->
     assert sorted(p.name for p in log.iterdir()) == sorted(p.name for p in RECORDING.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["windows", "macos"])
 def test_no_log_is_begun_there(tmp_path: Path, system: str) -> None:
     """

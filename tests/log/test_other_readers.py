@@ -126,6 +126,7 @@ def test_it_has_several_segments(log: Path, request: pytest.FixtureRequest) -> N
     assert {"/map", "/map/1", "/semmap/keyframe"} < {topic for topic, *_ in ours(log)}
 
 
+@pytest.mark.slow
 def test_mcap_seeking_reader(log: Path) -> None:
     """
     By the index, CRCs checked: the same messages in the same order, and true statistics.
@@ -157,6 +158,7 @@ def test_mcap_stream_reader_checks_the_data_crc(log: Path) -> None:
         assert (2, 1) == (kinds.count("Metadata"), kinds.count("Attachment"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [True, False], ids=["folder", "files"])
 def test_rosbags(log: Path, whole: bool) -> None:
     """
@@ -188,6 +190,7 @@ def observed(log: Path) -> list[tuple[int, int, float, float]]:
     ]
 
 
+@pytest.mark.slow
 def test_mcap_ros2_support_decodes_every_type(log: Path) -> None:
     """
     The usual Python decoder reads each message by the schema in the file.

@@ -82,6 +82,7 @@ def _cut(file: Path, to: int) -> None:
     os.truncate(file, to if to >= 0 else file.stat().st_size + to)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("to", CUTS)
 @pytest.mark.parametrize("which", [0, -1])
 def test_a_file_cut_under_an_open_reader(whole: Path, which: int, to: int, tmp_path: Path) -> None:
@@ -96,6 +97,7 @@ def test_a_file_cut_under_an_open_reader(whole: Path, which: int, to: int, tmp_p
     assert to != 0 or any(kind == "error" for _, kind, _ in told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [(), ("--fallback", "ask")], ids=["copied", "asked for"])
 @pytest.mark.parametrize("to", CUTS)
 def test_a_file_cut_that_has_lost_its_name(
@@ -119,6 +121,7 @@ def test_a_file_cut_that_has_lost_its_name(
     assert to != 0 or any(kind == "error" for _, kind, _ in told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [(), ("--fallback", "ask"), ("--fallback", "look")], ids=str)
 def test_a_log_that_is_moved_away_is_read_on(
     whole: Path, more: tuple[str, ...], tmp_path: Path
@@ -134,6 +137,7 @@ def test_a_log_that_is_moved_away_is_read_on(
     check(whole, told, "")
 
 
+@pytest.mark.slow
 def test_a_file_cut_and_restored_over_and_over(whole: Path, tmp_path: Path) -> None:
     """
     A mirror that is written anew again and again, beside two that read it.

@@ -262,6 +262,7 @@ def test_a_link_is_replaced_and_its_target_stays(tmp_path: Path) -> None:
     assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
 
 
+@pytest.mark.slow
 def test_pipes_are_not_replaced(tmp_path: Path) -> None:
     """
     A file in its place would be nothing that its reader ever sees.
@@ -393,6 +394,7 @@ except CheckpointError as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", [each for each in STRANGE if each != "nowhere"])
 def test_a_checkpoint_that_is_no_file(tmp_path: Path, what: str) -> None:
     """
@@ -426,6 +428,7 @@ print([finding.kind for finding in verify(Path(sys.argv[1])).findings])
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["pipe", "/dev/zero", "/etc/hostname", "nowhere"])
 def test_a_metadata_file_that_is_no_file(tmp_path: Path, what: str) -> None:
     """

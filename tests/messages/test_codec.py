@@ -85,6 +85,7 @@ def test_a_batch_holds_the_events_as_columns(drawn: list[Event]) -> None:
     assert all(same(event, r.event) for event, r in zip(drawn, again, strict=True))
 
 
+@pytest.mark.slow
 @given(st.lists(events, max_size=20), st.data())
 def test_selecting_from_a_batch_is_selecting_from_its_events(
     drawn: list[Event], data: st.DataObject

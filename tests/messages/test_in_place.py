@@ -41,6 +41,7 @@ def keyframes(draw: st.DrawFn) -> bytes:
     return serialize(type_name("Keyframe"), **values)
 
 
+@pytest.mark.slow
 @given(keyframes())
 def test_it_reads_what_rosbags_reads(data: bytes) -> None:
     """

@@ -75,6 +75,7 @@ def share_of(log: sl.DoorLog, **how: object) -> list[list[float]]:
     return shares(beliefs, some_times(log))
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32))
 def test_a_fold_that_is_gone_on_with_anywhere_gives_the_same_numbers(seed: int) -> None:
@@ -103,6 +104,7 @@ def test_a_fold_that_is_gone_on_with_anywhere_gives_the_same_numbers(seed: int) 
         assert whole == shares(live.state, some_times(log))
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32))
 def test_evidence_is_what_the_timeline_says_where_no_sensor_is_in_doubt(seed: int) -> None:
@@ -207,6 +209,7 @@ def test_a_late_word_drops_what_was_learnt_without_it() -> None:
     assert 2 == estimator.learnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_gone_on_from_says_what_is_learnt_from_the_beginning(seed: int) -> None:
     """

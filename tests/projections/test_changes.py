@@ -26,6 +26,7 @@ from tests.log.reading.test_state import tiny_steps
 from tests.test_replay import random_log
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_changes_lead_from_the_map_before_to_the_map_after(seed: int) -> None:

@@ -81,6 +81,7 @@ def _moments(log: sl.DoorLog, dice: random.Random) -> Iterator[tuple[Any, Any]]:
         yield dice.choice(times), None
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32))
 def test_applied_to_the_first_state_it_gives_the_second(seed: int) -> None:
@@ -131,6 +132,7 @@ def _patched(before: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 def test_random_logs_hold_what_the_property_is_about(tmp_path: Path) -> None:
     """
     Each part of a diff occurs in them, and each field: else the test above would show little.

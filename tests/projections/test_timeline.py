@@ -64,6 +64,7 @@ def moments(told: list[Told]) -> list[int]:
     return sorted(times | {t - 1 for t in times})
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32))
 def test_at_every_moment_the_interval_is_what_a_replay_says(seed: int) -> None:

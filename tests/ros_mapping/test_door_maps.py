@@ -319,6 +319,7 @@ _VALUES = st.fixed_dictionaries(
 _MAPS = st.lists(st.dictionaries(st.integers(1, 5), _VALUES, max_size=4), min_size=1, max_size=8)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(maps=_MAPS, restart=st.integers(0, 7))
 def test_the_log_has_the_servers_doors_after_every_message(

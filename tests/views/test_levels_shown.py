@@ -128,6 +128,7 @@ def test_the_page_has_no_level_0(tmp_path: Path) -> None:
     assert [0] == [run[0] for run in two["track"]]
 
 
+@pytest.mark.slow
 def test_the_page_opens_on_the_level_with_doors(tmp_path: Path) -> None:
     """
     In a browser; the robot stands elsewhere, and then on a level that nobody told.

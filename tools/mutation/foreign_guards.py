@@ -2,47 +2,37 @@
 
 from __future__ import annotations
 
-from mutation.mutant import mutants_in
-
-HOSTILE = "tests/formats/test_hostile_bags.py"
-PLAIN = "tests/cli/test_plain_output.py"
-THESIS = "tests/formats/test_thesis_yaml.py"
-STRICT = "tests/formats/test_strict_yaml.py"
-CSV_TEXT = "tests/formats/test_csv_text.py"
-
-
-_put = mutants_in("semmap_log/")
-
+from mutation.mutant import guard
 
 FOREIGN = (
-    _put("a size that zstd tells", "formats/unpacking.py", "if said > most:", "if False:", HOSTILE),
-    _put("what lz4 and bz2 hold", "formats/unpacking.py", "max_length=most + 1", "max_length=-1",
-         HOSTILE),
-    _put("chunks that overlap", "formats/mcap_reading.py", "if open_bytes > OPEN_BYTES:",
-         "if False:", HOSTILE),
-    _put("records of a few GiB", "formats/mcap_records.py", "if length > MOST_BYTES:", "if False:",
-         HOSTILE),
-    _put("lists of nothing", "formats/ros_sizes.py", "if not size:", "if False:", HOSTILE),
-    _put("texts on a stream", "cli/plain_streams.py", "self.beneath.write(plain(text))",
-         "self.beneath.write(text)", PLAIN),
-    _put("texts on a console", "cli/plain_console.py",
-         "if segment.control or segment.text.isprintable():", "if True:", PLAIN),
-    _put("brackets that are no markup", "cli/plain_console.py", "markup=False", "markup=True",
-         PLAIN),
-    _put("a probability that is no number is none", "formats/thesis_yaml.py",
-         'node.text.lower().lstrip(".") == "nan"', "False", THESIS),
-    _put("a place that is no number", "formats/yaml_values.py", "if math.isnan(value):",
-         "if False:", THESIS),
-    _put("other files' numbers are finite", "formats/strict_yaml.py",
-         "plain and self.takes_nan and", "plain and", STRICT),
-    _put("other keys of a door are kept", "formats/thesis_yaml.py",
-         "                found[key] = node.text\n", "", THESIS),
-    _put("a file without doors is none of the thesis's", "formats/thesis_yaml.py",
-         "if has_doors and not _is_door(node):", "if not _is_door(node):", THESIS),
-    _put("a door by another name than a number", "formats/thesis_yaml.py",
-         "if has_doors and not _is_door(node):", "if has_doors:", THESIS),
-    _put("names that are no formulas", "formats/csv_text.py",
-         "        text = f\"'{text}\"\n", "        pass\n", CSV_TEXT),
-    _put("names that read like others", "formats/door_csv.py",
-         "self.has_odd_names |= is_written_otherwise(name)", "pass", CSV_TEXT),
+    guard("a size that zstd tells", "_unpack_zstd", "said > most", "False", "test_hostile_bags"),
+    guard("what lz4 and bz2 hold", "_unpack_with", "most + 1", "-1", "test_hostile_bags"),
+    guard("chunks that overlap", "McapBag._indexed_messages",
+          "open_bytes > OPEN_BYTES", "False", "test_hostile_bags"),
+    guard("records of a few GiB", "mcap_records.records",
+          "length > MOST_BYTES", "False", "test_hostile_bags"),
+    guard("lists of nothing", "_Sizes.least_item", "not size", "False", "test_hostile_bags"),
+    guard("texts on a stream", "PlainStream.write", "plain(text)", "text", "test_plain_output"),
+    guard("texts on a console", "PlainConsole.render",
+          "segment.control or segment.text.isprintable()", "True",
+          "test_plain_output"),
+    guard("brackets that are no markup", "PlainConsole.__init__",
+          "markup=False", "markup=True", "test_plain_output"),
+    guard("a probability that is no number is none", "_Reader.probability",
+          'node.text.lower().lstrip(".") == "nan"', "False", "test_thesis_yaml"),
+    guard("a place that is no number", "yaml_values.number_of",
+          "math.isnan(value)", "False", "test_thesis_yaml"),
+    guard("other files' numbers are finite", "_Builder.scalar",
+          "self.takes_nan", "True", "test_strict_yaml"),
+    guard("other keys of a door are kept", "_Reader.annotations",
+          "found[key] = node.text", "", "test_thesis_yaml"),
+    guard("a file without doors is none of the thesis's", "thesis_yaml._Reader.doors",
+          "has_doors", "True", "test_thesis_yaml"),
+    guard("a door by another name than a number", "thesis_yaml._Reader.doors",
+          "not _is_door(node)", "True", "test_thesis_yaml"),
+    guard("names that are no formulas", "csv_text.harmless",
+          "text = f\"'{text}\"", "", "test_csv_text"),
+    guard("names that read like others", "_Reader.new_door",
+          "self.has_odd_names |= is_written_otherwise(name)", "",
+          "test_csv_text"),
 )  # fmt: skip

@@ -2,49 +2,39 @@
 
 from __future__ import annotations
 
-from mutation.mutant import mutants_in
-
-PIPES = "tests/cli/test_pipes.py"
-FAILURES = "tests/cli/test_failures.py"
-COMPLETION = "tests/cli/test_completion.py"
-REPEATS = "tests/test_repeats.py"
-KEYS = "tests/formats/test_event_json_keys.py"
-
-_put = mutants_in("semmap_log/")
-
+from mutation.mutant import guard
 
 HABITS = (
-    _put("cells of a line are plain", "views/columns.py",
-         'return "\\t".join(plain_cell(cell) for cell in cells)',
-         'return "\\t".join(cells)', PIPES),
-    _put("columns yield where it is narrow", "views/columns.py",
-         "                del needs[place]", "                pass", PIPES),
-    _put("what is left out is said", "cli/printer.py",
-         "if left_out and left_out != self._left_out:", "if False:", PIPES),
-    _put("an empty line between tables", "cli/printer.py",
-         "if table.has_head and self._tables:", "if False:", PIPES),
-    _put("NO_COLOR is the strongest", "cli/plain_console.py",
-         'if os.environ.get("NO_COLOR"):', "if False:", PIPES),
-    _put("a reader that goes", "cli/verbs.py", "        sys.exit(READER_GONE)",
-         "        sys.exit(1)", PIPES),
-    _put("an error as a document", "cli/__init__.py",
-         "code = fail(error, as_json=asks_for_json(ours))", "code = fail(error, as_json=False)",
-         FAILURES),
-    _put("a document that has begun stays one", "cli/failures.py",
-         "if has_begun or is_output_lost:", "if False:", FAILURES),
-    _put("words behind -- are no options", "cli/failures.py",
-         'return "--json" in arguments[:end]', 'return "--json" in arguments', FAILURES),
-    _put("old names of ranges", "cli/verbs.py",
-         "if new in options and old not in options:", "if False:", FAILURES),
-    _put("two ends and a third", "cli/common.py", '    if ".." in since:', "    if False:",
-         FAILURES),
-    _put("problems of a kind are counted", "repeats.py",
-         'return _VALUES.sub("…", text)', "return text", REPEATS),
-    _put("completion is quiet", "cli/completion.py",
-         "with suppress(Exception), warnings.catch_warnings():", "with warnings.catch_warnings():",
-         COMPLETION),
-    _put("names that need quotes", "cli/completion.py",
-         "if _NEEDS_NO_QUOTES.fullmatch(name) and not name.isdecimal():", "if name:", COMPLETION),
-    _put("which keys are needed", "formats/event_json_keys.py",
-         "yield Key(name, name not in needed,", "yield Key(name, True,", KEYS),
+    guard("cells of a line are plain", "columns.line_of",
+          "(plain_cell(cell) for cell in cells)", "cells", "test_pipes"),
+    guard("columns yield where it is narrow", "ColumnTable._fitting",
+          "del needs[place]", "", "test_pipes"),
+    guard("what is left out is said", "Printer._draw",
+          "left_out and left_out != self._left_out", "False",
+          "test_pipes"),
+    guard("an empty line between tables", "Printer._tell",
+          "table.has_head and self._tables", "False", "test_pipes"),
+    guard("NO_COLOR is the strongest", "colours_wanted",
+          'os.environ.get("NO_COLOR")', "False", "test_pipes"),
+    guard("a reader that goes", "_reader_may_go",
+          "sys.exit(READER_GONE)", "sys.exit(1)", "test_pipes"),
+    guard("an error as a document", "main",
+          "fail(error, as_json=asks_for_json(ours))", "fail(error, as_json=False)",
+          "cli.test_failures"),
+    guard("a document that has begun stays one", "_tell_machine",
+          "has_begun or is_output_lost", "False", "cli.test_failures"),
+    guard("words behind -- are no options", "asks_for_json",
+          "arguments[:end]", "arguments", "cli.test_failures"),
+    guard("old names of ranges", "Verb.make_parser",
+          "new in options and old not in options", "False", "cli.test_failures"),
+    guard("two ends and a third", "range_of", '".." in since', "False", "cli.test_failures"),
+    guard("problems of a kind are counted", "_without_values",
+          '_VALUES.sub("…", text)', "text", "test_repeats"),
+    guard("completion is quiet", "completion._map",
+          "with suppress(Exception), warnings.catch_warnings():", "with warnings.catch_warnings():",
+          "test_completion"),
+    guard("names that need quotes", "completion._doors",
+          "_NEEDS_NO_QUOTES.fullmatch(name) and not name.isdecimal()", "name",
+          "test_completion"),
+    guard("which keys are needed", "_keys", "name not in needed", "True", "test_event_json_keys"),
 )  # fmt: skip

@@ -1,60 +1,100 @@
-"""A program with one guard taken out."""
+"""A program with one guard taken out.
+
+A guard is told in three short things: the name of the function, class or constant that it stands
+in, the piece of Python that it is, and what stands there instead (nothing: it is left out).
+
+    guard("sync of a commit", "LiveSegment.sync", "os.fdatasync(self._fd)", "", "test_writer")
+
+Behind them stand the tests that notice, by name. How the piece is laid out, and in which folder
+its file lies, and those of its tests, makes no difference.
+"""
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+
+from mutation import pieces
+from mutation.definitions import Definitions, OutOfDateError
+
+PACKAGE = "semmap_log"
+
+
+class Checkout:
+    """A folder with the package and its tests."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.package = Definitions(root / PACKAGE)
+        self.tests = Definitions(root / "tests")
+
+    def test_id(self, name: str) -> str:
+        """Return what pytest calls a test module, or a test in one.
+
+        Raises:
+            OutOfDateError: There is none of that name, or several.
+        """
+        test = self.tests.named(name)
+        return "::".join((test.path.relative_to(self.root).as_posix(), *test.inside))
 
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """One snippet of one file, and what stands there instead."""
+    """One piece of one definition, and what stands there instead."""
 
     name: str
     """Which guard is missing, in words."""
-    file: str
-    """Its path in the checkout."""
-    snippet: str
-    """What is replaced; it must occur exactly once, or the list is out of date."""
+    where: str
+    """What it stands in: see `mutation.definitions`; or a file of a page, as `plan.js`."""
+    piece: str
+    """An expression, or one or more statements one behind the other; it stands there once."""
     replacement: str
+    """What is there instead; empty: nothing."""
     tests: tuple[str, ...]
-    """Files or ids of tests, the quickest first, one of which must fail."""
+    """Names of test modules, or of tests, the quickest first, one of which must fail."""
 
-    def problem(self, root: Path) -> str:
-        """Return why the mutant cannot be made; empty if it can."""
+    def problem(self, checkout: Checkout) -> str:
+        """Return why the mutant cannot be made, or tested; empty if it can."""
         try:
-            found = (root / self.file).read_text(encoding="utf-8").count(self.snippet)
-        except OSError as error:
-            return f"{self.name}: {self.file}: {error.strerror}"
-        if found != 1:
-            return f"{self.name}: {self.file}: expected the snippet once, found it {found} times"
-        missing = [test for test in self.tests if not (root / test.partition("::")[0]).exists()]
-        return f"{self.name}: there is no {missing[0]}" if missing else ""
+            path, mutated = self._made(checkout)
+            if path.suffix == ".py":
+                ast.parse(mutated)
+            for test in self.tests:
+                checkout.test_id(test)
+        except (OutOfDateError, SyntaxError) as error:
+            return f"{self.name}: {self.where}: {error}"
+        same = mutated == path.read_bytes()
+        return f"{self.name}: {self.where}: what replaces it is the same" if same else ""
 
-    def apply(self, tree: Path) -> None:
-        """Take the guard out of a copy of the checkout."""
-        path = tree / self.file
-        text = path.read_text(encoding="utf-8")
-        path.write_text(text.replace(self.snippet, self.replacement), encoding="utf-8")
+    def apply(self, checkout: Checkout) -> None:
+        """Take the guard out.
+
+        Raises:
+            OutOfDateError: It is not there, or not once.
+        """
+        path, mutated = self._made(checkout)
+        path.write_bytes(mutated)
+
+    def _made(self, checkout: Checkout) -> tuple[Path, bytes]:
+        """Return the file that is another one without the guard, and its bytes then."""
+        if self.where.endswith(".js"):
+            return self._made_of_text(checkout.root / PACKAGE)
+        definition = checkout.package.named(self.where)
+        place = pieces.find(definition, self.piece, self.replacement)
+        return definition.path, place.put(definition.path.read_bytes())
+
+    def _made_of_text(self, package: Path) -> tuple[Path, bytes]:
+        paths = list(package.rglob(self.where))
+        if len(paths) != 1:
+            raise OutOfDateError(f"expected one file of that name, found {len(paths)}")
+        text = paths[0].read_text(encoding="utf-8")
+        if text.count(self.piece) != 1:
+            found = text.count(self.piece)
+            raise OutOfDateError(f"expected {self.piece!r} once, found it {found} times")
+        return paths[0], text.replace(self.piece, self.replacement).encode()
 
 
-class MakeMutant(Protocol):
-    """Makes the mutants of one room."""
-
-    def __call__(self, name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-        """Return the mutant of a file of the room; see `Mutant`."""
-
-
-def mutants_in(room: str, part: str = "") -> MakeMutant:
-    """Return what makes the mutants of one room.
-
-    Args:
-        room: The folder of their files, such as `semmap_log/live/`.
-        part: What their names begin with, so that a word chooses them all.
-    """
-
-    def make(name: str, file: str, snippet: str, put: str, *tests: str) -> Mutant:
-        return Mutant(part + name, room + file, snippet, put, tests)
-
-    return make
+def guard(name: str, where: str, piece: str, put: str, *tests: str) -> Mutant:
+    """Return the mutant without a guard; see `Mutant`."""
+    return Mutant(name, where, piece, put, tests)

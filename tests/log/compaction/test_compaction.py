@@ -128,6 +128,7 @@ def test_a_live_segment_is_refused(tmp_path: Path) -> None:
             compact_segment(LogFolder(path.parent), path.name)
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_a_few_chunks(tmp_path: Path) -> None:
     """
     Three times the records take no more of it.

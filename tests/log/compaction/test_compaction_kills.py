@@ -96,6 +96,7 @@ def killed_after(delay_s: float, log: Path) -> bool:
     return os.WIFSIGNALED(status)
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments(
     original: Path, compacted: dict[str, bytes], tmp_path: Path
 ) -> None:
@@ -118,6 +119,7 @@ def test_killed_at_random_moments(
         assert number < 10 * KILLS, hits
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_killed_before_each_change(
     original: Path, compacted: dict[str, bytes], tmp_path: Path, call: str
@@ -158,6 +160,7 @@ def strace_compact(log: Path, fault: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_an_error_of_the_disk_leaves_a_whole_log(
     original: Path, compacted: dict[str, bytes], tmp_path: Path, call: str

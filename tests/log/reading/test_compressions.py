@@ -25,6 +25,7 @@ def log(tmp_path: Path) -> Path:
     return tmp_path / "log"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["", "zstd", "lz4"])
 def test_all_compressions_give_the_same_answers(
     compression: str, log: Path, monkeypatch: pytest.MonkeyPatch

@@ -245,6 +245,7 @@ def test_damage_before_the_first_commit_is_no_torn_tail(at: int, path: Path) -> 
         open_segment(path)
 
 
+@pytest.mark.slow
 def test_a_segment_read_in_steps_is_as_read_at_once(path: Path) -> None:
     """
     It grows by any number of bytes between two looks, in the middle of chunks and indexes.
@@ -312,6 +313,7 @@ def test_another_file_of_that_name_is_read_anew(path: Path, tmp_path: Path) -> N
     assert (2, 5) == (_events(segment), _events(earlier))
 
 
+@pytest.mark.slow
 def test_a_cut_closing_section_is_harmless(path: Path) -> None:
     """
     Killed at any moment of closing: all commits are there, and nothing is torn.
@@ -354,6 +356,7 @@ def test_a_damaged_footer_is_harmless_or_named(back: int, path: Path) -> None:
         assert (3, 0) == (_events(segment), segment.torn_bytes)
 
 
+@pytest.mark.slow
 def test_every_byte_of_the_summary_counts(path: Path) -> None:
     """
     A flipped bit anywhere behind the data is named; the data can still be walked without it.
@@ -421,6 +424,7 @@ def test_whole_chunks_are_found_in_garbage(path: Path) -> None:
     assert places == found
 
 
+@pytest.mark.slow
 def test_a_search_ends_soon_in_zeros_and_in_chunk_opcodes() -> None:
     """
     Tails as disks leave them, 8 MiB each: nothing is found, and nothing takes long.

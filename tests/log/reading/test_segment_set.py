@@ -354,6 +354,7 @@ while not end.exists():
 """
 
 
+@pytest.mark.slow
 def test_readers_of_a_log_that_changes_under_them(log: Path, tmp_path: Path) -> None:
     """
     Segments roll, are continued in copies and compacted, all the time: every opening gives whole

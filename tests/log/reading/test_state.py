@@ -68,6 +68,7 @@ def starts_of() -> Iterator[list[ChunkPlace]]:
         yield found
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_the_answer_is_the_same_without_keyframes(seed: int) -> None:
@@ -97,6 +98,7 @@ def test_the_answer_is_the_same_without_keyframes(seed: int) -> None:
     assert any(start != BEGINNING for start in starts)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_with_many_keyframes_every_moment_is_what_the_model_says(seed: int) -> None:
@@ -140,6 +142,7 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_long_commit_has_keyframes_inside(long_log: Path) -> None:
     """
     About one for each MiB of records, with the log time of the record before.

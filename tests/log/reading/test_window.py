@@ -26,6 +26,7 @@ from tests.log.reading.test_state import tiny_steps
 from tests.test_replay import random_log
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32))
 def test_a_part_of_the_log_is_what_all_of_it_would_give(seed: int) -> None:
@@ -93,6 +94,7 @@ def pages_read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return read
 
 
+@pytest.mark.slow
 def test_a_day_of_a_year_reads_that_day(
     tmp_path: Path, clock: SteadyClock, pages_read: list[int]
 ) -> None:

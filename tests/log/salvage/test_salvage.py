@@ -200,6 +200,7 @@ def open_place(log: Path, event: int) -> int:
     return 1 + firsts.index(event)
 
 
+@pytest.mark.slow
 def test_a_commit_of_several_chunks_is_lost_whole(tmp_path: Path) -> None:
     """
     And one that survives comes out as it went in, chunk by chunk.
@@ -237,6 +238,7 @@ def test_a_torn_tail_is_no_damage(original: Path, tmp_path: Path) -> None:
     assert (3, False, None) == (verify(folder).exit_code, done.survey.has_to_do, done.log)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture,
                                  HealthCheck.too_slow])  # fmt: skip
@@ -363,6 +365,7 @@ STEPS = 21
 """Changes of the file system that a recovery makes, and one more."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", range(1, STEPS + 1))
 def test_killed_at_any_step(step: int, log: Path, original: Path, tmp_path: Path) -> None:
     """

@@ -39,6 +39,7 @@ def test_slices_are_those_of_bytes(
             FileBytes(tmp_path / "file", opened.fileno(), len(DATA))[30_000:50_000]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", [64, 333])
 def test_a_log_is_verified_the_same_in_any_window(
     window: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

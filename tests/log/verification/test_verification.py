@@ -113,6 +113,7 @@ def outside_the_texts(file: Path) -> list[int]:
     return [*places, *range(len(data) - len(mcap.MAGIC), len(data))]
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_found(log: Path) -> None:
     """
     In a closed segment: damage, always, and named in that file. The short form takes a bit of
@@ -135,6 +136,7 @@ def test_every_flipped_bit_is_found(log: Path) -> None:
     assert len(places) > 1000
 
 
+@pytest.mark.slow
 def test_flipped_bits_of_a_live_segment(live: Path) -> None:
     """
     Of the commits that a later one proves durable: damage. Of the last one: a torn tail, and
@@ -159,6 +161,7 @@ def test_flipped_bits_of_a_live_segment(live: Path) -> None:
     assert {3} == codes[last]
 
 
+@pytest.mark.slow
 def test_a_live_segment_cut_at_every_byte(live: Path) -> None:
     """
     A torn tail, or (between commits) a good log of fewer commits; never damage, since nothing
@@ -178,6 +181,7 @@ def test_a_live_segment_cut_at_every_byte(live: Path) -> None:
     assert {0, 3} == codes
 
 
+@pytest.mark.slow
 def test_a_closing_that_was_not_finished_is_a_torn_tail(log: Path) -> None:
     """
     Of a single file cut in its summary, or with lost sectors there; in the folder metadata.yaml
@@ -236,6 +240,7 @@ def mutated(data: bytes, changes: list[tuple[str, float, int, int]]) -> bytes:
     return bytes(changed)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture,
                                  HealthCheck.too_slow])  # fmt: skip

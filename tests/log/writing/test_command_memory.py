@@ -274,6 +274,7 @@ def test_nothing_is_read_until_a_command_with_an_id_comes(
         assert len(list(path.glob("*.mcap"))) - 1 == len(asked)
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_by_the_segment_and_eight_bytes_a_commit(tmp_path: Path) -> None:
     """
     Over 61,000 commits: ids of the live segment only, numbers for the rest; the first is found.

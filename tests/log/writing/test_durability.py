@@ -134,6 +134,7 @@ def test_an_append_can_be_waited_for(level: str, tmp_path: Path) -> None:
         assert last + 1 == log.durable_before
 
 
+@pytest.mark.slow
 def test_what_is_flushed_outlives_the_process(tmp_path: Path) -> None:
     """
     Killed right after append returned, without a sync: every commit is there.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,6 +33,7 @@ stamps = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(stamps, fixed_size, st.sampled_from([1, 2, FEW, FEW + 1, 40]), st.data())
 def test_it_makes_the_same_bytes(stamp: Stamp, first, count: int, data: st.DataObject) -> None:

@@ -205,6 +205,7 @@ def test_a_second_writer_is_refused_before_it_touches_anything(tmp_path: Path) -
     assert 2 == len(sl.read(path).replay())
 
 
+@pytest.mark.slow
 def test_the_lock_of_a_dead_process_is_no_obstacle(tmp_path: Path) -> None:
     """
     A killed writer leaves a live segment and a lock file; the next one goes on.
@@ -329,6 +330,7 @@ except sl.SemmapError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_read_only_log_is_read_and_not_written() -> None:
     """
     Reading needs no write access; appending says what is wrong.
@@ -353,6 +355,7 @@ def test_a_read_only_log_is_read_and_not_written() -> None:
     assert "Reading works" in written
 
 
+@pytest.mark.slow
 def test_a_full_disk_poisons_the_writer_and_loses_nothing(tmp_path: Path) -> None:
     """
     The append that failed says so, nothing of it is written later, what was acknowledged is there.
@@ -387,6 +390,7 @@ log.close()
     assert stored + 1 == len(sl.read(tmp_path / "log").replay())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
 def test_append_syncs_before_it_returns(tmp_path: Path) -> None:
     """
@@ -491,6 +495,7 @@ def test_the_same_seed_makes_the_same_bytes(tmp_path: Path) -> None:
     assert made[0] == made[1]
 
 
+@pytest.mark.slow
 def test_an_unfinished_import_leaves_nothing_visible(tmp_path: Path) -> None:
     """
     An error in the middle of a long commit: its first chunks do not count, then or later.

@@ -98,6 +98,7 @@ def test_a_door_never_seen_open_hardly_ever_opens() -> None:
     assert found.opening[0] < 2 * LEAST_PER_S
 
 
+@pytest.mark.slow
 def test_rates_stay_within_what_looks_can_tell() -> None:
     """
     A door that is always shut opens no more seldom than once in sixty days; one that is otherwise

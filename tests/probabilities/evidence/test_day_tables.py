@@ -255,6 +255,7 @@ def test_rows_of_days_that_ended_are_the_same_whatever_comes_later(
         assert every.known_h.sum() * 3600e9 == pytest.approx((found.end_ns - found.start_ns).sum())
 
 
+@pytest.mark.slow
 def test_three_years_of_thirty_thousand_changes_take_a_moment() -> None:
     """
     5 ms, once the clock knows the years: as columns, without a loop over changes or days.

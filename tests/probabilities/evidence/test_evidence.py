@@ -339,6 +339,7 @@ def test_bytes_that_are_no_evidence_are_refused(cut: int) -> None:
         EvidenceProjection().load(data[:cut])
 
 
+@pytest.mark.slow
 def test_a_million_sightings_are_folded_and_asked_in_seconds() -> None:
     """
     As columns, without a loop over them: 0.9 s on one core.

@@ -110,6 +110,7 @@ def same(one: DoorEvidence, other: DoorEvidence) -> bool:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(told(), st.randoms(use_true_random=False))
 def test_at_any_time_it_is_what_a_plain_reading_of_the_events_up_to_then_says(
@@ -139,6 +140,7 @@ def test_at_any_time_it_is_what_a_plain_reading_of_the_events_up_to_then_says(
             assert plain.visits == evidence.counts(door, until_ns).visits
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(told(), st.randoms(use_true_random=False))
 def test_events_come_in_any_order_and_in_batches_of_any_size(

@@ -166,6 +166,7 @@ def test_there_are_84_components() -> None:
         Fremen(85)
 
 
+@pytest.mark.slow
 def test_three_years_take_no_minutes() -> None:
     """
     30,000 changes and a forecast for each of half a million minutes, known an hour ago each.

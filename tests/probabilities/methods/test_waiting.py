@@ -30,6 +30,7 @@ def learnt(stretches: list[tuple[float, float, bool]]) -> LearntFilter:
     return Filter().learn({DOOR: told}, UTC)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("until_open", [True, False])
 def test_the_wait_is_that_of_the_door(
     stretches: list[tuple[float, float, bool]], learnt: LearntFilter, *, until_open: bool

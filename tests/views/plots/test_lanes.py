@@ -49,6 +49,7 @@ def drawn_at(figure: Any, lane: int, ns: int) -> list[Rgb]:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_at_any_moment_a_lane_has_the_colour_that_a_replay_shows(office: sl.DoorLog) -> None:
     """
     A lane a door below that of the rounds, in the order of their ids.
@@ -161,6 +162,7 @@ def test_a_log_of_one_moment_has_a_picture(tmp_path: Path, clock: SteadyClock) -
     assert "a$b$ 門" in (tmp_path / "x.svg").read_text()
 
 
+@pytest.mark.slow
 def test_days_are_told_by_their_names_above_many_lanes_too() -> None:
     """
     Over the clinic's week each midnight says which day begins; of three doors, below only.

@@ -290,6 +290,7 @@ def test_hostile_names_are_inert(page: Page, tmp_path: Path) -> None:
     assert [] == page.complaints
 
 
+@pytest.mark.slow
 def test_a_page_asks_for_nothing(tmp_path: Path) -> None:
     """
     But for itself; and its policy stops a script that is not its own.
@@ -306,6 +307,7 @@ def test_a_page_asks_for_nothing(tmp_path: Path) -> None:
         assert page.evaluate("window.foreign === undefined")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 def test_it_fits_desks_and_phones_by_day_and_night(
@@ -329,6 +331,7 @@ def test_it_fits_desks_and_phones_by_day_and_night(
         assert [] == page.complaints
 
 
+@pytest.mark.slow
 def test_it_prints_all_there_is(page: Page, tmp_path: Path) -> None:
     """
     Both levels, every lane and every row of a week of 133 doors; whatever was scrolled away.
@@ -375,6 +378,7 @@ def test_odd_logs_make_pages_too(
     assert [] == page.complaints
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crowd", ["clinic", "row"])
 def test_labels_do_not_cover_each_other(page: Page, tmp_path: Path, crowd: str) -> None:
     """
@@ -422,6 +426,7 @@ def test_no_label_could_be_another_doors(page: Page, tmp_path: Path) -> None:
         page.click("#nearer")
 
 
+@pytest.mark.slow
 def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> None:
     """
     Every door, at fifty places along: the pixel at the lane's foot is what a replay says.
@@ -445,6 +450,7 @@ def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> 
                 assert _distance(picture, foot, colour) < 12, (door, share)
 
 
+@pytest.mark.slow
 def test_lanes_of_hundreds_of_doors_come_in_pages(page: Page, tmp_path: Path) -> None:
     """
     So many at once, chosen by hand or with a door; on paper all of them.
@@ -484,6 +490,7 @@ def lanes_shown(page: Page) -> list[int]:
     return list(found)
 
 
+@pytest.mark.slow
 def test_a_typical_week_has_the_colours_of_its_hours(page: Page, tmp_path: Path) -> None:
     """
     Monday's first hour at the upper left; what nobody has seen is left to the hatching below.
@@ -563,6 +570,7 @@ def axis_labels(page: Page) -> list[str]:
     return [said for said, *_ in found]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 700, 1440])
 @pytest.mark.parametrize("length", ["3h", "3 days", "2 years"])
 def test_labels_of_the_time_axis_lie_beside_each_other(
@@ -612,6 +620,7 @@ def test_a_day_of_25_hours_is_left_by_its_buttons(page: Page, tmp_path: Path) ->
     assert "Mon 2 Nov" == axis_labels(page)[0]
 
 
+@pytest.mark.slow
 def test_an_hour_begins_when_the_buildings_clocks_say_so(page: Page, tmp_path: Path) -> None:
     """
     Whenever the log began, and though the zone is half an hour off the others.

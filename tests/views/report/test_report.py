@@ -121,6 +121,7 @@ def test_what_is_told_of_a_door_that_is_gone_is_no_change(tmp_path: Path) -> Non
     assert 2 == len(changes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_part_of_some_doors_in_another_zone_is_right_too(tmp_path: Path, seed: int) -> None:
     """
@@ -176,6 +177,7 @@ def test_the_same_log_makes_the_same_page(tmp_path: Path) -> None:
     assert report(log).html == report(sl.read(tmp_path / "log")).html
 
 
+@pytest.mark.slow
 def test_a_week_of_132_doors_stays_small() -> None:
     """
     Far below the 5 MB that a mail takes.
@@ -283,6 +285,7 @@ def test_changes_tell_who_and_why(tmp_path: Path) -> None:
     assert ("anna", "a wall now") == (changes[1]["actor"], changes[1]["reason"])
 
 
+@pytest.mark.slow
 def test_typical_weeks_come_with_the_doors_of_which_enough_is_known() -> None:
     """
     168 hours in percent, -1 where nobody looked; and P(open) with its interval.

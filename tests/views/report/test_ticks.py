@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from importlib import resources
 
+import pytest
+
 from semmap_log.moments import format_short
 from tests.browser import a_page
 from tests.views.test_time_axis import ticks_of
@@ -13,6 +15,7 @@ from tests.views.time_spans import axes
 PAGE = resources.files("semmap_log.views.report").joinpath("page")
 
 
+@pytest.mark.slow
 def test_the_page_and_python_have_the_same_ticks_in_every_zone() -> None:
     """
     All of them, with their labels, from minutes to ten years.
