@@ -22,7 +22,7 @@ from semmap_log.events import Retracted, RobotPose
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.log_files import export
 from semmap_log.formats.event_json import event_to_json
-from semmap_log.live.event_lines import Answer, LineRecorder
+from semmap_log.live.event_lines import LineAnswer, LineRecorder
 from semmap_log.projections.history import HistoryEntry
 from semmap_log.replay import Scope
 from semmap_log.wording import counted
@@ -178,7 +178,7 @@ def _record(log: DoorLogWriter, entries: list[HistoryEntry], clock: _RecordingCl
 
     problems: list[str] = []
 
-    def answer(one: Answer) -> None:
+    def answer(one: LineAnswer) -> None:
         answered.set()
         if one.error:
             problems.append(f"line {one.line}: {one.error}")

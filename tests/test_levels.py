@@ -30,7 +30,7 @@ from semmap_log.events import (
 )
 from semmap_log.importing import ImportOptions, import_file
 from semmap_log.levels import level_shown, levels_of, resolve_level
-from semmap_log.live.event_lines import Answer, LineRecorder
+from semmap_log.live.event_lines import LineAnswer, LineRecorder
 from semmap_log.projections.door_map import DoorMapState
 
 PLACE = {"x": 1.0, "y": 2.0, "theta": 0.0, "width": 0.9}
@@ -306,9 +306,9 @@ def test_a_batch_marks_what_tells_no_level() -> None:
 # JSON lines
 
 
-def record(log: sl.DoorLogWriter, *lines: dict[str, object]) -> list[Answer]:
+def record(log: sl.DoorLogWriter, *lines: dict[str, object]) -> list[LineAnswer]:
     """Return the answers to lines of JSON."""
-    answers: list[Answer] = []
+    answers: list[LineAnswer] = []
     source, sink = os.pipe()
     with os.fdopen(sink, "w") as file:
         for line in lines:

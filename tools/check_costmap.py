@@ -25,7 +25,7 @@ from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION, static_
 from semmap_log.costmap.door_layer import DoorLayer, DoorLine
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.costmap.inflation import InflationLayer
-from semmap_log.costmap.layered import Layer, LayeredCostmap
+from semmap_log.costmap.layered import CostmapLayer, LayeredCostmap
 from semmap_log.costmap.static_layer import StaticLayer
 
 COSTS = {"CLOSED": LETHAL, "OPEN": FREE_SPACE}
@@ -113,7 +113,7 @@ class _Costmap:
             else GridGeometry.of_map(shape, made["resolution"], origin)
         )
         self._doors = DoorLayer(geometry)
-        layers: list[Layer] = [self._doors]
+        layers: list[CostmapLayer] = [self._doors]
         if static is not None:
             layers.insert(0, StaticLayer(geometry, static_costs(static.reshape(shape))))
         if asked := case.get("inflation"):

@@ -30,7 +30,7 @@ WORTHLESS = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class LikelyHours:
     """Some hours in a row in which a door is likely in the state, and how likely, on average."""
 
     start_ns: int
@@ -54,9 +54,9 @@ class BestTime:
     tz: str
     is_known: bool
     """False: too little was seen of the door; there are no windows."""
-    of_the_week: list[Window]
+    of_the_week: list[LikelyHours]
     """In a typical week, the best first."""
-    next_ones: list[Window]
+    next_ones: list[LikelyHours]
     """From now on, with what was seen last; in order of time."""
     never_seen: WeekMask
     """Hours of the week of which nothing is known: no window lies in them."""
@@ -158,13 +158,13 @@ class _Coming:
         said = Pattern.of(forecast, is_seen.ravel()[hours] & (lengths_ns > 0))
         return cls(hours, edges_ns, said)
 
-    def windows(self, said: Pattern, state: State, most: int) -> list[Window]:
+    def windows(self, said: Pattern, state: State, most: int) -> list[LikelyHours]:
         """Return the runs of hours with the highest probability of the state, the best first."""
         p, low, high = said.p_open, said.low, said.high
         if state == "closed":
             p, low, high = 1 - p, 1 - high, 1 - low
         return [
-            Window(
+            LikelyHours(
                 start_ns=int(self.edges_ns[run.start]),
                 end_ns=int(self.edges_ns[run.stop]),
                 first_hour=int(self.hours[run.start]),

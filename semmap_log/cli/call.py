@@ -15,7 +15,7 @@ from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 if TYPE_CHECKING:
     from semmap_log.doors import DoorState
     from semmap_log.live.client import DoorClient, DoorFields
-    from semmap_log.live.ros_node import Answer
+    from semmap_log.live.ros_node import GoalAnswer
 
 DoorNumber = Annotated[
     int, typer.Argument(metavar="ID", min=0, max=2**64 - 1, help="The door's id.")
@@ -209,7 +209,7 @@ class _Asked:
     def ask(
         self,
         what: str,
-        call: Callable[[DoorClient], Answer],
+        call: Callable[[DoorClient], GoalAnswer],
         told: Callable[[Mapping[str, Any]], str],
     ) -> None:
         """Call, and print what came of it.

@@ -18,7 +18,7 @@ from rich.text import Text
 
 from semmap_log.cli.plain_console import PlainConsole
 from semmap_log.cli.plain_streams import plain, write_line
-from semmap_log.views.columns import ColumnTable, Picture
+from semmap_log.views.columns import ColumnTable, TextPicture
 
 UNWRAPPED = 100_000
 """Columns of a report in a pipe: wider than any line of it."""
@@ -44,13 +44,13 @@ class Printer:
         for part in parts:
             if self._draws:
                 self._draw(part)
-            elif isinstance(part, (ColumnTable, Picture)):
-                self._tell(part.table if isinstance(part, Picture) else part)
+            elif isinstance(part, (ColumnTable, TextPicture)):
+                self._tell(part.table if isinstance(part, TextPicture) else part)
         if not self._draws:
-            self._tell_rest([p for p in parts if not isinstance(p, (ColumnTable, Picture))])
+            self._tell_rest([p for p in parts if not isinstance(p, (ColumnTable, TextPicture))])
 
     def _draw(self, part: RenderableType) -> None:
-        if isinstance(part, Picture):
+        if isinstance(part, TextPicture):
             for each in _parts((part.drawn(self._console.width),)):
                 self._draw(each)
             return

@@ -105,13 +105,13 @@ def run(
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
     import semmap_log as sl
-    from semmap_log.live.event_lines import Answer, LineRecorder
+    from semmap_log.live.event_lines import LineAnswer, LineRecorder
     from semmap_log.repeats import MOST_TOLD, Repeats
     from semmap_log.wording import counted
 
     refused = Repeats()
 
-    def answer(one: Answer) -> None:
+    def answer(one: LineAnswer) -> None:
         if one.error and refused.add(one.line, one.error).count <= MOST_TOLD:
             tell(f"line {one.line}: {one.error}")
         if ack:

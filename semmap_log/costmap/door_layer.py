@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from semmap_log.costmap.combining import overwrite
 from semmap_log.costmap.costs import NO_INFORMATION
-from semmap_log.costmap.grid import GridGeometry, Window, merged, read_only
+from semmap_log.costmap.grid import CellWindow, GridGeometry, merged, read_only
 from semmap_log.costmap.lines import draw_lines
 
 Id = TypeVar("Id", bound=int)
@@ -62,14 +62,14 @@ class DoorLayer:
         """Door -> flat indices of its cells; None: not known since all were drawn at once."""
         self._doors_at: dict[int, list[int]] = {}
         """Flat index -> the doors that draw there, ascending."""
-        self._changes: list[Window] = []
+        self._changes: list[CellWindow] = []
 
     @property
     def costs(self) -> NDArray[np.uint8]:
         """The layer's own grid, (height, width), row 0 at the lowest y; read-only."""
         return read_only(self._grid)
 
-    def draw(self, doors: Mapping[Id, DoorLine]) -> list[Window]:
+    def draw(self, doors: Mapping[Id, DoorLine]) -> list[CellWindow]:
         """Make the layer that of these doors, and of no others.
 
         Args:
@@ -81,7 +81,7 @@ class DoorLayer:
         gone = dict.fromkeys(self._lines.keys() - doors.keys())
         return self.update({**gone, **doors})
 
-    def update(self, changes: Mapping[Id, DoorLine | None]) -> list[Window]:
+    def update(self, changes: Mapping[Id, DoorLine | None]) -> list[CellWindow]:
         """Draw some doors as they are now; the cells that they leave show what lies below.
 
         Args:
@@ -95,17 +95,17 @@ class DoorLayer:
         self._changes += windows
         return windows
 
-    def take_changes(self) -> list[Window]:
+    def take_changes(self) -> list[CellWindow]:
         """Return where cells may have changed since the last call."""
         changes, self._changes = self._changes, []
         return merged(changes)
 
-    def update_costs(self, master: NDArray[np.uint8], window: Window) -> Window:
+    def update_costs(self, master: NDArray[np.uint8], window: CellWindow) -> CellWindow:
         """Write the layer's information into the master, in that window."""
         overwrite(master[window.slices], self._grid[window.slices])
         return window
 
-    def _redraw(self, changes: Mapping[Id, DoorLine | None]) -> list[Window]:
+    def _redraw(self, changes: Mapping[Id, DoorLine | None]) -> list[CellWindow]:
         lines: dict[int, DoorLine | None] = {**self._lines}
         lines.update(changes.items())
         self._lines = {door: line for door, line in lines.items() if line}
@@ -113,9 +113,9 @@ class DoorLayer:
         self._cells = None
         return bounds_of(before != self._grid)
 
-    def _draw_some(self, changes: Mapping[Id, DoorLine | None]) -> list[Window]:
+    def _draw_some(self, changes: Mapping[Id, DoorLine | None]) -> list[CellWindow]:
         cells = self._known_cells()
-        windows: list[Window] = []
+        windows: list[CellWindow] = []
         for door, line in changes.items():
             before = cells.pop(door, _NO_CELLS)
             self._lines.pop(door, None)
@@ -154,11 +154,11 @@ class DoorLayer:
                     self._doors_at.setdefault(cell, []).append(door)
         return self._cells
 
-    def _bounds(self, cells: NDArray[np.int64]) -> list[Window]:
+    def _bounds(self, cells: NDArray[np.int64]) -> list[CellWindow]:
         if not len(cells):
             return []
         y, x = np.divmod(cells, self.geometry.width)
-        return [Window(int(x.min()), int(y.min()), int(x.max()) + 1, int(y.max()) + 1)]
+        return [CellWindow(int(x.min()), int(y.min()), int(x.max()) + 1, int(y.max()) + 1)]
 
 
 _NO_CELLS = np.empty(0, np.int64)
@@ -215,10 +215,10 @@ def _ends(line: DoorLine) -> tuple[float, float, float, float]:
     )
 
 
-def bounds_of(changed: NDArray[np.bool_]) -> list[Window]:
+def bounds_of(changed: NDArray[np.bool_]) -> list[CellWindow]:
     """Return the least window that holds all cells that are True; none if there are none."""
     rows = np.flatnonzero(changed.any(axis=1))
     if not len(rows):
         return []
     columns = np.flatnonzero(changed.any(axis=0))
-    return [Window(int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)]
+    return [CellWindow(int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)]

@@ -24,7 +24,7 @@ LEAST_TURN_CELLS = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class CellWindow:
     """A rectangle of cells: columns x0 <= mx < xn, rows y0 <= my < yn."""
 
     x0: int
@@ -47,27 +47,27 @@ class Window:
         """Rows and columns, as an index into a grid."""
         return slice(self.y0, self.yn), slice(self.x0, self.xn)
 
-    def dilated(self, cells: int) -> Window:
+    def dilated(self, cells: int) -> CellWindow:
         """Return the window with so many cells more on each side."""
-        return Window(self.x0 - cells, self.y0 - cells, self.xn + cells, self.yn + cells)
+        return CellWindow(self.x0 - cells, self.y0 - cells, self.xn + cells, self.yn + cells)
 
-    def within(self, other: Window) -> Window:
+    def within(self, other: CellWindow) -> CellWindow:
         """Return what of it lies in the other."""
-        return Window(
+        return CellWindow(
             max(self.x0, other.x0), max(self.y0, other.y0),
             min(self.xn, other.xn), min(self.yn, other.yn),
         )  # fmt: skip
 
-    def joined(self, other: Window) -> Window:
+    def joined(self, other: CellWindow) -> CellWindow:
         """Return the least window that holds both."""
-        return Window(
+        return CellWindow(
             min(self.x0, other.x0), min(self.y0, other.y0),
             max(self.xn, other.xn), max(self.yn, other.yn),
         )  # fmt: skip
 
-    def seen_from(self, other: Window) -> Window:
+    def seen_from(self, other: CellWindow) -> CellWindow:
         """Return the same cells, counted from the other's first."""
-        return Window(
+        return CellWindow(
             self.x0 - other.x0, self.y0 - other.y0, self.xn - other.x0, self.yn - other.y0
         )
 
@@ -79,9 +79,9 @@ def read_only(grid: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return view
 
 
-def merged(windows: Iterable[Window]) -> list[Window]:
+def merged(windows: Iterable[CellWindow]) -> list[CellWindow]:
     """Return windows that hold the same cells and do not overlap."""
-    apart: list[Window] = []
+    apart: list[CellWindow] = []
     for window in windows:
         grown = window
         while near := [other for other in apart if grown.within(other).area]:
@@ -165,9 +165,9 @@ class GridGeometry:
         return self.height, self.width
 
     @property
-    def whole(self) -> Window:
+    def whole(self) -> CellWindow:
         """All of its cells."""
-        return Window(0, 0, self.width, self.height)
+        return CellWindow(0, 0, self.width, self.height)
 
     def world_to_map(self, x: float, y: float) -> tuple[int, int] | None:
         """Return the cell (mx, my) that the point lies in; None off the map (`worldToMap`).
@@ -207,11 +207,11 @@ class GridGeometry:
             return cells - 1
         return int((value - origin) / self.resolution)
 
-    def window_of(self, min_x: float, min_y: float, max_x: float, max_y: float) -> Window:
+    def window_of(self, min_x: float, min_y: float, max_x: float, max_y: float) -> CellWindow:
         """Return the cells that an update of these bounds, metres, touches (`updateMap`).
 
         With min above max, as where no layer has touched anything, it is empty.
         """
         x0, y0 = self.enforced(min_x, min_y)
         xn, yn = self.enforced(max_x, max_y)
-        return Window(x0, y0, min(self.width, xn + 1), min(self.height, yn + 1))
+        return CellWindow(x0, y0, min(self.width, xn + 1), min(self.height, yn + 1))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from semmap_log.costmap.brushfire import Brushfire
 from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLayer
-from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.grid import CellWindow, GridGeometry
 from semmap_log.errors import CostmapError
 
 MOST_REACH = 1500
@@ -74,11 +74,11 @@ class InflationLayer:
         self._cost_of_claim = np.array([*costs, FREE_SPACE], np.uint8)[self._fire.distance_of_claim]
         self._remembered = lru_cache(SURROUNDINGS)(self._burnt_packed)
 
-    def take_changes(self) -> list[Window]:
+    def take_changes(self) -> list[CellWindow]:
         """Return nothing: what it adds changes with the layers below."""
         return []
 
-    def update_costs(self, master: NDArray[np.uint8], window: Window) -> Window:
+    def update_costs(self, master: NDArray[np.uint8], window: CellWindow) -> CellWindow:
         """Add costs to the master, in that window, or tell which one is needed.
 
         Args:
@@ -103,7 +103,7 @@ class InflationLayer:
         self._add(master[part], self._cost_of_claim[claims])
         return window
 
-    def _claimed(self, window: Window) -> NDArray[np.unsignedinteger] | None:
+    def _claimed(self, window: CellWindow) -> NDArray[np.unsignedinteger] | None:
         """Return which obstacle claims each cell of a window; None: more than the window changed.
 
         The fire is laid in a wider window. Near that one's edge it may burn otherwise than in the
@@ -126,7 +126,7 @@ class InflationLayer:
                 return None
         return burnt[inner]
 
-    def _burnt(self, window: Window) -> NDArray[np.unsignedinteger]:
+    def _burnt(self, window: CellWindow) -> NDArray[np.unsignedinteger]:
         obstacles = self._obstacles[window.slices]
         if window.area > MOST_REMEMBERED_CELLS:
             return self._fire.burnt(obstacles)

@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.costmap.costs import FREE_SPACE, NO_INFORMATION
-from semmap_log.costmap.grid import GridGeometry, Window, merged, read_only
+from semmap_log.costmap.grid import CellWindow, GridGeometry, merged, read_only
 
 
-class Layer(Protocol):
+class CostmapLayer(Protocol):
     """What a costmap is made of."""
 
     @property
     def reach(self) -> int:
         """Cells: so far around a change below it the layer's own costs may change."""
 
-    def take_changes(self) -> list[Window]:
+    def take_changes(self) -> list[CellWindow]:
         """Return where the layer's costs changed since the last call."""
 
-    def update_costs(self, master: NDArray[np.uint8], window: Window, /) -> Window:
+    def update_costs(self, master: NDArray[np.uint8], window: CellWindow, /) -> CellWindow:
         """Write into the master, in that window; return it, or the wider one that is needed."""
 
 
@@ -41,7 +41,7 @@ class LayeredCostmap:
     """
 
     def __init__(
-        self, geometry: GridGeometry, layers: Sequence[Layer], *, track_unknown: bool = False
+        self, geometry: GridGeometry, layers: Sequence[CostmapLayer], *, track_unknown: bool = False
     ) -> None:
         self.geometry = geometry
         self._layers = tuple(layers)
@@ -54,7 +54,7 @@ class LayeredCostmap:
         """The master, (height, width), row 0 at the lowest y; read-only; as of the last update."""
         return read_only(self._master)
 
-    def update(self) -> list[Window]:
+    def update(self) -> list[CellWindow]:
         """Bring the master up to date.
 
         Returns:
@@ -65,7 +65,7 @@ class LayeredCostmap:
         widened = merged(window.dilated(self._reach).within(whole) for window in changed)
         return [self._update(window) for window in widened]
 
-    def _update(self, window: Window) -> Window:
+    def _update(self, window: CellWindow) -> CellWindow:
         """Redraw a window, or the wider one that the layers turn out to need."""
         needed = self._drawn_in(window)
         while needed != window:
@@ -73,7 +73,7 @@ class LayeredCostmap:
             needed = self._drawn_in(window)
         return window
 
-    def _drawn_in(self, window: Window) -> Window:
+    def _drawn_in(self, window: CellWindow) -> CellWindow:
         self._master[window.slices] = self._default
         for layer in self._layers:
             needed = layer.update_costs(self._master, window)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.costmap.combining import maximum, overwrite_all
-from semmap_log.costmap.grid import GridGeometry, Window, merged
+from semmap_log.costmap.grid import CellWindow, GridGeometry, merged
 from semmap_log.errors import CostmapError
 
 
@@ -34,12 +34,12 @@ class StaticLayer:
         self._combine = maximum if use_maximum else overwrite_all
         self._changes = [geometry.whole]
 
-    def take_changes(self) -> list[Window]:
+    def take_changes(self) -> list[CellWindow]:
         """Return the whole map, once."""
         changes, self._changes = self._changes, []
         return merged(changes)
 
-    def update_costs(self, master: NDArray[np.uint8], window: Window) -> Window:
+    def update_costs(self, master: NDArray[np.uint8], window: CellWindow) -> CellWindow:
         """Write the map into the master, in that window."""
         self._combine(master[window.slices], self._costs[window.slices])
         return window

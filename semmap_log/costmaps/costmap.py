@@ -11,9 +11,9 @@ import numpy as np
 
 from semmap_log.costmap.costs import static_costs
 from semmap_log.costmap.door_layer import DoorLayer, DoorLine
-from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.grid import CellWindow, GridGeometry
 from semmap_log.costmap.inflation import InflationLayer
-from semmap_log.costmap.layered import Layer, LayeredCostmap
+from semmap_log.costmap.layered import CostmapLayer, LayeredCostmap
 from semmap_log.costmap.static_layer import StaticLayer
 from semmap_log.door_log import DoorLog, Time
 from semmap_log.doors import DoorId, DoorMap
@@ -91,13 +91,13 @@ class Costmap:
         """What the level's doors draw, ids ascending; on the map or off it."""
         return door_lines(self.doors, level=self.level, by=self.options.by)
 
-    def advance(self, batches: Iterable[EventBatch]) -> list[Window]:
+    def advance(self, batches: Iterable[EventBatch]) -> list[CellWindow]:
         """Take in what happened next; return where cells of the master may have changed."""
         for batch in batches:
             self._state = self._projection.apply(self._state, batch)
         return self.master.update()
 
-    def show(self, state: DoorMapState) -> list[Window]:
+    def show(self, state: DoorMapState) -> list[CellWindow]:
         """Take another door map instead; return where cells of the master may have changed."""
         self._state.map = state
         self.layer.draw(self.lines)
@@ -106,13 +106,13 @@ class Costmap:
 
 def layers_of(
     geometry: GridGeometry, floor: FloorMap | None, doors: DoorLayer, options: CostmapOptions
-) -> list[Layer]:
+) -> list[CostmapLayer]:
     """Return the layers of a costmap, lowest first: floor, doors, and costs around them.
 
     Raises:
         CostmapError: A radius cannot be drawn on that grid.
     """
-    layers = list[Layer]()
+    layers = list[CostmapLayer]()
     if floor is not None:
         layers.append(StaticLayer(geometry, static_costs(floor.cells)))
     layers.append(doors)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.costmap.grid import Window
+from semmap_log.costmap.grid import CellWindow
 from semmap_log.costmaps.costmap import (
     Costmap,
     CostmapOptions,
@@ -45,7 +45,7 @@ class CostmapFrame:
     """Happened time; live, when the commit was recorded."""
     event: int
     """Number of the last event in it."""
-    windows: Sequence[Window]
+    windows: Sequence[CellWindow]
     """Where cells of the master may have changed."""
     costmap: Costmap
     """To look at: it goes on with the next frame."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from semmap_log.doors import Door, DoorId
 from semmap_log.exporting.latest_doors import LatestDoors
-from semmap_log.formats.array_messages import Part
+from semmap_log.formats.array_messages import EncodedElement
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.door_markers import DoorLook, DoorMarkers, is_drawn
 from semmap_log.formats.ros_messages import check_stamp
@@ -60,7 +60,7 @@ class WholeTopic:
 @dataclass(slots=True)
 class _Shown:
     look: DoorLook
-    parts: tuple[Part, ...]
+    parts: tuple[EncodedElement, ...]
 
 
 class LevelDoors:
@@ -99,7 +99,7 @@ class ThesisDoors:
 
     def __init__(self, messages: ThesisMessages) -> None:
         self._messages = messages
-        self._entries: dict[DoorId, Part] = {}
+        self._entries: dict[DoorId, EncodedElement] = {}
 
     def show(self, door_id: DoorId, door: Door | None) -> bool:
         """Show a door as it is now; return whether that changes anything."""

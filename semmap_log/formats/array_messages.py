@@ -21,7 +21,7 @@ _ALIGNMENT = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class EncodedElement:
     """An encoded element."""
 
     at_0: bytes
@@ -46,18 +46,18 @@ class ArrayType:
         self._is_cdr = ros_version == 2
         self._array, self._field, self._element = array, field, element
 
-    def encoded(self, element: Any) -> Part:
+    def encoded(self, element: Any) -> EncodedElement:
         """Return an element as bytes."""
         if not self._is_cdr:
             data = bytes(self._types.serialize_ros1(element, self._element))
-            return Part(data, data)
+            return EncodedElement(data, data)
         alone = self._types.serialize_cdr(element, self._element)
         one = self._types.types[self._array](**{self._field: [element]})
         behind_count = self._types.serialize_cdr(one, self._array)
         skipped = len(_CDR_HEADER)
-        return Part(bytes(alone[skipped:]), bytes(behind_count[skipped + _COUNT_BYTES :]))
+        return EncodedElement(bytes(alone[skipped:]), bytes(behind_count[skipped + _COUNT_BYTES :]))
 
-    def joined(self, parts: Iterable[Part]) -> bytes:
+    def joined(self, parts: Iterable[EncodedElement]) -> bytes:
         """Return the message with these elements."""
         listed = list(parts)
         count = struct.pack("<I", len(listed))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.beliefs.beliefs import DoorBelief
-from semmap_log.beliefs.best_times import BestTime, Window
+from semmap_log.beliefs.best_times import BestTime, LikelyHours
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.typical_week import By, TypicalWeek
 from semmap_log.doors import Door
@@ -129,7 +129,7 @@ def _week(week: TypicalWeek, by: By) -> dict[str, Any]:
     }
 
 
-def _window(window: Window) -> dict[str, Any]:
+def _window(window: LikelyHours) -> dict[str, Any]:
     day, hour = divmod(window.first_hour, HOURS)
     return {
         "start": format_utc(window.start_ns),

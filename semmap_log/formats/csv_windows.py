@@ -19,7 +19,7 @@ from semmap_log.formats.problems import Problems, shown
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Window:
+class KnownWindow:
     """A span of time [start, end), nanoseconds UTC; an empty one knows its one instant's rows."""
 
     start_ns: int
@@ -27,7 +27,7 @@ class Window:
     line: int
 
 
-def read_windows(path: Path, *, tz: str) -> dict[str, list[Window]]:
+def read_windows(path: Path, *, tz: str) -> dict[str, list[KnownWindow]]:
     """Return each door's windows, in order of time; those that touch are made one.
 
     Args:
@@ -38,7 +38,7 @@ def read_windows(path: Path, *, tz: str) -> dict[str, list[Window]]:
         FormatError: The file cannot be read; a window ends before it starts, or two overlap.
     """
     problems = Problems(path)
-    windows: dict[str, list[Window]] = {}
+    windows: dict[str, list[KnownWindow]] = {}
     for rows in read_rows(path, problems, required=("door", "start", "end")):
         starts, _, wrong_starts = instants_of([row.texts[1] for row in rows], tz=tz)
         ends, later_ends, wrong_ends = instants_of([row.texts[2] for row in rows], tz=tz)
@@ -56,13 +56,13 @@ def read_windows(path: Path, *, tz: str) -> dict[str, list[Window]]:
                     f"starts, got {start} to {end}",
                 )
             else:
-                windows.setdefault(meant(door), []).append(Window(start_ns, end_ns, line))
+                windows.setdefault(meant(door), []).append(KnownWindow(start_ns, end_ns, line))
     merged = {door: list(_merged(found, door, problems)) for door, found in windows.items()}
     problems.raise_any()
     return merged
 
 
-def _merged(windows: list[Window], door: str, problems: Problems) -> Iterator[Window]:
+def _merged(windows: list[KnownWindow], door: str, problems: Problems) -> Iterator[KnownWindow]:
     windows.sort()
     current = windows[0]
     for window in windows[1:]:
@@ -73,7 +73,7 @@ def _merged(windows: list[Window], door: str, problems: Problems) -> Iterator[Wi
                 f"but this one does that of line {current.line}",
             )
         elif window.start_ns == current.end_ns:
-            current = Window(current.start_ns, window.end_ns, current.line)
+            current = KnownWindow(current.start_ns, window.end_ns, current.line)
         else:
             yield current
             current = window
@@ -83,7 +83,7 @@ def _merged(windows: list[Window], door: str, problems: Problems) -> Iterator[Wi
 class KnownTimes:
     """Follows one door through its windows: which states come between its rows, and when."""
 
-    def __init__(self, windows: Iterable[Window]) -> None:
+    def __init__(self, windows: Iterable[KnownWindow]) -> None:
         self.rows_outside = 0
         """How many rows lay in no window."""
         self._edges = deque(

@@ -20,7 +20,7 @@ from semmap_log.formats.csv_blocks import Columns, CsvBlocks
 from semmap_log.formats.csv_rows import Row
 from semmap_log.formats.csv_text import harmless, is_written_otherwise, meant
 from semmap_log.formats.csv_times import instants_in, instants_of
-from semmap_log.formats.csv_windows import KnownTimes, Window, read_windows
+from semmap_log.formats.csv_windows import KnownTimes, KnownWindow, read_windows
 from semmap_log.formats.problems import Problems, shown
 from semmap_log.formats.sightings import Sighting, SightingColumns, Sightings
 from semmap_log.formats.text_column import TextCodes, TextColumn, decimals_in
@@ -88,7 +88,7 @@ class _Reader:
     """Takes rows, notes what is wrong, and keeps what is right as columns."""
 
     def __init__(
-        self, problems: Problems, windows: dict[str, list[Window]] | None, tz: str
+        self, problems: Problems, windows: dict[str, list[KnownWindow]] | None, tz: str
     ) -> None:
         self.problems = problems
         self.windows = windows
@@ -304,7 +304,9 @@ def _are_shares(accuracy: NDArray[np.float64] | None, texts: TextColumn | None) 
 STATES = {text: state for state in DoorState for text in (state.name, state.name.lower())}
 
 
-def _refuse_strangers(path: Path, windows: dict[str, list[Window]], doors: Iterable[str]) -> None:
+def _refuse_strangers(
+    path: Path, windows: dict[str, list[KnownWindow]], doors: Iterable[str]
+) -> None:
     """Raise where a window is of a door that has no row."""
     problems = Problems(path)
     for name in windows.keys() - set(doors):

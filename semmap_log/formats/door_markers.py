@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from semmap_log.doors import Door, DoorId
-from semmap_log.formats.array_messages import ArrayType, Part
+from semmap_log.formats.array_messages import ArrayType, EncodedElement
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import MARKER, MARKERS, RosVersion
 
@@ -71,11 +71,11 @@ class DoorMarkers:
         self._type = ArrayType(ros_version, MARKERS, "markers", MARKER)
         self._delete_all = self._type.encoded(self._marker("", 0, _CUBE, _DELETE_ALL))
 
-    def encoded(self, look: DoorLook) -> tuple[Part, ...]:
+    def encoded(self, look: DoorLook) -> tuple[EncodedElement, ...]:
         """Return a door's markers."""
         return tuple(self._type.encoded(marker) for marker in self._of_door(look))
 
-    def message(self, doors: Iterable[tuple[Part, ...]]) -> bytes:
+    def message(self, doors: Iterable[tuple[EncodedElement, ...]]) -> bytes:
         """Return the message that shows these doors, and nothing else."""
         return self._type.joined([self._delete_all, *(part for door in doors for part in door)])
 

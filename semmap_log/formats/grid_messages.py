@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from semmap_log.costmap.costs import to_occupancy
 from semmap_log.costmap.door_layer import bounds_of
-from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.grid import CellWindow, GridGeometry
 from semmap_log.formats.bags import BagTopic, NewBag
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import GRID, GRID_UPDATE, RosVersion
@@ -34,7 +34,7 @@ class GridFrame:
     at_ns: int
     costs: NDArray[np.uint8]
     """(height, width), row 0 at the lowest y; looked at before the next frame is asked for."""
-    windows: Sequence[Window]
+    windows: Sequence[CellWindow]
     """Where cells may have changed since the frame before."""
 
 
@@ -116,7 +116,7 @@ class GridStream:
         if self._changed_ns is not None:
             self._publish_grid(self._changed_ns)
 
-    def _take_window(self, grid: NDArray[np.int8], window: Window, frame: GridFrame) -> None:
+    def _take_window(self, grid: NDArray[np.int8], window: CellWindow, frame: GridFrame) -> None:
         before, after = grid[window.slices], to_occupancy(frame.costs[window.slices])
         for inside in bounds_of(before != after):
             before[inside.slices] = after[inside.slices]

@@ -30,7 +30,7 @@ PIXELS_A_STRIP = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class DecodedPicture:
     """A decoded picture, handed out as its rows of pixels, the top row first."""
 
     width: int
@@ -46,7 +46,7 @@ class Picture:
             yield top, self._rows(top, min(self.height, top + rows))
 
 
-def read_picture(file: BinaryIO, rules: RulesName) -> Picture:
+def read_picture(file: BinaryIO, rules: RulesName) -> DecodedPicture:
     """Return the picture in a file as a server with those rules sees it.
 
     Raises:
@@ -93,7 +93,7 @@ def _refuse_other_scales(picture: Image) -> None:
             )
 
 
-def _as_sdl(picture: Image, _rules: RulesName) -> Picture:
+def _as_sdl(picture: Image, _rules: RulesName) -> DecodedPicture:
     if picture.format not in NOETIC_FORMATS:
         raise ValueError(
             f"expected PGM, PNG or JPEG for the rules of noetic, got {picture.format}; "
@@ -121,7 +121,7 @@ def _as_sdl(picture: Image, _rules: RulesName) -> Picture:
     return _of(picture, _as("RGBA"), alpha=True)
 
 
-def _as_magick(picture: Image, rules: RulesName) -> Picture:
+def _as_magick(picture: Image, rules: RulesName) -> DecodedPicture:
     if _is_deep(picture):
         return _of(picture, _deep)
     if picture.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "YCbCr"):
@@ -137,12 +137,12 @@ def _as_magick(picture: Image, rules: RulesName) -> Picture:
 
 def _of(
     picture: Image, converted: Callable[[Image], NDArray[Any]], *, alpha: bool = False
-) -> Picture:
+) -> DecodedPicture:
     def rows(top: int, bottom: int) -> Pixels:
         strip: Pixels = converted(picture.crop((0, top, picture.width, bottom)))
         return strip
 
-    return Picture(picture.width, picture.height, alpha, rows)
+    return DecodedPicture(picture.width, picture.height, alpha, rows)
 
 
 def _as(mode: str) -> Callable[[Image], NDArray[np.uint8]]:

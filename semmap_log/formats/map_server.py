@@ -23,7 +23,7 @@ from semmap_log.costmap.map_rules import MODES, MapRules, Mode, RulesName
 from semmap_log.errors import FormatError
 from semmap_log.events import FloorMap
 from semmap_log.formats.files import open_regular
-from semmap_log.formats.map_picture import Picture, read_picture
+from semmap_log.formats.map_picture import DecodedPicture, read_picture
 from semmap_log.formats.problems import Problems
 from semmap_log.formats.strict_yaml import Mapping, Scalar, load_yaml
 from semmap_log.formats.yaml_values import Fields, mapping_of
@@ -79,7 +79,7 @@ def picture_of(path: Path) -> Path:
     return path.parent / _read_header(path, DEFAULT_RULES).image
 
 
-def _cells(picture: Picture, meaning: MapRules) -> NDArray[np.int8]:
+def _cells(picture: DecodedPicture, meaning: MapRules) -> NDArray[np.int8]:
     """Return the grid: its first row is the lowest y, a picture's first row is its top."""
     cells = np.empty((picture.height, picture.width), np.int8)
     from_the_top = cells[::-1]
@@ -150,7 +150,7 @@ def _mode(fields: Fields, rules: RulesName) -> Mode:
     return "trinary"
 
 
-def _open_picture(header: _Header, path: Path) -> Picture:
+def _open_picture(header: _Header, path: Path) -> DecodedPicture:
     """Return the picture, decoded."""
     place = path.parent / header.image
     try:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 
 from semmap_log.doors import Door, reduced
-from semmap_log.formats.array_messages import ArrayType, Part
+from semmap_log.formats.array_messages import ArrayType, EncodedElement
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import DOOR_ENTRY, DOOR_MAP, RosVersion
 
@@ -25,7 +25,7 @@ class ThesisMessages:
         self._type = ArrayType(ros_version, DOOR_MAP, "door_db", DOOR_ENTRY)
         self._default_prob = math.nan if default_prob is None else default_prob
 
-    def encoded(self, door: Door) -> Part:
+    def encoded(self, door: Door) -> EncodedElement:
         """Return a door's entry; its state is OPEN, CLOSED or UNKNOWN."""
         return self._type.encoded(
             self._messages.new(
@@ -41,7 +41,7 @@ class ThesisMessages:
             )
         )
 
-    def message(self, doors: Iterable[Part]) -> bytes:
+    def message(self, doors: Iterable[EncodedElement]) -> bytes:
         """Return the message with these entries."""
         return self._type.joined(doors)
 

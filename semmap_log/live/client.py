@@ -14,7 +14,7 @@ from semmap_log.doors import DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.formats.ros_types import decoded, log_type
 from semmap_log.live.action_names import action_name
-from semmap_log.live.ros_node import Answer, Received, RosNode, Values
+from semmap_log.live.ros_node import GoalAnswer, Received, RosNode, Values
 from semmap_log.live.serving.served_doors import DOOR_DB, MARKERS_NAME
 from semmap_log.wording import counted
 
@@ -58,7 +58,7 @@ class DoorClient:
     server: str | None = None
     """Its name; None: see `action_names`."""
 
-    def add(self, door: DoorFields) -> Answer:
+    def add(self, door: DoorFields) -> GoalAnswer:
         """Add a door, of which place and width are given; the result has `door_id`.
 
         A probability that is not given goes to our own server as NaN. The thesis's goal cannot say
@@ -78,7 +78,7 @@ class DoorClient:
             )
         return self._call("AddDoor", _values(door) | dict.fromkeys(lacking, math.nan))
 
-    def update(self, door_id: int, door: DoorFields) -> Answer:
+    def update(self, door_id: int, door: DoorFields) -> GoalAnswer:
         """Set what is given of a door; the result has `door_updated`.
 
         The thesis's goal sets a place whole: what is not given of one comes from the door map that
@@ -101,7 +101,7 @@ class DoorClient:
         }
         return self._call("UpdateDoor", values | _values(door))
 
-    def remove(self, door_id: int) -> Answer:
+    def remove(self, door_id: int) -> GoalAnswer:
         """Remove a door; the result has `door_removed`.
 
         Raises:
@@ -109,7 +109,7 @@ class DoorClient:
         """
         return self._call("RemoveDoor", {"door_id": door_id})
 
-    def save(self, file_name: str) -> Answer:
+    def save(self, file_name: str) -> GoalAnswer:
         """Have the server write its database; the result has `stored_successful`.
 
         Raises:
@@ -168,7 +168,7 @@ class DoorClient:
         _run_until(self.node, is_ours, KNOWN_WITHIN_S)
         return is_ours()
 
-    def _call(self, action: str, values: Values) -> Answer:
+    def _call(self, action: str, values: Values) -> GoalAnswer:
         name = self._name_of(action)
         goal_id = uuid4().bytes
         reasons = _Reasons(self.node, goal_id) if self.node.ros_version == 2 else None

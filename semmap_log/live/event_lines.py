@@ -36,7 +36,7 @@ POLL_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class LineAnswer:
     """What became of a line."""
 
     line: int
@@ -51,7 +51,7 @@ class LineRecorder:
     """Records the lines of a file descriptor until its end, or until it is told to stop."""
 
     log: DoorLogWriter
-    answer: Callable[[Answer], None]
+    answer: Callable[[LineAnswer], None]
     """Told of every line: as soon as it is stored as was promised, or refused."""
     strict: bool = False
     """Stop at the first bad line."""
@@ -59,7 +59,7 @@ class LineRecorder:
     refused: int = 0
     stopping: bool = False
     """Set by a signal handler: finish what was read, then return."""
-    _waiting: list[Answer] = field(default_factory=list)
+    _waiting: list[LineAnswer] = field(default_factory=list)
     _poses: list[tuple[int, RobotPose]] = field(default_factory=list)
     _poses_since: float = 0.0
     _waiting_since: float = 0.0
@@ -117,7 +117,7 @@ class LineRecorder:
                     self._append(parsed, text)
         except (FormatError, CommandError) as error:
             self.refused += 1
-            self.answer(Answer(self._line, error=_without_place(error)))
+            self.answer(LineAnswer(self._line, error=_without_place(error)))
             return not self.strict
         return True
 
@@ -138,7 +138,7 @@ class LineRecorder:
                 f"command_id: stored already, as event {known.first_event}, for another line; "
                 "a new line wants a new id."
             )
-        self._wait(Answer(self._line, known.last_event))
+        self._wait(LineAnswer(self._line, known.last_event))
         return True
 
     def _holds(self, known: Commit, text: bytes) -> bool:
@@ -194,10 +194,10 @@ class LineRecorder:
     def _answer_later(self, appended: Appended, lines: list[int]) -> None:
         first = appended.commit.last_event - len(lines) + 1
         for i, line in enumerate(lines):
-            self._wait(Answer(line, first + i))
+            self._wait(LineAnswer(line, first + i))
         self._poses = []
 
-    def _wait(self, answer: Answer) -> None:
+    def _wait(self, answer: LineAnswer) -> None:
         """Keep an answer until what it speaks of is stored as was promised."""
         if not self._waiting:
             self._waiting_since = time.monotonic()

@@ -28,8 +28,8 @@ from semmap_log.live.ros1_topics import Ros1Publisher, is_sending, stay_known
 from semmap_log.live.ros_node import (
     GOALS_AT_ONCE,
     TICK_S,
-    Answer,
     Goal,
+    GoalAnswer,
     Outcome,
     Publisher,
     Received,
@@ -194,7 +194,7 @@ class Ros1Node:
     def call_action(
         self, action: str, name: str, values: Values, *,
         goal_id: bytes | None = None, timeout_s: float = 10.0,
-    ) -> Answer:  # fmt: skip
+    ) -> GoalAnswer:  # fmt: skip
         """Send a goal and return what becomes of it."""
         import actionlib
 
@@ -223,7 +223,7 @@ class Ros1Node:
             )
         status = actionlib.TerminalState.to_string(handle.get_terminal_state())
         result = handle.get_result()
-        return Answer(
+        return GoalAnswer(
             {"PREEMPTED": "CANCELED", "RECALLED": "CANCELED"}.get(status, status),
             {} if result is None else _values(result),
             handle.get_goal_status_text(),

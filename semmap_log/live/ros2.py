@@ -13,15 +13,15 @@ from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_types import RosVersion
 from semmap_log.live.ros2_actions import action_class, callers_of, patient_server_class
 from semmap_log.live.ros2_topics import (
-    Reader,
+    MatchedReader,
     Ros2Publisher,
     message_class,
 )
 from semmap_log.live.ros_node import (
     GOALS_AT_ONCE,
     TICK_S,
-    Answer,
     Goal,
+    GoalAnswer,
     Outcome,
     Publisher,
     Received,
@@ -77,7 +77,7 @@ class Ros2Node:
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(node)
         self._publishers: list[Ros2Publisher] = []
-        self._readers: list[Reader] = []
+        self._readers: list[MatchedReader] = []
         self._goals = ThreadPoolExecutor(GOALS_AT_ONCE, thread_name_prefix="goal")
 
     @property
@@ -138,7 +138,7 @@ class Ros2Node:
         def warn(text: str) -> None:
             self.log(text, is_warning=True)
 
-        self._readers.append(Reader(self._node, name, ros_type, received, warn))
+        self._readers.append(MatchedReader(self._node, name, ros_type, received, warn))
         if len(self._readers) == 1:
             self._node.create_timer(LOOK_S, self._look, clock=_steady_clock())
         self._look()
@@ -185,7 +185,7 @@ class Ros2Node:
     def call_action(
         self, action: str, name: str, values: Values, *,
         goal_id: bytes | None = None, timeout_s: float = 10.0,
-    ) -> Answer:  # fmt: skip
+    ) -> GoalAnswer:  # fmt: skip
         """Send a goal and return what becomes of it."""
         from action_msgs.msg import GoalStatus
         from rclpy.action import ActionClient
@@ -204,7 +204,7 @@ class Ros2Node:
             handle = self._wait(client.send_goal_async(kind.Goal(**values), goal_uuid=uuid),
                                 name, timeout_s)  # fmt: skip
             if not handle.accepted:
-                return Answer("REJECTED", {})
+                return GoalAnswer("REJECTED", {})
             answer = self._wait(handle.get_result_async(), name, timeout_s)
         finally:
             client.destroy()
@@ -213,7 +213,7 @@ class Ros2Node:
             GoalStatus.STATUS_ABORTED: "ABORTED",
             GoalStatus.STATUS_CANCELED: "CANCELED",
         }
-        return Answer(names.get(answer.status, str(answer.status)), _values(answer.result))
+        return GoalAnswer(names.get(answer.status, str(answer.status)), _values(answer.result))
 
     def _wait(self, future: Any, name: str, timeout_s: float) -> Any:
         self._executor.spin_until_future_complete(future, timeout_s)

@@ -17,7 +17,7 @@ QUEUED = 1000
 
 
 @dataclass(slots=True)
-class Reader:
+class MatchedReader:
     """A subscription that asks for no more than its publishers offer; else DDS gives nothing."""
 
     node: Any

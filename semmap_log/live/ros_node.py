@@ -70,7 +70,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class GoalAnswer:
     """What an action server answered to a goal of ours."""
 
     status: str
@@ -145,7 +145,7 @@ class RosNode(Protocol):
     def call_action(
         self, action: str, name: str, values: Values, *,
         goal_id: bytes | None = None, timeout_s: float = 10.0,
-    ) -> Answer:  # fmt: skip
+    ) -> GoalAnswer:  # fmt: skip
         """Send a goal and return what becomes of it; the node need not be running.
 
         Args:

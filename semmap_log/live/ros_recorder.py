@@ -96,7 +96,7 @@ class PrintedSink:
 
 
 @dataclass(slots=True)
-class Counts:
+class RecorderCounts:
     """What has come and what became of it."""
 
     received: int = 0
@@ -121,7 +121,7 @@ class RosRecorder:
     sink: EventSink
     say: Callable[[str], None]
     """Hears of topics, of trouble once for each kind, and every minute of the counts."""
-    counts: Counts = field(default_factory=Counts)
+    counts: RecorderCounts = field(default_factory=RecorderCounts)
     stopping: bool = False
     """Set by a signal handler: finish what was received, then return."""
     _complaints: Complaints = field(init=False)

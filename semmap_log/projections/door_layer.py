@@ -14,7 +14,7 @@ import numpy as np
 
 from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLayer, DoorLine
-from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.grid import CellWindow, GridGeometry
 from semmap_log.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.event_batch import EventBatch
 from semmap_log.projections.door_map import DoorMapState
@@ -63,7 +63,7 @@ class DoorLayerState:
 
     layer: DoorLayer
     map: DoorMapState = field(default_factory=DoorMapState)
-    changed: list[Window] = field(default_factory=list)
+    changed: list[CellWindow] = field(default_factory=list)
     """Where cells of the layer may have changed with the last events."""
 
 

@@ -58,7 +58,7 @@ class Context:
         return happened_ns(stamp, got.received_ns, within_s=self.mapping.stamps_within_s)
 
 
-class Reader(Protocol):
+class TopicReader(Protocol):
     """Makes events of the messages of a topic.
 
     They are taken in by `Context.known` before the next of them is asked for. Whatever a message

@@ -15,7 +15,7 @@ from semmap_log.ros_mapping.transforms import TransformTree
 
 
 @dataclass(slots=True)
-class Track:
+class PoseFilter:
     """The filter of poses; one robot's."""
 
     moved_m: float
@@ -53,7 +53,7 @@ def _is_same_place(pose: RobotPose, other: RobotPose | None) -> bool:
 class Poses:
     """Reads PoseStamped and PoseWithCovarianceStamped."""
 
-    def __init__(self, topic: str, rule: ReadPose, context: Context, track: Track) -> None:
+    def __init__(self, topic: str, rule: ReadPose, context: Context, track: PoseFilter) -> None:
         self._topic = topic
         self._level = context.level(rule.level)
         self._context = context
@@ -93,7 +93,7 @@ class Transforms:
     """Reads tf2_msgs/TFMessage: the robot is where the chain from map to it says."""
 
     def __init__(
-        self, rule: ReadTransforms, context: Context, track: Track, tree: TransformTree
+        self, rule: ReadTransforms, context: Context, track: PoseFilter, tree: TransformTree
     ) -> None:
         self._level = context.level(rule.level)
         self._context = context

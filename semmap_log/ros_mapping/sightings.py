@@ -28,11 +28,11 @@ RMF_MODES = {
 
 
 @dataclass(slots=True)
-class Sightings:
+class SightingMaker:
     """Makes sightings of one topic, and leaves out those that repeat."""
 
     accuracy: Accuracy
-    repeats: Repeats
+    repeats: RepeatFilter
 
     def of(
         self, door: DoorId, state: DoorState, got: TopicMessage, happened_ns: int | None
@@ -50,7 +50,7 @@ class Sightings:
 
 
 @dataclass(slots=True)
-class Repeats:
+class RepeatFilter:
     """Tells what only says again what was said a moment ago."""
 
     within_ns: int
@@ -71,7 +71,9 @@ class RmfStates:
 
     def __init__(self, topic: str, rule: ReadRmfState, context: Context) -> None:
         self._doors = _RmfDoors(topic, rule, context)
-        self._sightings = Sightings(rule.accuracy, Repeats(int(context.mapping.repeats_s * 1e9)))
+        self._sightings = SightingMaker(
+            rule.accuracy, RepeatFilter(int(context.mapping.repeats_s * 1e9))
+        )
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return a sighting, unless it repeats the last one."""
@@ -90,7 +92,7 @@ class RmfRequests:
 
     def __init__(self, topic: str, rule: ReadRmfRequest, context: Context) -> None:
         self._doors = _RmfDoors(topic, rule, context)
-        self._repeats = Repeats(int(context.mapping.repeats_s * 1e9))
+        self._repeats = RepeatFilter(int(context.mapping.repeats_s * 1e9))
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return a request, unless the same one asked for the same a moment ago."""
@@ -107,14 +109,16 @@ class RmfRequests:
         return str(got.message.requester_id).replace("\0", "")
 
 
-class Sensor:
+class SensorReader:
     """Reads a field of a message as the state of one door."""
 
     def __init__(self, topic: str, rule: ReadSensor, context: Context) -> None:
         self._rule = rule
         self._context = context
         self._doors = DoorsByName(topic, context, rule.unknown, rule.level)
-        self._sightings = Sightings(rule.accuracy, Repeats(int(context.mapping.repeats_s * 1e9)))
+        self._sightings = SightingMaker(
+            rule.accuracy, RepeatFilter(int(context.mapping.repeats_s * 1e9))
+        )
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return a sighting, unless it repeats the last one."""

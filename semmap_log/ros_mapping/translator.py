@@ -27,10 +27,10 @@ from semmap_log.ros_mapping.mapping import (
     RosMapping,
     TopicRule,
 )
-from semmap_log.ros_mapping.reading import Context, Reader, TopicMessage
-from semmap_log.ros_mapping.robot import Poses, Track, Transforms
+from semmap_log.ros_mapping.reading import Context, TopicMessage, TopicReader
+from semmap_log.ros_mapping.robot import PoseFilter, Poses, Transforms
 from semmap_log.ros_mapping.rounds import Rounds
-from semmap_log.ros_mapping.sightings import RmfRequests, RmfStates, Sensor
+from semmap_log.ros_mapping.sightings import RmfRequests, RmfStates, SensorReader
 from semmap_log.ros_mapping.transforms import TransformTree
 
 
@@ -52,9 +52,9 @@ class Translator:
         self.mapping = mapping
         self.complaints = complaints
         self._context = Context(mapping, known, complaints)
-        self._track = Track(mapping.moved_m, mapping.turned_rad)
+        self._track = PoseFilter(mapping.moved_m, mapping.turned_rad)
         self._tree = TransformTree()
-        self._readers: dict[str, Reader] = {}
+        self._readers: dict[str, TopicReader] = {}
         self._rules: dict[str, TopicRule] = {}
 
     def read_topic(self, topic: str, rule: TopicRule) -> None:
@@ -116,13 +116,13 @@ class Translator:
         rule = self._rules[got.topic].reading
         return Made(events, actor, rule.name if isinstance(rule, ReadPatrol) else "")
 
-    def _reader(self, topic: str, rule: TopicRule) -> Reader:
+    def _reader(self, topic: str, rule: TopicRule) -> TopicReader:
         context, track = self._context, self._track
-        makers: dict[type, Callable[[Any], Reader]] = {
+        makers: dict[type, Callable[[Any], TopicReader]] = {
             ReadDoorMap: lambda reading: DoorMaps(topic, reading, context),
             ReadRmfState: lambda reading: RmfStates(topic, reading, context),
             ReadRmfRequest: lambda reading: RmfRequests(topic, reading, context),
-            ReadSensor: lambda reading: Sensor(topic, reading, context),
+            ReadSensor: lambda reading: SensorReader(topic, reading, context),
             ReadPose: lambda reading: Poses(topic, reading, context, track),
             ReadTransforms: lambda reading: Transforms(reading, context, track, self._tree),
             ReadFloorMap: lambda reading: FloorMaps(topic, reading, context),

@@ -19,7 +19,7 @@ from semmap_log.views.belief_words import (
     short_number,
     with_interval,
 )
-from semmap_log.views.columns import Both, Cell, Column, ColumnTable
+from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS, age
 
@@ -50,22 +50,22 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
     return Group(table, *(Text(line, style="dim") for line in notes))
 
 
-def _columns(*, names: bool, levels: bool) -> list[Column]:
+def _columns(*, names: bool, levels: bool) -> list[TableColumn]:
     return [
-        Column("door_id", "id", right=True),
-        Column("name", "name" if names else None, least=SHORTEST_NAME),
-        Column("level", "level" if levels else None, least=8, yields=1),
-        Column("", "P(open)"),
-        Column("p_open"),
-        Column("low"),
-        Column("high"),
-        Column("p_closed", "P of\nclosed", right=True, yields=2),
-        Column("days_seen", "days\nseen", right=True, yields=5),
-        Column("events", "events", right=True, yields=4),
-        Column("visits", "visits", right=True, yields=4),
-        Column("age", "last\nseen", right=True, yields=3),
-        Column("last_seen"),
-        Column("hours_unseen", "hours\nunseen", right=True, yields=5),
+        TableColumn("door_id", "id", right=True),
+        TableColumn("name", "name" if names else None, least=SHORTEST_NAME),
+        TableColumn("level", "level" if levels else None, least=8, yields=1),
+        TableColumn("", "P(open)"),
+        TableColumn("p_open"),
+        TableColumn("low"),
+        TableColumn("high"),
+        TableColumn("p_closed", "P of\nclosed", right=True, yields=2),
+        TableColumn("days_seen", "days\nseen", right=True, yields=5),
+        TableColumn("events", "events", right=True, yields=4),
+        TableColumn("visits", "visits", right=True, yields=4),
+        TableColumn("age", "last\nseen", right=True, yields=3),
+        TableColumn("last_seen"),
+        TableColumn("hours_unseen", "hours\nunseen", right=True, yields=5),
     ]
 
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.best_times import BestTime, Window
+from semmap_log.beliefs.best_times import BestTime, LikelyHours
 from semmap_log.moments import SECOND_NS, format_short
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
 from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
-from semmap_log.views.columns import Column, ColumnTable
+from semmap_log.views.columns import ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
 
@@ -31,13 +31,15 @@ def best_time_table(found: BestTime) -> RenderableType:
     )
 
 
-def _table(title: str, windows: Sequence[Window], when: Sequence[str], *, name: str) -> ColumnTable:
+def _table(
+    title: str, windows: Sequence[LikelyHours], when: Sequence[str], *, name: str
+) -> ColumnTable:
     table = ColumnTable([
-        Column(name, title, least=len("Mon 2026-03-02 08:00 to Tue 09:00")),
-        Column("", "P (90 % interval)"),
-        Column("p"),
-        Column("low"),
-        Column("high"),
+        TableColumn(name, title, least=len("Mon 2026-03-02 08:00 to Tue 09:00")),
+        TableColumn("", "P (90 % interval)"),
+        TableColumn("p"),
+        TableColumn("low"),
+        TableColumn("high"),
     ], gap=2)  # fmt: skip
     for window, said in zip(windows, when, strict=True):
         numbers = (window.probability, window.low, window.high)
@@ -45,7 +47,7 @@ def _table(title: str, windows: Sequence[Window], when: Sequence[str], *, name: 
     return table
 
 
-def _from_to(window: Window, tz: str) -> str:
+def _from_to(window: LikelyHours, tz: str) -> str:
     """Return `Mon 2026-03-02 08:00 to 12:00`, with the day again where it is another."""
     start, end = (format_short(ns, tz, seconds=False) for ns in (window.start_ns, window.end_ns))
     last_hour = window.first_hour + window.hours
@@ -56,7 +58,7 @@ def _from_to(window: Window, tz: str) -> str:
     return f"{day} {start} to {'24:00' if until == '00:00' else until}"
 
 
-def _of_week(window: Window) -> str:
+def _of_week(window: LikelyHours) -> str:
     """Return `Mon 08:00 to 12:00`."""
     first, last = window.first_hour, window.first_hour + window.hours
     until = f"{(last - 1) % HOURS + 1:02}:00"

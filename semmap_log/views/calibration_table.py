@@ -12,7 +12,7 @@ from rich.text import Text
 from semmap_log.beliefs.calibration import Calibration, DoorCalibration, Hits
 from semmap_log.command_lines import command_line
 from semmap_log.doors import DoorId
-from semmap_log.views.columns import Both, Cell, Column, ColumnTable
+from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.health import pasteable, plain_lines
 from semmap_log.views.tables import ABSENT
@@ -34,7 +34,7 @@ def calibration_table(
         names: What the doors are called.
         log: Where the log is, for the line to type.
     """
-    table = ColumnTable([Column("door", "door", least=NAME_WIDTH), *_columns()])
+    table = ColumnTable([TableColumn("door", "door", least=NAME_WIDTH), *_columns()])
     for door_id, door in calibration.doors.items():
         table.add(printable(names.get(door_id, str(door_id))), *_cells(door))
     table.add(TOGETHER, *_cells(calibration.together), style="bold")
@@ -46,14 +46,14 @@ def calibration_table(
     return Group(table, Text("\n".join(lines), style="dim"), Text(), to_type)
 
 
-def _columns() -> Iterator[Column]:
+def _columns() -> Iterator[TableColumn]:
     """Yield the columns of the two states."""
     for state in ("open", "closed"):
-        yield Column("", f"reads {state}\nwhen {state}", right=True)
-        yield Column(f"accuracy_{state}")
-        yield Column(f"low_{state}")
-        yield Column(f"high_{state}")
-        yield Column(f"visits_{state}", "\nvisits", right=True, yields=1)
+        yield TableColumn("", f"reads {state}\nwhen {state}", right=True)
+        yield TableColumn(f"accuracy_{state}")
+        yield TableColumn(f"low_{state}")
+        yield TableColumn(f"high_{state}")
+        yield TableColumn(f"visits_{state}", "\nvisits", right=True, yields=1)
 
 
 def _cells(door: DoorCalibration) -> tuple[Cell, ...]:

@@ -38,7 +38,7 @@ Cell = str | Text | Both
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class TableColumn:
     """A column: how it is called, and how it is drawn."""
 
     name: str = ""
@@ -69,7 +69,7 @@ class Column:
 class ColumnTable:
     """Columns, and rows of a cell for each."""
 
-    columns: list[Column]
+    columns: list[TableColumn]
     gap: int = GAP
     has_head: bool = True
     """False for the pages of a long table behind the first."""
@@ -196,7 +196,7 @@ class ColumnTable:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class TextPicture:
     """What a terminal shows as a picture, and programs read as a table."""
 
     drawn: Callable[[int], RenderableType]

@@ -17,7 +17,7 @@ from semmap_log.day import Day
 from semmap_log.doors import DoorState
 from semmap_log.moments import format_local
 from semmap_log.projections.time_shares import TimeShares
-from semmap_log.views.columns import GAP, Column, ColumnTable, Picture
+from semmap_log.views.columns import GAP, ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS
 from semmap_log.wording import counted
@@ -41,20 +41,20 @@ def day_chart(day: Day, most: int | None) -> RenderableType:
     def drawn(width: int) -> RenderableType:
         every = _half_hours_a_bar(width, len(day.edges_ns) - 1)
         table = ColumnTable([
-            Column("", day.date, least=SHORTEST_NAME, most=NAME_WIDTH),
-            Column("", _scale(day, every)),
+            TableColumn("", day.date, least=SHORTEST_NAME, most=NAME_WIDTH),
+            TableColumn("", _scale(day, every)),
         ])  # fmt: skip
         for door in shown:
             table.add(Text(printable(door.label)), _bars(door.shares, every))
         return Group(table, Text(f"{LEGEND}{more}", style="dim"))
 
-    return Picture(drawn, _told(day))
+    return TextPicture(drawn, _told(day))
 
 
 def _told(day: Day) -> ColumnTable:
     """Return all doors for programs: how much of each half hour they were open."""
     starts = [format_local(ns, day.tz) for ns in day.edges_ns[:-1].tolist()]
-    table = ColumnTable([Column(name) for name in ("door_id", "name", "changes", *starts)])
+    table = ColumnTable([TableColumn(name) for name in ("door_id", "name", "changes", *starts)])
     for door in day.doors:
         opened = (f"{share:.4f}" for share in door.shares.opened.tolist())
         cells = (ABSENT if share == "nan" else share for share in opened)

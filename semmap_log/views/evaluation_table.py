@@ -11,7 +11,7 @@ from rich.text import Text
 from semmap_log.beliefs.evaluation import Evaluation
 from semmap_log.doors import DoorId
 from semmap_log.probabilities.scores import Scores
-from semmap_log.views.columns import Both, Cell, Column, ColumnTable, Picture
+from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
 from semmap_log.wording import counted
@@ -52,8 +52,8 @@ def _means(evaluation: Evaluation) -> ColumnTable:
     best = {figure: _best(mean, figure) for figure in FIGURES}
     heads = zip(FIGURES, HEADS, range(len(FIGURES)), strict=True)
     table = ColumnTable([
-        Column("estimator", "estimator", least=NAME_WIDTH),
-        *(Column(name, head, right=True, yields=place) for name, head, place in heads),
+        TableColumn("estimator", "estimator", least=NAME_WIDTH),
+        *(TableColumn(name, head, right=True, yields=place) for name, head, place in heads),
     ])  # fmt: skip
     for name, scores in mean.items():
         cells = [_cell(scores, figure, is_best=best[figure] == name) for figure in FIGURES]
@@ -66,7 +66,7 @@ def _doors(evaluation: Evaluation, names: Names) -> RenderableType:
     mean = evaluation.mean
     ranked = sorted(mean, key=lambda name: mean[name].brier or 0.0)[:MOST_ESTIMATORS]
     drawn = _brier_scores(evaluation, names, [name for name in mean if name in ranked], MOST_DOORS)
-    return Picture(lambda _: drawn, _brier_scores(evaluation, names, list(mean), None))
+    return TextPicture(lambda _: drawn, _brier_scores(evaluation, names, list(mean), None))
 
 
 def _brier_scores(
@@ -75,8 +75,8 @@ def _brier_scores(
     mean = evaluation.mean
     worst_first = sorted(estimators, key=lambda name: -(mean[name].brier or 0.0))
     table = ColumnTable([
-        Column("door", "door (Brier)", least=NAME_WIDTH),
-        *(Column(f"brier_{name}", printable(name), right=True, least=7,
+        TableColumn("door", "door (Brier)", least=NAME_WIDTH),
+        *(TableColumn(f"brier_{name}", printable(name), right=True, least=7,
                  yields=max(0, len(worst_first) - 1 - worst_first.index(name)))
           for name in estimators),
     ])  # fmt: skip

@@ -16,7 +16,7 @@ from semmap_log.wording import counted
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from semmap_log.log.salvage import Loss, Recovered, Survey
+    from semmap_log.log.salvage import Loss, Recovered, RecoveryPlan
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
 """Exit code of `verify` -> what it says."""
@@ -125,7 +125,7 @@ def _what_to_do(found: Verification) -> str:
     return ""
 
 
-def recovery_report(found: Survey, done: Recovered | None) -> RenderableType:
+def recovery_report(found: RecoveryPlan, done: Recovered | None) -> RenderableType:
     """Return what a recovery saves and loses, and where things are once it is done.
 
     Args:

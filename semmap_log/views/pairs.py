@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from rich.console import RenderableType
 
 from semmap_log.views.beside import Layout, Pair, beside_or_below
-from semmap_log.views.columns import Both, Cell, Column, ColumnTable, drawn_cell, drawn_text
+from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn, drawn_cell, drawn_text
 
 LAYOUT = Layout(gap=2, indent=2, readable=40)
 
@@ -16,7 +16,7 @@ class PairTable(ColumnTable):
     """Names and values; only programs see its head, `field` and `value`."""
 
     def __init__(self) -> None:
-        super().__init__([Column("field", "field"), Column("value", "value")], LAYOUT.gap)
+        super().__init__([TableColumn("field", "field"), TableColumn("value", "value")], LAYOUT.gap)
 
     def fitted(self, width: int) -> tuple[RenderableType, list[str]]:
         """Return the pairs as rich draws them in that width; nothing is left out."""

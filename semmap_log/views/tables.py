@@ -23,9 +23,9 @@ from semmap_log.moments import format_local, format_short
 from semmap_log.views.columns import (
     Both,
     Cell,
-    Column,
     ColumnTable,
-    Picture,
+    TableColumn,
+    TextPicture,
     with_line_end,
 )
 from semmap_log.views.event_words import printable, words_of
@@ -86,7 +86,7 @@ def door_table(door_map: DoorMap, *, tz: str) -> RenderableType:
     return Group(table, caption)
 
 
-def _door_columns(door_map: DoorMap) -> list[Column]:
+def _door_columns(door_map: DoorMap) -> list[TableColumn]:
     doors = door_map.doors.values()
     levels = any(level.name for level in door_map.levels.values())
     named, placed = any(door.name for door in doors), any(door.is_placed for door in doors)
@@ -95,18 +95,18 @@ def _door_columns(door_map: DoorMap) -> list[Column]:
         for name in ("prob_open", "prob_closed")
     )
     return [
-        Column("door_id", "id", right=True),
-        Column("name", "name" if named else None, least=SHORTEST_NAME),
-        Column("level", "level" if levels else None, least=3, yields=1),
-        Column("x", "x" if placed else None, right=True, yields=4),
-        Column("y", "y" if placed else None, right=True, yields=4),
-        Column("theta", "theta" if placed else None, right=True, yields=5),
-        Column("width", "width" if placed else None, right=True, yields=5),
-        Column("state", "state"),
-        Column("prob_open", "P of\nopen" if open_given else None, right=True, yields=2),
-        Column("prob_closed", "P of\nclosed" if closed_given else None, right=True, yields=3),
-        Column("age", "age", right=True),
-        Column("last_seen"),
+        TableColumn("door_id", "id", right=True),
+        TableColumn("name", "name" if named else None, least=SHORTEST_NAME),
+        TableColumn("level", "level" if levels else None, least=3, yields=1),
+        TableColumn("x", "x" if placed else None, right=True, yields=4),
+        TableColumn("y", "y" if placed else None, right=True, yields=4),
+        TableColumn("theta", "theta" if placed else None, right=True, yields=5),
+        TableColumn("width", "width" if placed else None, right=True, yields=5),
+        TableColumn("state", "state"),
+        TableColumn("prob_open", "P of\nopen" if open_given else None, right=True, yields=2),
+        TableColumn("prob_closed", "P of\nclosed" if closed_given else None, right=True, yields=3),
+        TableColumn("age", "age", right=True),
+        TableColumn("last_seen"),
     ]
 
 
@@ -147,12 +147,12 @@ def diff_table(found: Diff, *, tz: str) -> RenderableType:
         tz: IANA zone of the times.
     """
     table = ColumnTable([
-        Column("door_id"),
-        Column("name"),
-        Column("", "door", least=SHORTEST_NAME),
-        Column("what", "what"),
-        Column("before", "before", least=SHORTEST_NAME),
-        Column("after", "after", least=SHORTEST_NAME),
+        TableColumn("door_id"),
+        TableColumn("name"),
+        TableColumn("", "door", least=SHORTEST_NAME),
+        TableColumn("what", "what"),
+        TableColumn("before", "before", least=SHORTEST_NAME),
+        TableColumn("after", "after", least=SHORTEST_NAME),
     ])  # fmt: skip
     for door in found.added:
         table.add(*_who(door), "added", ABSENT, _door_in_short(door))
@@ -178,7 +178,7 @@ def _last_events(told: list[HistoryEntry], *, tz: str, names: Names) -> list[Ren
     if len(told) > MOST_EVENTS_OF_A_DIFF:
         earlier = counted(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
         parts.append(Text(f"… and {earlier} before these", style="dim"))
-    return [Picture(lambda _: Group(*parts), history_table(told, tz=tz, names=names))]
+    return [TextPicture(lambda _: Group(*parts), history_table(told, tz=tz, names=names))]
 
 
 def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
@@ -304,17 +304,17 @@ def _history_page(
 
 
 HISTORY_COLUMNS = [
-    Column("event", "event", right=True, width=6),
-    Column("happened", "happened", width=DATE_WIDTH),
-    Column("recorded"),
-    Column("kind"),
-    Column("door_id"),
-    Column("door", "door", width=16),
-    Column("what", "what", ratio=3, least=14),
-    Column("", "who: why", ratio=2, least=14, yields=1),
-    Column("actor"),
-    Column("source"),
-    Column("reason"),
+    TableColumn("event", "event", right=True, width=6),
+    TableColumn("happened", "happened", width=DATE_WIDTH),
+    TableColumn("recorded"),
+    TableColumn("kind"),
+    TableColumn("door_id"),
+    TableColumn("door", "door", width=16),
+    TableColumn("what", "what", ratio=3, least=14),
+    TableColumn("", "who: why", ratio=2, least=14, yields=1),
+    TableColumn("actor"),
+    TableColumn("source"),
+    TableColumn("reason"),
 ]
 
 

@@ -10,7 +10,7 @@ from rich.text import Text
 from semmap_log.doors import DoorState
 from semmap_log.moments import DAY_NS, SECOND_NS, format_local, format_short
 from semmap_log.projections.timeline import Interval, Timeline
-from semmap_log.views.columns import Both, Column, ColumnTable, with_line_end
+from semmap_log.views.columns import Both, ColumnTable, TableColumn, with_line_end
 from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
 
 PAGE_ROWS = 500
@@ -84,11 +84,11 @@ def _drawn_time(ns: int, tz: str) -> str:
 
 
 COLUMNS = [
-    Column("since", "since", width=TIME_WIDTH),
-    Column("until", "until", width=TIME_WIDTH, yields=1),
-    Column("", "lasted", width=len("23 h 59 min"), right=True),
-    Column("seconds"),
-    Column("state", "state", width=len(DoorState.UNKNOWN.name)),
-    Column("seen", "seen", width=5, right=True, yields=2),
-    Column("event", "event", width=9, right=True, yields=3),
+    TableColumn("since", "since", width=TIME_WIDTH),
+    TableColumn("until", "until", width=TIME_WIDTH, yields=1),
+    TableColumn("", "lasted", width=len("23 h 59 min"), right=True),
+    TableColumn("seconds"),
+    TableColumn("state", "state", width=len(DoorState.UNKNOWN.name)),
+    TableColumn("seen", "seen", width=5, right=True, yields=2),
+    TableColumn("event", "event", width=9, right=True, yields=3),
 ]

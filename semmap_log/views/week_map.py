@@ -23,7 +23,7 @@ from semmap_log.views.belief_words import (
     why_unknown,
     with_interval,
 )
-from semmap_log.views.columns import Column, ColumnTable, Picture
+from semmap_log.views.columns import ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import Rgb
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME
@@ -41,7 +41,7 @@ WIDE, NARROW = 3, 2
 FULL_WIDTH = 80
 """Columns of text in which seven days stand side by side."""
 
-NAMES = [Column("", "id", right=True), Column("", "name", least=8)]
+NAMES = [TableColumn("", "id", right=True), TableColumn("", "name", least=8)]
 
 
 def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
@@ -58,7 +58,7 @@ def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
     for week in weeks:
         for day, name in enumerate(DAY_NAMES):
             _tell(table, week, week.hours.taken(day), [(name, str(hour)) for hour in range(HOURS)])
-    return Group(Picture(drawn, table), *_notes(weeks))
+    return Group(TextPicture(drawn, table), *_notes(weeks))
 
 
 def hour_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
@@ -66,7 +66,7 @@ def hour_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
 
     def drawn(width: int) -> RenderableType:
         cell = _cell_width(width, NARROW, beside=len("123 ") + SHORTEST_NAME + 1)
-        table = ColumnTable([*NAMES, Column("", _scale(cell).plain)])
+        table = ColumnTable([*NAMES, TableColumn("", _scale(cell).plain)])
         for week in weeks:
             is_seen = np.asarray(week.is_seen.any(axis=0))
             cells = _row(week.by_hour(), is_seen, cell) if week.is_known else _unknown(week)
@@ -76,7 +76,7 @@ def hour_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     table = _told_table("hour")
     for week in weeks:
         _tell(table, week, week.by_hour(), [(str(hour),) for hour in range(HOURS)])
-    return Group(Picture(drawn, table), *_notes(weeks))
+    return Group(TextPicture(drawn, table), *_notes(weeks))
 
 
 def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
@@ -88,11 +88,11 @@ def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     table = _told_table("weekday")
     for week in weeks:
         _tell(table, week, week.by_weekday(), [(name,) for name in DAY_NAMES])
-    return Group(Picture(drawn, table), *_notes(weeks, legend="P(open), and its 90 % interval"))
+    return Group(TextPicture(drawn, table), *_notes(weeks, legend="P(open), and its 90 % interval"))
 
 
 def _days_across(weeks: Sequence[TypicalWeek]) -> ColumnTable:
-    table = ColumnTable([*NAMES, *(Column("", day) for day in DAY_NAMES)])
+    table = ColumnTable([*NAMES, *(TableColumn("", day) for day in DAY_NAMES)])
     for week in weeks:
         days = week.by_weekday()
         cells = [
@@ -111,7 +111,7 @@ def _days_across(weeks: Sequence[TypicalWeek]) -> ColumnTable:
 
 def _days_below(weeks: Sequence[TypicalWeek]) -> ColumnTable:
     """Return the same, a row a day, for narrow terminals."""
-    table = ColumnTable([*NAMES, Column("", "day"), Column("", "P(open)")])
+    table = ColumnTable([*NAMES, TableColumn("", "day"), TableColumn("", "P(open)")])
     for week in weeks:
         days, names = week.by_weekday(), _names(week)
         if not week.is_known:
@@ -127,7 +127,7 @@ def _days_below(weeks: Sequence[TypicalWeek]) -> ColumnTable:
 def _told_table(*of: str) -> ColumnTable:
     """Return the table for programs: a row a cell, whose place in the week `of` names."""
     names = ("door_id", "name", *of, "p_open", "low", "high")
-    return ColumnTable([Column(name) for name in names])
+    return ColumnTable([TableColumn(name) for name in names])
 
 
 def _tell(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.costmap.grid import GridGeometry, Window, merged
+from semmap_log.costmap.grid import CellWindow, GridGeometry, merged
 from semmap_log.errors import CostmapError
 
 GRID = GridGeometry(20, 10, 0.5, -1.0, 2.0)
@@ -47,8 +47,8 @@ def test_bounds_are_taken_onto_the_map() -> None:
     """
     As LayeredCostmap::updateMap does: the last cell is in the window, and so is one on the edge.
     """
-    assert Window(0, 0, 20, 10) == GRID.window_of(-1e30, -1e30, 1e30, 1e30)
-    assert Window(2, 0, 4, 2) == GRID.window_of(0.0, 2.0, 0.9, 2.5)
+    assert CellWindow(0, 0, 20, 10) == GRID.window_of(-1e30, -1e30, 1e30, 1e30)
+    assert CellWindow(2, 0, 4, 2) == GRID.window_of(0.0, 2.0, 0.9, 2.5)
     assert 0 == GRID.window_of(1e30, 1e30, -1e30, -1e30).area
     with pytest.raises(CostmapError, match="expected metres, got nan"):
         GRID.enforced(math.nan, 0.0)
@@ -85,17 +85,17 @@ def test_what_is_no_grid(values: tuple[int, int, float], said: str) -> None:
 
 
 RECTANGLE = st.tuples(*[st.integers(0, 12)] * 4).map(
-    lambda v: Window(v[0], v[1], v[0] + v[2], v[1] + v[3])
+    lambda v: CellWindow(v[0], v[1], v[0] + v[2], v[1] + v[3])
 )
 
 
 @given(st.lists(RECTANGLE, max_size=8))
-def test_merged_windows_hold_the_same_and_do_not_overlap(windows: list[Window]) -> None:
+def test_merged_windows_hold_the_same_and_do_not_overlap(windows: list[CellWindow]) -> None:
     """
     Every cell of the ones given is in exactly one of them.
     """
 
-    def holds(window: Window, x: int, y: int) -> bool:
+    def holds(window: CellWindow, x: int, y: int) -> bool:
         return window.x0 <= x < window.xn and window.y0 <= y < window.yn
 
     found = merged(windows)

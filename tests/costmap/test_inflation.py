@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from semmap_log.costmap.brushfire import Brushfire
 from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLayer, DoorLine
-from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.grid import CellWindow, GridGeometry
 from semmap_log.costmap.inflation import InflationLayer
 from semmap_log.costmap.layered import LayeredCostmap
 from semmap_log.costmap.static_layer import StaticLayer
@@ -116,7 +116,7 @@ def test_a_change_beyond_the_window_asks_for_a_wider_one() -> None:
     master = np.zeros(geometry.shape, np.uint8)
     layer.update_costs(master, geometry.whole)
     master[40, 40] = LETHAL
-    narrow = Window(38, 38, 43, 43)
+    narrow = CellWindow(38, 38, 43, 43)
 
     needed = layer.update_costs(master, narrow)
     master[needed.slices] = FREE_SPACE

@@ -19,9 +19,9 @@ from semmap_log.costmap.combining import (
 )
 from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import FEW, DoorLayer, DoorLine
-from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.grid import CellWindow, GridGeometry
 from semmap_log.costmap.inflation import InflationLayer
-from semmap_log.costmap.layered import Layer, LayeredCostmap
+from semmap_log.costmap.layered import CostmapLayer, LayeredCostmap
 from semmap_log.costmap.static_layer import StaticLayer
 from semmap_log.errors import CostmapError
 
@@ -57,7 +57,7 @@ class World:
     def costmap(self) -> tuple[DoorLayer, LayeredCostmap]:
         """New layers, nothing drawn in them."""
         grid, doors = self.geometry, DoorLayer(self.geometry)
-        layers: list[Layer] = [
+        layers: list[CostmapLayer] = [
             StaticLayer(grid, self.static),
             InflationLayer(grid, self.radius, scaling=self.scaling, inscribed=self.inscribed,
                            inflate_unknown=self.inflate_unknown),
@@ -115,7 +115,7 @@ def test_updated_is_drawn_anew(part: int) -> None:
 
 
 def _is_as_before_outside(
-    windows: list[Window],
+    windows: list[CellWindow],
     before: np.ndarray[tuple[int, int], np.dtype[np.uint8]],
     after: np.ndarray[tuple[int, int], np.dtype[np.uint8]],
 ) -> None:

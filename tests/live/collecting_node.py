@@ -12,7 +12,7 @@ from semmap_log.errors import RosError
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import RosVersion, decoded, encoded, log_type
-from semmap_log.live.ros_node import Answer, Goal, Outcome, Received, Values
+from semmap_log.live.ros_node import Goal, GoalAnswer, Outcome, Received, Values
 
 
 @dataclass
@@ -63,7 +63,7 @@ class CollectingNode:
 
     def call_action(
         self, action: str, name: str, values: Values, *, goal_id: bytes, timeout_s: float
-    ) -> Answer:
+    ) -> GoalAnswer:
         if name not in self.actions:
             raise RosError(f"no action server {name} answered within {timeout_s:g} s")
         self.goals.append(Goal(action, goal_id, goal_id.hex(), self.name, values, lambda _: None))
@@ -74,7 +74,7 @@ class CollectingNode:
             if text:
                 self._say(f"{action} {goal_id.hex()}: {text}")
             text = ""
-        return Answer("SUCCEEDED" if outcome.succeeded else "ABORTED", outcome.result, text)
+        return GoalAnswer("SUCCEEDED" if outcome.succeeded else "ABORTED", outcome.result, text)
 
     def run(self, stop: Callable[[], bool], *, tick: Callable[[], None] | None = None) -> None:
         while not stop():

@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from semmap_log.views.columns import Both, Column, ColumnTable
+from semmap_log.views.columns import Both, ColumnTable, TableColumn
 from semmap_log.views.pairs import pairs
 
 LONG_NAME = "the door behind the kitchen of the canteen"
@@ -27,11 +27,11 @@ def a_table(*, has_head: bool = True) -> ColumnTable:
     """A table that needs 6 + 8 + 14 columns and two gaps; a fourth column may go."""
     table = ColumnTable(
         [
-            Column("event", "event", right=True, width=6),
-            Column("kind"),
-            Column("state", "the\nstate", width=8),
-            Column("what", "what", ratio=3, least=14),
-            Column("", "who: why", ratio=2, least=14, yields=1),
+            TableColumn("event", "event", right=True, width=6),
+            TableColumn("kind"),
+            TableColumn("state", "the\nstate", width=8),
+            TableColumn("what", "what", ratio=3, least=14),
+            TableColumn("", "who: why", ratio=2, least=14, yields=1),
         ],
         has_head=has_head,
     )
@@ -102,8 +102,8 @@ def test_a_wide_text_takes_no_room_that_another_column_needs() -> None:
     The rest is shared out only once each has its least width.
     """
     table = ColumnTable([
-        Column("", "name", least=14), Column("", "level", least=3, yields=1),
-        Column("", "state"), Column("", "age", right=True),
+        TableColumn("", "name", least=14), TableColumn("", "level", least=3, yields=1),
+        TableColumn("", "state"), TableColumn("", "age", right=True),
     ])  # fmt: skip
     table.add(LONG_NAME, "second floor", "CLOSED", "12 min")
 

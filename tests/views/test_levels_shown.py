@@ -17,7 +17,7 @@ from semmap_log.views.excerpt.levels import home_of_0
 from semmap_log.views.report.report import report
 from semmap_log.views.rerun.fitting import fits
 from semmap_log.views.rerun.scene import Scene
-from semmap_log.views.rerun.survey import Survey, survey
+from semmap_log.views.rerun.survey import RecordingContents, survey
 from semmap_log.views.tables import door_table
 from tests.browser import a_page, as_url
 from tests.views.report.pages import data_of
@@ -93,7 +93,7 @@ def test_more_such_poses_fit_the_picture(tmp_path: Path, names: tuple[str, ...],
     """
     log = old_log(tmp_path, *names, doors_on=on)
     excerpt = Excerpt.of(log, None, None, None)
-    taken = Survey(excerpt)
+    taken = RecordingContents(excerpt)
     for batch in excerpt.read():
         taken.take(batch)
     scene = taken.scene()

@@ -24,7 +24,7 @@ from benchmark.made_building import RESOLUTION_M, Building, made_building
 from benchmark.peers import OURS
 from semmap_log.costmap.costs import FREE_SPACE, LETHAL
 from semmap_log.costmap.door_layer import DoorLine
-from semmap_log.costmap.grid import Window
+from semmap_log.costmap.grid import CellWindow
 
 BURST = 20
 REACH = ceil(RADIUS_M / RESOLUTION_M)
@@ -125,7 +125,7 @@ def _plain(side: int) -> Work:
         door, line = change
         now[door] = line
         x0, y0, x1, y1 = plain_costmap.corners_of(building.geometry, line)
-        window = Window(x0, y0, x1 + 1, y1 + 1).dilated(REACH).within(building.geometry.whole)
+        window = CellWindow(x0, y0, x1 + 1, y1 + 1).dilated(REACH).within(building.geometry.whole)
         seen = window.dilated(REACH).within(building.geometry.whole)
         below = building.costs[seen.slices].copy()
         plain_costmap.draw_in(below, now.values(), building.geometry, seen)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from semmap_log.costmap.costs import INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLine
-from semmap_log.costmap.grid import GridGeometry, Window
+from semmap_log.costmap.grid import CellWindow, GridGeometry
 
 Corners = tuple[int, int, int, int]
 """The cells where a line starts and ends: x, y, x, y."""
@@ -30,7 +30,7 @@ def drawn(
 
 
 def draw_in(
-    costs: NDArray[np.uint8], doors: Iterable[DoorLine], geometry: GridGeometry, window: Window
+    costs: NDArray[np.uint8], doors: Iterable[DoorLine], geometry: GridGeometry, window: CellWindow
 ) -> None:
     """Draw doors into a part of the floor plan."""
     layer: dict[tuple[int, int], int] = {}

@@ -25,7 +25,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.header import with_all_of
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.grammar import Place, place_behind
+from semmap_log.log.reading.grammar import ReadPosition, place_behind
 from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_reading import last_commit, page_at, pages_of, statistics_of
 from semmap_log.log.reading.segment_set import check_follows
@@ -92,7 +92,7 @@ def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> b
     for before, segment in pairwise(sources):
         check_follows(segment, last_commit(before), before)
     header = sources[0].header
-    place = Place(header.first_event, header.first_event, header.hash_so_far)
+    place = ReadPosition(header.first_event, header.first_event, header.hash_so_far)
     whole = hashlib.sha256()
     for page in pages(sources, pause):
         place = place_behind(page, place)

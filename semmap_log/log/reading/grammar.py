@@ -18,7 +18,7 @@ _SEQUENCE_MASK = 0xFFFF_FFFF
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ReadPosition:
     """Where a segment has got to, message by message."""
 
     next_event: int
@@ -40,7 +40,7 @@ class Place:
 class Places:
     """Where a segment has got to behind each of some chunks, as columns."""
 
-    start: Place
+    start: ReadPosition
     next_event: NDArray[np.int64]
     committed: NDArray[np.int64]
     log_time_ns: NDArray[np.int64]
@@ -49,9 +49,9 @@ class Places:
     hashes: NDArray[np.uint8]
     """Of these commits."""
 
-    def __getitem__(self, chunk: int) -> Place:
+    def __getitem__(self, chunk: int) -> ReadPosition:
         commits = int(self.commits[chunk])
-        return Place(
+        return ReadPosition(
             int(self.next_event[chunk]),
             int(self.committed[chunk]),
             self.hashes[commits - 1].tobytes() if commits else self.start.hash,
@@ -72,7 +72,7 @@ class Misfit:
     problem: str
 
 
-def place_behind(page: Page, start: Place) -> Place:
+def place_behind(page: Page, start: ReadPosition) -> ReadPosition:
     """Return where the log stands behind a page that follows a place.
 
     Raises:
@@ -110,7 +110,7 @@ class Reading:
         self._commits_at = page.commit_places()
         self._commits = page.commit_rows(self._commits_at)
 
-    def whole_chunks(self, start: Place) -> tuple[int, str]:
+    def whole_chunks(self, start: ReadPosition) -> tuple[int, str]:
         """Return how many chunks fit, and what is wrong with the next; empty if all fit."""
         misfits = [misfit for misfit in self._misfits(start) if misfit is not None]
         if not misfits:
@@ -118,7 +118,7 @@ class Reading:
         first = min(misfits, key=lambda misfit: misfit.message)
         return int(np.searchsorted(self._ends, first.message, "right")), first.problem
 
-    def places_after(self, start: Place) -> Places:
+    def places_after(self, start: ReadPosition) -> Places:
         """Return where the log stands behind each chunk, as if all of them fit."""
         last = self._ends - 1
         commits = np.searchsorted(self._commits_at, last, "right")
@@ -132,7 +132,7 @@ class Reading:
             self._commits["hash"],
         )
 
-    def _misfits(self, start: Place) -> list[Misfit | None]:
+    def _misfits(self, start: ReadPosition) -> list[Misfit | None]:
         numbers = start.next_event + self._events_to
         return [
             self._misfit_of_chunk_times(),
@@ -154,7 +154,7 @@ class Reading:
             return None
         return Misfit(int(self._ends[chunk - 1]) if chunk else 0, TIMES_MISFIT)
 
-    def _is_too_early(self, start: Place) -> NDArray[np.bool_]:
+    def _is_too_early(self, start: ReadPosition) -> NDArray[np.bool_]:
         """Each record has a later time than the one before; a keyframe may have the same."""
         step = np.diff(self._log_time, prepend=start.log_time_ns)
         early: NDArray[np.bool_] = step < (self._channel != KEYFRAME_CHANNEL)
@@ -171,7 +171,7 @@ class Reading:
         return wrong
 
     def _misfits_of_commits(
-        self, start: Place, numbers: NDArray[np.int64]
+        self, start: ReadPosition, numbers: NDArray[np.int64]
     ) -> Iterator[Misfit | None]:
         """Check that each Commit closes exactly the events since the last, and names its hash."""
         commits = self._commits

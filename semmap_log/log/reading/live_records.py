@@ -32,7 +32,7 @@ SMALL_BYTES = 2**14
 
 
 @dataclass(slots=True)
-class Part:
+class ChunkRun:
     """Chunks that follow each other, about a MiB of records, each whole by itself."""
 
     chunks: list[StoredChunk] = field(default_factory=list)
@@ -56,13 +56,13 @@ class Part:
         return Page(records, first_event, path, place, Walked(np.concatenate(offsets)))
 
 
-def read_part(source: ByteSource, at: int) -> Part:
+def read_part(source: ByteSource, at: int) -> ChunkRun:
     """Read chunks from an offset on, until they are many, or nothing more is there.
 
     Raises:
         UnreadableLogError: Some of them cannot be read.
     """
-    part, size = Part(), 0
+    part, size = ChunkRun(), 0
     window = _Window(source, at)
     while size < CHUNK_BYTES:
         try:

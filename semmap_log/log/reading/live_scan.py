@@ -22,9 +22,9 @@ from semmap_log.log.header import SegmentHeader
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.byte_source import ByteSource
 from semmap_log.log.reading.chunk_table import ROW, ChunkTable
-from semmap_log.log.reading.grammar import Place, Reading
+from semmap_log.log.reading.grammar import Reading, ReadPosition
 from semmap_log.log.reading.happened_spans import SPAN, spans_of_chunks
-from semmap_log.log.reading.live_records import Part, read_part
+from semmap_log.log.reading.live_records import ChunkRun, read_part
 from semmap_log.log.reading.page_reading import kinds_of_chunks
 from semmap_log.log.reading.resync import whole_chunks
 from semmap_log.log.walking import Walked, frames
@@ -38,7 +38,7 @@ class LiveScan:
     """All chunks that fit, those of a commit that is not finished, too."""
     at: int
     """Where the next chunk must begin; beyond the file's end where message indexes are cut."""
-    place: Place
+    place: ReadPosition
     """Where the log stands behind all of `table`."""
     spans: NDArray[np.void]
     """When the events of each chunk in `table` happened, as `SPAN`."""
@@ -46,7 +46,7 @@ class LiveScan:
     """How many chunks there are up to the end of the last whole commit, or keyframe."""
     whole_at: int
     """As `at`, behind these."""
-    whole_place: Place
+    whole_place: ReadPosition
     """As `place`, behind these."""
     problem: str = ""
     """Why what lies behind them does not count; empty if nothing of worth lies there."""
@@ -72,7 +72,7 @@ def scan_live(path: Path, header: SegmentHeader, source: ByteSource, start: int)
         UnreadableLogError: Some of it cannot be read.
     """
     at = _behind_head(source, start)
-    place = Place(header.first_event, header.first_event, header.hash_so_far)
+    place = ReadPosition(header.first_event, header.first_event, header.hash_so_far)
     nothing = ChunkTable(path, source, np.empty(0, ROW))
     none = np.empty(0, SPAN)
     return go_on(LiveScan(nothing, at, place, none, 0, at, place), header, source)
@@ -124,7 +124,7 @@ _HEAD_BYTES = 2**16
 """A head's Schemas and Channels lie within."""
 
 
-def _with_part(scan: LiveScan, part: Part, header: SegmentHeader) -> LiveScan:
+def _with_part(scan: LiveScan, part: ChunkRun, header: SegmentHeader) -> LiveScan:
     """Return the scan with those chunks of a part that fit, up to the first that does not."""
     if not part.chunks:
         return replace(scan, problem=part.problem)

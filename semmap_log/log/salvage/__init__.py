@@ -9,6 +9,6 @@ run           all of it
 """
 
 from semmap_log.log.salvage.run import Recovered, recover, recover_into
-from semmap_log.log.salvage.survey import Loss, Survey, survey
+from semmap_log.log.salvage.survey import Loss, RecoveryPlan, survey
 
-__all__ = ["Loss", "Recovered", "Survey", "recover", "recover_into", "survey"]
+__all__ = ["Loss", "Recovered", "RecoveryPlan", "recover", "recover_into", "survey"]

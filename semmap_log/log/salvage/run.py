@@ -15,7 +15,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import RECOVERING_NAME
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
-from semmap_log.log.salvage.survey import Loss, Survey, survey
+from semmap_log.log.salvage.survey import Loss, RecoveryPlan, survey
 from semmap_log.log.salvage.swap import new_folder_beside, put_away, take_place
 from semmap_log.log.salvage.writing import NewLog
 from semmap_log.log.verification import Progress, Verifier, verify
@@ -33,7 +33,7 @@ Entropy = Callable[[int], bytes]
 class Recovered:
     """What a recovery did."""
 
-    survey: Survey
+    survey: RecoveryPlan
     log: Path | None
     """The log that is whole now; None: there was nothing to do."""
     kept: Path | None
@@ -121,7 +121,7 @@ def recover_into(
     return Recovered(found, target, None)
 
 
-def loss_in_words(found: Survey) -> str:
+def loss_in_words(found: RecoveryPlan) -> str:
     """Return what a recovery loses, in a sentence for the log itself."""
     if not found.losses and not found.dropped:
         return "nothing was lost"
@@ -151,7 +151,7 @@ def _check_is_folder(log: Path) -> None:
         raise LogError(f"{log}: no segment of a semmap log is in this folder.")
 
 
-def _header(found: Survey, entropy: Entropy, *, is_new: bool) -> SegmentHeader:
+def _header(found: RecoveryPlan, entropy: Entropy, *, is_new: bool) -> SegmentHeader:
     """Return the header of the new log's first segment, with a new id where it is another log."""
     old = found.header
     info = LogInfo(entropy(16).hex(), "UTC") if old is None else old.info
@@ -163,7 +163,7 @@ def _header(found: Survey, entropy: Entropy, *, is_new: bool) -> SegmentHeader:
     return replace(first, minor=old.minor, others=old.others, newer=old.newer)
 
 
-def _write(found: Survey, new: NewLog, clock: Clock, entropy: Entropy) -> None:
+def _write(found: RecoveryPlan, new: NewLog, clock: Clock, entropy: Entropy) -> None:
     """Write the new log, and verify it before anybody sees it."""
     try:
         Verifier(found.path, on_commit=new.add, keep_parts=True).run()

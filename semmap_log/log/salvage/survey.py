@@ -34,7 +34,7 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
+class RecoveryPlan:
     """What a recovery would do."""
 
     path: Path
@@ -79,7 +79,7 @@ class Survey:
         return not self.dropped and all(loss.before_ns is None for loss in self.losses)
 
 
-def survey(path: Path, progress: Progress | None = None) -> Survey:
+def survey(path: Path, progress: Progress | None = None) -> RecoveryPlan:
     """Read a log and return what a recovery would save and lose.
 
     Raises:
@@ -103,7 +103,7 @@ def survey(path: Path, progress: Progress | None = None) -> Survey:
             f"written {_in_words(verifier.newer)} to it, and only that knows what a new number or "
             "a keyframe must make of them. Nothing was changed; recover with the newer version."
         )
-    return Survey(
+    return RecoveryPlan(
         path=path,
         verification=found,
         losses=tuple(taken.losses(found)),

@@ -30,7 +30,7 @@ SEQUENCE_RANGE = 2**32
 
 
 @dataclass(slots=True)
-class Part:
+class CommitPart:
     """What a commit has in one chunk."""
 
     piece: Piece
@@ -45,7 +45,7 @@ class WholeCommit:
     """A commit that is as it was written, and where it lies."""
 
     commit: Commit
-    parts: list[Part]
+    parts: list[CommitPart]
     """Its events and its note; empty where nobody asked for them."""
 
 
@@ -63,7 +63,7 @@ class _Pending:
     note: Note = _NO_NOTE
     has_note: bool = False
     digests: dict[int, Any] = field(default_factory=dict)
-    parts: list[Part] = field(default_factory=list)
+    parts: list[CommitPart] = field(default_factory=list)
 
     def add(self, channel: int, record: bytes | memoryview, log_ns: int) -> None:
         """Take a record in; within a commit each is one nanosecond later than the one before."""
@@ -78,7 +78,7 @@ class _Pending:
     def keep(self, piece: Piece, i: int) -> None:
         """Remember where its records are."""
         if not self.parts or self.parts[-1].piece is not piece:
-            self.parts.append(Part(piece, i, i))
+            self.parts.append(CommitPart(piece, i, i))
         self.parts[-1].last = i + 1
 
     def wrong(self, problem: str) -> None:

@@ -77,7 +77,7 @@ class Nodes:
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
+class ChainLikelihoods:
     """The likelihoods of a chain along nodes."""
 
     filtered: Reals
@@ -123,7 +123,7 @@ def filtered(steps: Steps, llr: Reals) -> tuple[Reals, Reals]:
     return after, steps.from_closed + before * (steps.from_open - steps.from_closed)
 
 
-def passage(nodes: Nodes, rates: Rates) -> Passage:
+def passage(nodes: Nodes, rates: Rates) -> ChainLikelihoods:
     """Return the likelihoods of a chain along nodes, forward and backward."""
     steps = steps_of(nodes, rates)
     after, foretold = filtered(steps, nodes.llr)
@@ -131,7 +131,7 @@ def passage(nodes: Nodes, rates: Rates) -> Passage:
     later = np.append(states(backward, np.array([0.5, 0.5]))[OPEN][::-1], 0.5)
     sees = _sigmoid(nodes.llr)
     seen = foretold * sees + (1 - foretold) * (1 - sees)
-    return Passage(after, foretold, later, np.log(seen))
+    return ChainLikelihoods(after, foretold, later, np.log(seen))
 
 
 def _matrices(steps: Steps, llr: Reals) -> Reals:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from semmap_log.probabilities.chain.chain import (
     CLOSED,
     OPEN,
+    ChainLikelihoods,
     Nodes,
-    Passage,
     Rates,
     passage,
     steps_of,
@@ -99,7 +99,7 @@ def _likeliest(happened: Reals, expected: Rates, weight_s: float) -> Rates:
     )
 
 
-def _happened(nodes: Nodes, rates: Rates, along: Passage, count: int) -> Reals:
+def _happened(nodes: Nodes, rates: Rates, along: ChainLikelihoods, count: int) -> Reals:
     """Return (4, count): openings, closings, seconds closed and seconds open to expect, by bin."""
     inner = np.flatnonzero(~nodes.begins)
     before, gap_s = nodes.bin[inner - 1], nodes.gap_s[inner]
@@ -136,7 +136,7 @@ def _happened(nodes: Nodes, rates: Rates, along: Passage, count: int) -> Reals:
     return np.stack([np.bincount(before, part, count) for part in found])
 
 
-def _pairs(nodes: Nodes, rates: Rates, along: Passage, inner: NDArray[np.intp]) -> Reals:
+def _pairs(nodes: Nodes, rates: Rates, along: ChainLikelihoods, inner: NDArray[np.intp]) -> Reals:
     """Return (2, 2, inner): P(state at the node before, state here), by all that was seen."""
     steps = steps_of(nodes, rates)
     was = np.stack([1 - along.filtered, along.filtered])[:, inner - 1]

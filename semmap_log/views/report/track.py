@@ -26,7 +26,7 @@ DM = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class DrawnTrack:
     """What the page draws of the robot's way."""
 
     runs: list[list[int]]
@@ -36,16 +36,16 @@ class Track:
     """So far at most a pose lies off it."""
 
 
-def track_of(poses: Rows, span: Span) -> Track:
+def track_of(poses: Rows, span: Span) -> DrawnTrack:
     """Return the track of poses that are in the order of their times."""
     if not len(poses):
-        return Track([], TOLERANCE_M + ROUNDING_M)
+        return DrawnTrack([], TOLERANCE_M + ROUNDING_M)
     runs = _runs(poses)
     tolerance_m = TOLERANCE_M
     while True:
         kept = [run[telling(run, tolerance_m)] for run in runs]
         if sum(map(len, kept)) <= max(MOST_POINTS, 2 * len(runs)):
-            return Track([_coded(run, span) for run in kept], tolerance_m + ROUNDING_M)
+            return DrawnTrack([_coded(run, span) for run in kept], tolerance_m + ROUNDING_M)
         tolerance_m *= 2
 
 

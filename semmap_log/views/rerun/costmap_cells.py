@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from semmap_log.costmap.costs import NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLine, cells_of
-from semmap_log.costmap.grid import MOST_CELLS, GridGeometry, Window
+from semmap_log.costmap.grid import MOST_CELLS, CellWindow, GridGeometry
 from semmap_log.doors import DoorId
 from semmap_log.projections.door_changes import CHANGE, Changes
 from semmap_log.views.rerun.costmap_doors import DoorRows, Order
@@ -33,7 +33,7 @@ MOST_PATCH_CELLS = 2**18
 class Patch:
     """The cells that a door shows."""
 
-    window: Window
+    window: CellWindow
     shown: bytes
     """bool, rows of the window one after the other."""
 
@@ -112,7 +112,7 @@ class _Move:
 
     stamp: Stamp
     door: DoorId
-    window: Window | None
+    window: CellWindow | None
     cells: Cells
     """Flat, in the level's grid; none: it is taken away."""
     columns: int
@@ -154,7 +154,7 @@ def _line(row: Any) -> DoorLine:
 def _move(stamp: Stamp, door: DoorId, cells: Cells, columns: int) -> _Move:
     if len(cells):
         y, x = np.divmod(cells, columns)
-        window = Window(int(x.min()), int(y.min()), int(x.max()) + 1, int(y.max()) + 1)
+        window = CellWindow(int(x.min()), int(y.min()), int(x.max()) + 1, int(y.max()) + 1)
         if window.area <= MOST_PATCH_CELLS:
             return _Move(stamp, door, window, cells, columns)
     return _Move(stamp, door, None, cells, columns)

@@ -27,7 +27,7 @@ from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.scene import Scene, SceneDoor
-from semmap_log.views.rerun.thinning import Repeats, is_long
+from semmap_log.views.rerun.thinning import RepeatFinder, is_long
 
 if TYPE_CHECKING:
     from semmap_log.commits import Commit
@@ -59,7 +59,7 @@ class EventLines:
     def __init__(self, scene: Scene, excerpt: Excerpt, commits: Iterable[Commit]) -> None:
         self._scene = scene
         self._excerpt = excerpt
-        self._repeats = Repeats(scene.doors) if is_long(scene) else None
+        self._repeats = RepeatFinder(scene.doors) if is_long(scene) else None
         self._notes = _Notes(commits)
         self._clock = LocalClock(excerpt.log.info.timezone)
         edges = self._shown(np.array([scene.begin.folds_ns, scene.end.folds_ns]))

@@ -21,7 +21,7 @@ from semmap_log.events import (
 )
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
-from semmap_log.views.rerun.survey import Survey
+from semmap_log.views.rerun.survey import RecordingContents
 
 NEVER_FIT = (Retracted, LevelAdded, FloorMap, PatrolStarted, PatrolFinished)
 MAY_CHANGE_THE_SCENE = (DoorAdded, DoorRemoved, DoorAnnotated, DoorUpdated)
@@ -31,7 +31,7 @@ ROOM = 0.25
 explores should not outgrow it again at once."""
 
 
-def fits(batch: EventBatch, survey: Survey, scene: Scene) -> bool:
+def fits(batch: EventBatch, survey: RecordingContents, scene: Scene) -> bool:
     """Tell whether the next events can be shown as more rows of a scene; the survey takes them.
 
     Args:

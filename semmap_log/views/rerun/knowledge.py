@@ -21,7 +21,7 @@ from semmap_log.views.excerpt.door_rows import ALWAYS, Edge
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownDoor:
     """All that was known of a door from some moment of recording on."""
 
     row: Changes
@@ -45,7 +45,7 @@ class Known:
         return int(self.row["level"][0])
 
     @classmethod
-    def of(cls, state: DoorMapState, door_id: DoorId, since: Edge) -> Known:
+    def of(cls, state: DoorMapState, door_id: DoorId, since: Edge) -> KnownDoor:
         """Return what a fold of what was known has of a door."""
         row = np.zeros(1, CHANGE)
         since.stamp(row)
@@ -62,7 +62,7 @@ class Known:
         return cls(row, stamps)
 
 
-def as_recorded(changes: Changes, known: Sequence[Known]) -> Changes:
+def as_recorded(changes: Changes, known: Sequence[KnownDoor]) -> Changes:
     """Return a door's rows in the order of recording, each setting only what it won then.
 
     Args:

@@ -28,7 +28,7 @@ from semmap_log.views.rerun.fitting import fits, with_room
 from semmap_log.views.rerun.process import ViewerError
 from semmap_log.views.rerun.rounds import round_lanes
 from semmap_log.views.rerun.scene import Scene
-from semmap_log.views.rerun.survey import Survey
+from semmap_log.views.rerun.survey import RecordingContents
 
 POLL_S = 0.1
 SEND_S = 60.0
@@ -121,7 +121,9 @@ class _Source:
 class _Tail:
     """One recording that goes on, as long as what comes fits into it."""
 
-    def __init__(self, source: _Source, survey: Survey, scene: Scene, recording: Any) -> None:
+    def __init__(
+        self, source: _Source, survey: RecordingContents, scene: Scene, recording: Any
+    ) -> None:
         self.is_outdated = False
         """Something came that does not fit."""
         self._source, self._survey, self._scene = source, survey, scene
@@ -204,8 +206,8 @@ def _deliver(recording: Any) -> None:
         raise ViewerError(f"The rerun viewer takes nothing more: {error}.") from None
 
 
-def _survey(excerpt: Excerpt) -> Survey:
-    survey = Survey(excerpt)
+def _survey(excerpt: Excerpt) -> RecordingContents:
+    survey = RecordingContents(excerpt)
     for batch in excerpt.read():
         survey.take(batch)
     return survey

@@ -12,7 +12,7 @@ from semmap_log.doors import Door, DoorId
 from semmap_log.events import FloorMap
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.door_rows import Edge, Life
-from semmap_log.views.rerun.knowledge import Known
+from semmap_log.views.rerun.knowledge import KnownDoor
 
 EntityPath = tuple[str, ...]
 """The parts of a rerun entity path."""
@@ -37,7 +37,7 @@ class SceneDoor:
     life: Life
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""
-    known: Sequence[Known] = field(compare=False)
+    known: Sequence[KnownDoor] = field(compare=False)
     """From where it goes on along `recorded`: at the beginning, if that is in midst of the log, and
     behind each retraction of one of its events."""
     state_changes: int

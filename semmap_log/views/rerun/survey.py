@@ -34,7 +34,7 @@ from semmap_log.views.excerpt.excerpt import Excerpt
 from semmap_log.views.excerpt.levels import home_of_0
 from semmap_log.views.label_places import without_level
 from semmap_log.views.rerun.drawable import drawable_name, free_part, unique_parts
-from semmap_log.views.rerun.knowledge import Known
+from semmap_log.views.rerun.knowledge import KnownDoor
 from semmap_log.views.rerun.scene import ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.taken_back import TakenBack, taken_back
 
@@ -44,13 +44,13 @@ NOWHERE = Edge(-1, -1, -1)
 
 def survey(excerpt: Excerpt) -> Scene:
     """Return what a recording of that part of a log has to show."""
-    taken = Survey(excerpt)
+    taken = RecordingContents(excerpt)
     for batch in excerpt.read():
         taken.take(batch)
     return taken.scene()
 
 
-class Survey:
+class RecordingContents:
     """What a recording has to show of the events taken so far."""
 
     def __init__(self, excerpt: Excerpt) -> None:
@@ -98,7 +98,7 @@ class _Found:
     """What the pass knows of a door."""
 
     before: Door | None = None
-    known: list[Known] = field(default_factory=list)
+    known: list[KnownDoor] = field(default_factory=list)
     is_ever_there: bool = False
     added: Stamp = NEVER
     removed: Stamp = NEVER
@@ -144,7 +144,7 @@ class _Found:
         self._count_states(changes["state"][sets_state & happened])
         self._live(changes[happened & ((changes["sets"] & THERE) != 0)])
 
-    def know(self, known: Known) -> None:
+    def know(self, known: KnownDoor) -> None:
         """Take what it goes on from along `recorded`."""
         self.known.append(known)
         self.is_ever_there |= known.is_there
@@ -227,14 +227,14 @@ class _Pass:
         for door_id in map(DoorId, {*state.used_door_ids, *self.doors}):
             if chosen is None or door_id in chosen:
                 found = self.doors.setdefault(door_id, _Found())
-                found.know(Known.of(state, door_id, self.begin))
+                found.know(KnownDoor.of(state, door_id, self.begin))
                 found.is_plain &= _values(state.door(door_id)) == _values(found.before)
 
     def take_back(self, what: TakenBack) -> None:
         """Take what is known of doors behind a retraction."""
         state = state_at(self._excerpt.log.reader, limit=what.edge.number)
         for door_id in what.doors & self.doors.keys():
-            self.doors[door_id].know(Known.of(state, door_id, what.edge))
+            self.doors[door_id].know(KnownDoor.of(state, door_id, what.edge))
             self.doors[door_id].is_plain = False
 
     def take(self, whole: EventBatch) -> None:

@@ -52,7 +52,7 @@ def is_long(scene: Scene) -> bool:
     return scene.events > FULL_UP_TO
 
 
-class Repeats:
+class RepeatFinder:
     """Finds the sightings that see what was known already."""
 
     def __init__(self, doors: Mapping[DoorId, SceneDoor]) -> None:
