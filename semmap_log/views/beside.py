@@ -24,7 +24,7 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class BesideLayout:
     """How pairs stand."""
 
     gap: int
@@ -35,7 +35,7 @@ class Layout:
     """A text is folded beside its head where it has so many columns there."""
 
 
-def beside_or_below(pairs: Sequence[Pair], width: int, layout: Layout) -> Group:
+def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> Group:
     """Return pairs in that width, all their texts whole; texts beside a head stand in line."""
     heads = max((w for p in pairs if (w := cell_len(p.head)) <= width // 2), default=0)
     room = width - heads - layout.gap

@@ -17,12 +17,12 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
-from semmap_log.views.beside import Layout, Pair, beside_or_below
+from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
 
 GAP = 1
 """Between two drawn columns."""
 UNBOUNDED = 2**30
-BELOW = Layout(gap=GAP, indent=0, readable=16)
+BELOW = BesideLayout(gap=GAP, indent=0, readable=16)
 """Of a row's cells that stand below each other."""
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from rich.console import RenderableType
 
-from semmap_log.views.beside import Layout, Pair, beside_or_below
+from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
 from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn, drawn_cell, drawn_text
 
-LAYOUT = Layout(gap=2, indent=2, readable=40)
+LAYOUT = BesideLayout(gap=2, indent=2, readable=40)
 
 
 class PairTable(ColumnTable):

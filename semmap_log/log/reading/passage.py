@@ -14,7 +14,7 @@ MOST_MAPPED = 2**24
 """So much of what was read of mapped files stays on the process's account."""
 
 
-class SegmentWalk:
+class ReadProgress:
     """The way through segments, one behind the other."""
 
     def __init__(self, segments: Sequence[Segment], progress: Progress | None) -> None:

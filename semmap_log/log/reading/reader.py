@@ -22,7 +22,7 @@ from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.newer_events import NewerEvents, without_newer
-from semmap_log.log.reading.passage import Progress, SegmentWalk
+from semmap_log.log.reading.passage import Progress, ReadProgress
 from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_folder import SegmentFolder
 from semmap_log.log.reading.segment_reading import (
@@ -129,7 +129,7 @@ class LogReader:
         self._check_order()
         last: Page | None = None
         before: Segment | None = None
-        passage = SegmentWalk(self.segments[start.segment :], progress)
+        passage = ReadProgress(self.segments[start.segment :], progress)
         for segment in self.segments[start.segment :]:
             if before is not None:
                 commit = last.last_commit() if last is not None else None
@@ -167,7 +167,7 @@ class LogReader:
             CorruptLogError: A chunk is not what was written, or events are missing.
         """
         self._check_order()
-        passage = SegmentWalk(self.segments[start.segment :], progress)
+        passage = ReadProgress(self.segments[start.segment :], progress)
         last: Page | None = None
         for place in range(start.segment, len(self.segments)):
             segment, last_before, last = self.segments[place], last, None

@@ -22,14 +22,14 @@ from semmap_log.projections.retraction import Retractions
 
 
 @dataclass(frozen=True, slots=True)
-class ChunkPlace:
+class KeyframePlace:
     """A chunk: the number of its segment's file in the walk, and its offset there."""
 
     file: int
     offset: int
 
 
-Reread = Callable[[ChunkPlace], Iterator[Piece]]
+Reread = Callable[[KeyframePlace], Iterator[Piece]]
 """Yields the chunks of the log from a place on."""
 
 
@@ -48,7 +48,7 @@ class KeyframeCheck:
         self._retractions: list[tuple[int, int, int]] = []
         """Number, first and last event of each."""
         self._is_stale = False
-        self._good: list[tuple[int, ChunkPlace]] = []
+        self._good: list[tuple[int, KeyframePlace]] = []
         """The event of each keyframe that was right, and where it lies."""
         self._waiting: list[bytes | memoryview] = []
         self._waiting_size = 0
@@ -58,7 +58,7 @@ class KeyframeCheck:
 
     def begin(self) -> None:
         """Begin at the log's first event, where the state is empty."""
-        self._state, self._good = DoorMapState(), [(-1, ChunkPlace(0, 0))]
+        self._state, self._good = DoorMapState(), [(-1, KeyframePlace(0, 0))]
 
     def forget(self) -> None:
         """Events are missing: no state is known until the next keyframe."""
@@ -70,7 +70,7 @@ class KeyframeCheck:
         self.forget()
         self._has_given_up = True
 
-    def add(self, path: Path, piece: Piece, place: ChunkPlace, next_event: int) -> None:
+    def add(self, path: Path, piece: Piece, place: KeyframePlace, next_event: int) -> None:
         """Take the next chunk, of which `next_event` is the first event, or comes before it."""
         start, self._path = 0, path
         for channel, _, _, _, begin, end in piece.messages:
@@ -131,7 +131,7 @@ class KeyframeCheck:
         retractions.ranges = [(first, last) for _, first, last in self._retractions]
         return retractions
 
-    def _keyframe(self, data: bytes, place: ChunkPlace) -> None:
+    def _keyframe(self, data: bytes, place: KeyframePlace) -> None:
         self._fold()
         if self._has_given_up:
             return
@@ -155,7 +155,7 @@ class KeyframeCheck:
             self.compared += 1
             self._good.append((self._state.event, place))
 
-    def _adopt(self, data: bytes, place: ChunkPlace) -> None:
+    def _adopt(self, data: bytes, place: KeyframePlace) -> None:
         """Take the state from a keyframe that fits its own hash: there is nothing to compare."""
         self._state = keyframes.decode(data)
         if self._state is None:
@@ -181,7 +181,7 @@ class KeyframeCheck:
                 self._state = state
                 return
 
-    def _state_at(self, event: int, place: ChunkPlace) -> DoorMapState:
+    def _state_at(self, event: int, place: KeyframePlace) -> DoorMapState:
         if event < 0:
             return DoorMapState()
         piece = next(self._reread(place))
@@ -193,7 +193,7 @@ class KeyframeCheck:
         assert state is not None  # it was right before
         return state
 
-    def _batches_behind(self, event: int, place: ChunkPlace) -> Iterator[EventBatch]:
+    def _batches_behind(self, event: int, place: KeyframePlace) -> Iterator[EventBatch]:
         """Yield the events from a place on, as far as they have come."""
         parts: list[bytes | memoryview] = []
         for piece in chain(self._reread(place), [None]):

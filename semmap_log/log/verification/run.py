@@ -35,7 +35,7 @@ from semmap_log.log.verification.folder import (
     bag_metadata_findings,
     mark_findings,
 )
-from semmap_log.log.verification.keyframes import ChunkPlace, KeyframeCheck
+from semmap_log.log.verification.keyframes import KeyframeCheck, KeyframePlace
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, Gap, SegmentWalk
 from semmap_log.log.zipped import is_zip, unpacked
@@ -206,7 +206,7 @@ class Verifier:
         for item in walk:
             if isinstance(item, Piece):
                 self._note_newer(item, walk)
-                self._piece(item, ChunkPlace(i, item.stored.offset))
+                self._piece(item, KeyframePlace(i, item.stored.offset))
                 if is_live and not item.is_compressed_as_usual(walk.file):
                     self._report(_unusual(path, item.stored.offset))
                 contents.add(item)
@@ -227,7 +227,7 @@ class Verifier:
                 self._keyframes.forget()
         return True
 
-    def _piece(self, piece: Piece, place: ChunkPlace) -> None:
+    def _piece(self, piece: Piece, place: KeyframePlace) -> None:
         expected, breaks = self.chain.next_event, self._breaks
         self.chain.add(piece)
         self._breaks = self.chain.breaks
@@ -399,7 +399,7 @@ class Verifier:
             events_after_head=since,
         )
 
-    def _reread(self, place: ChunkPlace) -> Iterator[Piece]:
+    def _reread(self, place: KeyframePlace) -> Iterator[Piece]:
         """Yield the chunks from a place on, which were read before and were whole."""
         for i in range(place.file, len(self.arrangement.segments)):
             file = self.arrangement.segments[i]
