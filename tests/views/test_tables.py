@@ -141,6 +141,7 @@ def test_the_history_table(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_pages_of_a_long_history_line_up(tmp_path: Path) -> None:
     """
     Printed one by one, as a long history must be, they are the table; one head for all.
