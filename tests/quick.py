@@ -3,8 +3,6 @@
 A plain run meets every room, and leaves out
 
 - what is marked `slow`, or has a fixture that is: a real ROS, packages from npm, later versions;
-- of a test with more than `MOST_CASES` cases all but so many: the first, the last, and those in
-  even steps between;
 - most examples of a property that does not say how many it wants.
 
 `--long` runs what a plain run leaves out: the two together are `--all`. Tests that are named by
@@ -13,13 +11,11 @@ their id, or chosen by a marker (`-m`), are never left out.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, is_hypothesis_test, settings
 
-MOST_CASES = 6
 QUICK_EXAMPLES = 20
 SLOW_FIXTURES = {"ros", "ros1", "ros_1_or_2", "jazzy", "kilted", "node_packages", "newer"}
 
@@ -47,40 +43,24 @@ def _is_quick(config: pytest.Config) -> bool:
     return not (config.option.all or config.option.long or is_asked_for)
 
 
-@pytest.hookimpl(trylast=True)  # behind -k, which may want one case of many
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is long, or what is not."""
     if not (_is_quick(config) or config.option.long):
         return
-    quick = quick_tests(items)
     if config.option.long:
-        chosen = [item for item in items if item not in quick or _has_examples(item)]
+        chosen = [item for item in items if is_slow(item) or _has_examples(item)]
     else:
-        chosen = [item for item in items if item in quick]
+        chosen = [item for item in items if not is_slow(item)]
     left_out = set(items).difference(chosen)
     config.stash[_LEFT_OUT] = len(left_out)
     config.hook.pytest_deselected(items=list(left_out))
     items[:] = chosen
 
 
-def quick_tests(items: list[pytest.Item]) -> set[pytest.Item]:
-    """Return the tests of a plain run."""
-    cases: dict[str, list[pytest.Item]] = defaultdict(list)
-    for item in items:
-        if not _is_slow(item):
-            cases[item.nodeid.partition("[")[0]].append(item)
-    return {item for of_one in cases.values() for item in _some(of_one)}
-
-
-def _is_slow(item: pytest.Item) -> bool:
+def is_slow(item: pytest.Item) -> bool:
+    """Return whether a plain run leaves a test out."""
     fixtures = getattr(item, "fixturenames", ())
     return item.get_closest_marker("slow") is not None or not SLOW_FIXTURES.isdisjoint(fixtures)
-
-
-def _some(cases: list[pytest.Item]) -> list[pytest.Item]:
-    if len(cases) <= MOST_CASES:
-        return cases
-    return [cases[step * (len(cases) - 1) // (MOST_CASES - 1)] for step in range(MOST_CASES)]
 
 
 def _has_examples(item: pytest.Item) -> bool:

@@ -352,6 +352,7 @@ LINES = "".join(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default::semmap_log.errors.EarlyEventsWarning")
 @pytest.mark.usefixtures("terminal")
 def test_from_the_warning_to_the_right_answer(run: Run) -> None:

@@ -54,6 +54,7 @@ def _seen(log: sl.DoorLog, at_ns: int) -> list[Any]:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["day.mcap", "day.bag", "day"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_was_exported_comes_back(name: str, seed: int, office: Path, tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ def bench(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(MOST_S)
 def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
     """
@@ -65,6 +66,7 @@ def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
     assert [picture] == list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_table_fits_a_terminal(tmp_path: Path) -> None:
     """
     The same for people: 80 columns, only the rows asked for.
@@ -77,6 +79,7 @@ def test_the_table_fits_a_terminal(tmp_path: Path) -> None:
     assert "Replay" not in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_nothing_is_left_of_a_run_that_was_stopped(tmp_path: Path, number: int) -> None:
     """
@@ -251,6 +254,7 @@ def _case(*peers: Peer) -> Case:
     return Case("group", "A task", "ms", peers, rounds=2, burst=3)
 
 
+@pytest.mark.slow
 def test_a_wrong_answer_is_seen() -> None:
     """
     What a peer answers is compared, and each turn that counts is timed.
@@ -264,6 +268,7 @@ def test_a_wrong_answer_is_seen() -> None:
     assert 6 == len(first.seconds) == len(second.seconds)
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_the_peer_itself() -> None:
     """
     A peer that takes 100 MiB shows them, the other, measured beside it, does not.
@@ -276,6 +281,7 @@ def test_memory_is_that_of_the_peer_itself() -> None:
     assert 90 * MIB < greedy.peak_bytes - modest.peak_bytes < 110 * MIB
 
 
+@pytest.mark.slow
 def test_a_peer_that_is_not_installed_only_says_so() -> None:
     """
     The others are measured all the same.
@@ -318,6 +324,7 @@ def _takes(seconds: float) -> Work:
     return Work(lambda _: worker.time.pass_by(seconds))
 
 
+@pytest.mark.slow
 def test_slow_peers_take_fewer_turns() -> None:
     """
     A round ends with the burst, or when its time is over; a turn is never cut off.
@@ -335,6 +342,7 @@ def _cores() -> Work:
     return Work(lambda _: len(os.sched_getaffinity(0)))
 
 
+@pytest.mark.slow
 def test_a_peer_is_held_on_its_cores() -> None:
     """
     One core is one core, whatever the machine has; more than there are is said.

@@ -32,6 +32,7 @@ def html(tmp_path: Path) -> str:
     return as_url(tmp_path / "page.html")
 
 
+@pytest.mark.slow
 def test_a_page_is_touched_and_seen(page: Page, html: str) -> None:
     """
     A click, a key and a drag arrive; the picture has the size and the theme asked for.
@@ -57,6 +58,7 @@ def test_a_page_is_touched_and_seen(page: Page, html: str) -> None:
     assert [html] == page.requests
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "complaint"),
     [
@@ -80,6 +82,7 @@ def test_what_goes_wrong_in_a_page_is_told(
         page.wait(0.1)
 
 
+@pytest.mark.slow
 def test_the_browser_ends_with_the_block() -> None:
     """
     An error inside leaves none behind.

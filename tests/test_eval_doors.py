@@ -37,6 +37,7 @@ def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_the_document_has_the_promised_form(tmp_path: Path) -> None:
     """
     Set -> mode -> estimator -> the four figures.
@@ -68,6 +69,7 @@ def test_without_arguments_all_estimators_are_judged() -> None:
     assert set(ESTIMATORS) <= set(KNOWN)
 
 
+@pytest.mark.slow
 def test_tables_say_when_and_how(tmp_path: Path) -> None:
     """
     A table a mode, as Markdown, with the command; the best figure is bold.

@@ -159,6 +159,7 @@ def _refusal(kind: type[Event], row: Any) -> str:
     return ""
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(st.sampled_from(FIXED), st.integers(1, 3), st.data())
 def test_rows_are_refused_as_events_are(kind: type[Event], count: int, data: st.DataObject) -> None:

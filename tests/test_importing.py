@@ -65,6 +65,7 @@ SETS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SETS)
 def test_the_log_agrees_with_the_csv_at_random_moments(
     name: str, shared_data: Path, tmp_path: Path
@@ -114,6 +115,7 @@ def _state_at(timeline: list[tuple[int, str]], ns: int) -> str | None:
     return timeline[known - 1][1] if known else None
 
 
+@pytest.mark.slow
 def test_the_workshop_is_open_a_fifth_of_its_known_time(shared_data: Path, tmp_path: Path) -> None:
     """
     The published figure, from the log: 0.179 of the time in which the state is known.

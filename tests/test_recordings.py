@@ -187,6 +187,7 @@ def messages(segment: Path) -> list[tuple[str, int, int, int, bytes]]:
         ]
 
 
+@pytest.mark.slow
 def test_tool_remakes_the_office(tmp_path: Path, shared_data: Path) -> None:
     """The same seed gives the same bytes; with another zstd, the same records."""
     done = make("--only", "office", "--out", tmp_path, "--maps", shared_data / "maps")
@@ -203,6 +204,7 @@ def test_tool_remakes_the_office(tmp_path: Path, shared_data: Path) -> None:
             assert old.read_bytes() == new.read_bytes()
 
 
+@pytest.mark.slow
 def test_another_seed_is_another_day(tmp_path: Path, shared_data: Path) -> None:
     """Another seed makes another recording, which is whole as well."""
     done = make(

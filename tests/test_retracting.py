@@ -199,6 +199,7 @@ def test_only_if_the_log_is_as_expected(log: sl.DoorLogWriter) -> None:
     assert 5 == log.retract(3, expected_event=4).first_event
 
 
+@pytest.mark.slow
 def test_what_each_retraction_hid_adds_up(tmp_path: Path) -> None:
     """
     In random logs: every hidden event was newly hidden by exactly one retraction.

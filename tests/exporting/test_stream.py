@@ -183,6 +183,7 @@ def test_each_change_is_sent_once(tmp_path: Path) -> None:
         assert all(one != other for one, other in pairwise(sent))
 
 
+@pytest.mark.slow
 def test_with_an_interval_the_last_message_is_at_most_so_old(tmp_path: Path) -> None:
     """
     Each shows what was true at its own time, they keep their distance, and the end is shown.
@@ -205,6 +206,7 @@ def test_with_an_interval_the_last_message_is_at_most_so_old(tmp_path: Path) -> 
         assert seen_in(log.replay(), level) == doors_in(shown_after([arrays[-1].message]))
 
 
+@pytest.mark.slow
 def test_a_log_with_very_many_changes_gets_an_interval(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -370,6 +372,7 @@ def test_doors_without_a_place_are_named(tmp_path: Path) -> None:
     assert [{}] == [doors_in(shown_after([m.message])) for m in topic(messages, DOORS)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 def test_the_same_log_gives_the_same_bytes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

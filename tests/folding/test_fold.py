@@ -161,6 +161,7 @@ def test_states_of_two_parts_make_that_of_both(log: sl.DoorLog) -> None:
         assert whole == projection.merge(earlier, later)
 
 
+@pytest.mark.slow
 def test_parts_may_be_made_by_several_processes(log: sl.DoorLog) -> None:
     """
     Each opens the log by itself; the parts come back in order.
@@ -238,6 +239,7 @@ def test_one_commit_of_many_pages_is_kept_when_it_is_whole(tmp_path: Path) -> No
     assert b'"event": 40001,' in checkpoint.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_fold_that_is_torn_off_goes_on_from_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -262,6 +262,7 @@ def _start(code: str, *arguments: Path) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.slow
 def test_killed_again_and_again_beside_a_writer(path: Path, tmp_path: Path) -> None:
     """
     A process that folds live is killed at random moments, and so is the writer: each time the
@@ -317,6 +318,7 @@ for i in itertools.count():
 """
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_of_a_long_fold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

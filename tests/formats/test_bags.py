@@ -192,6 +192,7 @@ def test_ros_1_can_unpack_the_chunks(tmp_path: Path) -> None:
     assert {0b01_1_0_0_1_00} == set(frames)
 
 
+@pytest.mark.slow
 def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
     """
     As `rosbag play` would: where ROS 1's python is installed.

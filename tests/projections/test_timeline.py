@@ -99,6 +99,7 @@ def test_at_every_moment_the_interval_is_what_a_replay_says(seed: int) -> None:
                     assert expected == (doors[door].state if door in doors else None)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32))
 def test_all_doors_at_once_are_each_as_alone(seed: int) -> None:
@@ -165,6 +166,7 @@ def timeline_of(told: list[Told]) -> Timeline:
     return timeline(reversed(batches), DOOR)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(lives())
 def test_events_at_equal_times_count_in_the_order_of_their_numbers(told: list[Told]) -> None:
@@ -178,6 +180,7 @@ def test_events_at_equal_times_count_in_the_order_of_their_numbers(told: list[To
         assert (None if replayed is None else replayed["state"]) == state_at(found, at)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(lives())
 def test_intervals_are_joined_and_count_the_events_that_say_so(told: list[Told]) -> None:

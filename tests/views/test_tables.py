@@ -159,6 +159,7 @@ def test_a_history_tells_apart_what_the_clocks_show_twice(tmp_path: Path) -> Non
     assert {"01:30:00"} == set(clocks[:-4])
 
 
+@pytest.mark.slow
 def test_pages_of_a_long_history_line_up(tmp_path: Path) -> None:
     """
     Printed one by one, as a long history must be, they are the table; one head for all.

@@ -26,6 +26,7 @@ def local(ms: int, tz: str) -> datetime:
     return (EPOCH + timedelta(milliseconds=ms)).astimezone(ZoneInfo(tz))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anchor", [0.0, 0.5])
 def test_ticks_are_what_their_labels_say_in_every_zone(anchor: float) -> None:
     """

@@ -44,6 +44,7 @@ def _cut(crashed: Path, to: Path, size: int, tail: bytes = b"") -> Path:
     return to
 
 
+@pytest.mark.slow
 def test_cut_at_every_byte_of_the_last_commits(
     crashed: tuple[Path, list[int]], tmp_path: Path
 ) -> None:

@@ -24,6 +24,7 @@ def workshop(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> sl.
     return sl.read(path)
 
 
+@pytest.mark.slow
 def test_a_door_is_open_by_time_and_not_by_events(workshop: sl.DoorLog) -> None:
     """
     Half of the events say OPEN, and .179 of the known time is.

@@ -24,6 +24,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
     return evaluate(log, methods, Protocol(prequential=True))
 
 
+@pytest.mark.slow
 def test_a_dot_stands_where_a_bin_says_and_what_came(found: Evaluation) -> None:
     """
     At the mean forecast and the share that came; the fullest bin has the greatest dot.
@@ -70,6 +71,7 @@ def test_axes_and_lines_have_their_names(found: Evaluation) -> None:
     assert "a\\$b, 2 doors\nknown at each forecast: " in figure.get_suptitle()
 
 
+@pytest.mark.slow
 def test_the_same_diagram_is_the_same_file(found: Evaluation, tmp_path: Path) -> None:
     """
     No time, no random names in it.

@@ -87,6 +87,7 @@ def test_each_door_has_a_panel_with_its_name(doors: int, weeks: list[TypicalWeek
     assert "hour of the day, Europe/Vienna; dot: " in figure.get_supxlabel()
 
 
+@pytest.mark.slow
 def test_the_same_plot_is_the_same_file(weeks: list[TypicalWeek], tmp_path: Path) -> None:
     """
     No time, no random names in it.

@@ -594,6 +594,7 @@ def test_labels_of_the_time_axis_lie_beside_each_other(
     assert ("01:00 \N{MINUS SIGN}05:00" in said) == (length == "3h")
 
 
+@pytest.mark.slow
 def test_a_day_of_25_hours_is_left_by_its_buttons(page: Page, tmp_path: Path) -> None:
     """
     And shown whole; a week that reaches beyond the log has its days where they will be.

@@ -49,6 +49,7 @@ def drawn(log: sl.DoorLog, tmp_path_factory: pytest.TempPathFactory) -> Drawn:
     return Drawn(path)
 
 
+@pytest.mark.slow
 def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn) -> None:
     """
     At each of its times, the estimator's answer from what had happened by then; on the timeline
@@ -68,6 +69,7 @@ def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn)
     assert [] == drawn.rows(FRONT_CURVE, SCALARS, "event")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_curves_are_right_in_a_wild_log(seed: int, tmp_path: Path) -> None:
     """
@@ -208,6 +210,7 @@ def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> Non
     assert not {week, "front", "store", "attic"} & set(without)
 
 
+@pytest.mark.slow
 def test_weeks_of_the_liveliest_doors_are_called_so(tmp_path: Path) -> None:
     """
     Each level of the clinic has more doors than can be read; of some of the liveliest too little
@@ -283,6 +286,7 @@ def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> No
     assert round(100 * earlier.hours.p_open[0, 10]) == bytes(buffer)[monday_11]
 
 
+@pytest.mark.slow
 def test_a_week_of_132_doors_stays_small(tmp_path: Path) -> None:
     """
     At most a tenth more, and no chunk longer than rerun likes.

@@ -173,6 +173,7 @@ def test_each_level_has_its_own_layer(seed: int, tmp_path: Path) -> None:
             )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_what_was_taken_back_is_in_the_layer_until_then(seed: int, tmp_path: Path) -> None:
     """

@@ -103,6 +103,7 @@ def _at_event(viewer: Viewer, number: int) -> Any:
     return pytest.fail(f"no recording to event {number} was alone within {ARRIVES_S:.0f} s")
 
 
+@pytest.mark.slow
 def test_what_is_seen_is_shown(writer: sl.DoorLogWriter) -> None:
     """
     A sighting soon turns the door green on the plan and on the costmap; the cursor goes along.
@@ -122,6 +123,7 @@ def test_what_is_seen_is_shown(writer: sl.DoorLogWriter) -> None:
     assert [] == [(each.name, each.reports) for each in state.views if each.reports]
 
 
+@pytest.mark.slow
 def test_colours_are_those_asked_for(writer: sl.DoorLogWriter) -> None:
     """
     Of another palette, from the first row on.
@@ -132,6 +134,7 @@ def test_colours_are_those_asked_for(writer: sl.DoorLogWriter) -> None:
         _becomes(viewer, COLOUR_BLIND.open, gone=COLOUR_BLIND.closed, view="Floor plan")
 
 
+@pytest.mark.slow
 def test_a_new_door_appears_with_its_name(writer: sl.DoorLogWriter) -> None:
     """
     The history is sent anew, and the recording before it is gone.
@@ -150,6 +153,7 @@ def test_a_new_door_appears_with_its_name(writer: sl.DoorLogWriter) -> None:
     assert {"/map/doors/front", "/map/doors/back"} <= paths
 
 
+@pytest.mark.slow
 def test_a_late_event_takes_its_place(writer: sl.DoorLogWriter) -> None:
     """
     What happened before the last sighting does not change the door's state of now.
@@ -174,6 +178,7 @@ def test_what_is_retracted_is_gone(writer: sl.DoorLogWriter) -> None:
         _becomes(viewer, DEFAULT.closed, gone=DEFAULT.open, view="Floor plan")
 
 
+@pytest.mark.slow
 def test_a_robot_that_explores_stays_on_the_plan(tmp_path: Path) -> None:
     """
     Without walls the plan reaches as far as anything was, and grows.
@@ -188,6 +193,7 @@ def test_a_robot_that_explores_stays_on_the_plan(tmp_path: Path) -> None:
             _becomes(viewer, DEFAULT.robot, view="Floor plan")
 
 
+@pytest.mark.slow
 def test_an_empty_log_fills(tmp_path: Path) -> None:
     """
     There is a viewer with nothing to see, then a door.

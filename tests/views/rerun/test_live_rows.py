@@ -143,6 +143,7 @@ def test_what_comes_is_shown_as_a_file_would(name: str, tmp_path: Path) -> None:
     assert in_a_file(growing, tmp_path) == drawn.shows()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 @pytest.mark.parametrize("make", [restless_log, wild_log])
 @pytest.mark.parametrize("seed", range(2))

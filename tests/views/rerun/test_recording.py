@@ -218,6 +218,7 @@ def test_an_empty_log_is_a_recording_too(tmp_path: Path) -> None:
     assert "/nothing" in drawn.entities
 
 
+@pytest.mark.slow
 def test_no_chunk_is_longer_than_rerun_likes(tmp_path: Path) -> None:
     """
     10,000 sightings of one door and 10,000 poses come in chunks of at most 4096 rows, and rerun's

@@ -34,6 +34,7 @@ def drawn_of(log: sl.DoorLog, tmp_path: Path, **how: Any) -> Drawn:
     return Drawn(tmp_path / "x.rrd")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [restless_log, wild_log])
 @pytest.mark.parametrize("seed", range(3))
 def test_each_timeline_shows_what_a_replay_gives(

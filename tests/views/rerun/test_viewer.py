@@ -50,6 +50,7 @@ def viewer(rrd: Path) -> Iterator[Viewer]:
         yield viewer
 
 
+@pytest.mark.slow
 def test_the_viewer_has_nothing_to_complain_about(viewer: Viewer) -> None:
     """
     Every view, once shown, draws all it was given, and the viewer logs no warning of its own.
@@ -79,6 +80,7 @@ def test_it_opens_at_the_end_along_happened(viewer: Viewer) -> None:
     assert ("happened", happened.end) == (recording.current_timeline, recording.current_time)
 
 
+@pytest.mark.slow
 def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> None:
     """
     Open green at one moment, closed red at another; a removed door is not drawn any more.
@@ -99,6 +101,7 @@ def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> N
     assert has_colour(opened, DEFAULT.wall)
 
 
+@pytest.mark.slow
 def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
     """
     The costmap's cells are where the plan shows the door: closed at one moment, open at another.
@@ -167,6 +170,7 @@ def test_an_unknown_view_or_timeline_is_told_with_the_known_ones(viewer: Viewer)
         viewer.go_to("log_time", 0)
 
 
+@pytest.mark.slow
 def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path: Path) -> None:
     """
     Names in scripts that the viewer has no letters for do not end it.
@@ -181,6 +185,7 @@ def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path:
     assert (600, 800, 3) == colours_of((tmp_path / "x.png").read_bytes()).shape
 
 
+@pytest.mark.slow
 def test_an_empty_log_is_shown_at_any_moment(viewer: Viewer, tmp_path: Path) -> None:
     """
     A recording without events has no timeline, and is waited for no longer than others.

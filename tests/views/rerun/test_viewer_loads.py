@@ -46,6 +46,7 @@ def viewer(log: sl.DoorLog, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         yield viewer
 
 
+@pytest.mark.slow
 def test_no_view_has_anything_to_report(viewer: Viewer) -> None:
     """
     Each, once it was shown; nor does the viewer itself warn of anything.
@@ -65,6 +66,7 @@ def test_no_view_has_anything_to_report(viewer: Viewer) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_every_door_is_where_it_is_in_the_colour_of_its_state(
     viewer: Viewer, log: sl.DoorLog, share: float
