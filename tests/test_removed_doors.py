@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from semmap_log.beliefs.best_time import best_time
 
 import semmap_log as sl
 from semmap_log.beliefs.beliefs import probabilities
+from semmap_log.beliefs.best_times import best_time
 from semmap_log.doors import DoorId
 from semmap_log.errors import DoorRemovedError, UnknownDoorError
 

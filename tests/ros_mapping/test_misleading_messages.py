@@ -85,6 +85,19 @@ def test_what_was_said_earlier_does_not_undo_what_was_seen_later(earlier: Event)
     assert DoorState.OPEN == known.doors[DOOR].state
 
 
+def test_what_was_said_without_a_time_undoes_what_was_seen_before() -> None:
+    """
+    It happens when it is recorded: last of all.
+    """
+    known = Known()
+    known.apply(DoorAdded(door_id=DOOR, happened_ns=START))
+    known.apply(DoorObserved(door_id=DOOR, state=DoorState.OPEN, happened_ns=EARLIER))
+
+    known.apply(DoorObserved(door_id=DOOR, state=DoorState.CLOSED))
+
+    assert DoorState.CLOSED == known.doors[DOOR].state
+
+
 def test_a_stamp_of_zero_is_none_in_a_simulation_too() -> None:
     """
     Whose first minute is the first of 1970.

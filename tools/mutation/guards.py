@@ -5,6 +5,7 @@ What its answers and its pictures rest on is in the files beside this one.
 
 from __future__ import annotations
 
+from mutation.asking_guards import ASKING
 from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.closed_guards import CLOSED_PARTS
@@ -21,6 +22,7 @@ from mutation.mutant import Mutant, guard
 from mutation.newer_guards import NEWER
 from mutation.picture_guards import PICTURES
 from mutation.ros_mapping_guards import ROS_MAPPING
+from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
 
 SYNCS = (
@@ -280,8 +282,35 @@ COLUMNS = (
     guard("doors that columns take out of the map", "Gatekeeper._to_be_asked",
           'harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])', "",
           "test_appending_batches"),
+    guard("doors whose adding columns take back", "Gatekeeper._to_be_asked",
+          "harmless &= ~np.isin(ids, self.roster.added_by(first, last))", "",
+          "test_a_batch_that_takes_an_adding_back_is_asked_about_that_door"),
+    guard("all that says something of a door may come early", "MAY_BE_EARLY",
+          "kind.effect.presence is Presence.STAYS", "False", "test_backdating"),
+    guard("annotations may come early", "MAY_BE_EARLY",
+          "(*(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.STAYS), "
+          "DoorAnnotated)",
+          "tuple(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.STAYS)",
+          "test_backdating"),
     guard("texts of a CSV compared behind their keys", "TextCodes.codes_of",
           "codes if same.all() else None", "codes", "test_csv_columns"),
+)  # fmt: skip
+
+REGISTERS = (
+    guard("an earlier event that comes later, one by one", "DoorColumns.write_one",
+          "stamp > (self._happened_ns[place, row], self._event[place, row])", "True",
+          "test_events_one_by_one_in_any_order_make_the_state_of_their_batch"),
+    guard("of one time the last number, one by one", "DoorColumns.write_one",
+          "stamp > (self._happened_ns[place, row], self._event[place, row])",
+          "stamp[0] > self._happened_ns[place, row]",
+          "test_events_one_by_one_in_any_order_make_the_state_of_their_batch"),
+    guard("a door's last event, one by one", "DoorColumns.write_one",
+          'max(self._named["last_event"][row], stamp[1])', "stamp[1]",
+          "test_events_one_by_one_in_any_order_make_the_state_of_their_batch"),
+    guard("an adding and a removal, one by one", "DoorColumns.write_one",
+          "registers += [name for what, name in _BY_PRESENCE.items() "
+          "if what is event.effect.presence]", "",
+          "test_events_one_by_one_in_any_order_make_the_state_of_their_batch"),
 )  # fmt: skip
 
 DOOR_0 = (
@@ -325,13 +354,13 @@ BROUGHT_BACK = (
     guard("brought back: not where the adding was taken back", "_replace",
           "if gone:", "if False:", "test_yaml_start"),
     guard("a door that was removed, named by its id", "AppendableLog._resolve",
-          "is_id and self._writer.state.removed_door(int(door))", "False",
+          "if removed:", "if False:",
           "test_retracting"),
 )  # fmt: skip
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
-    *COLUMNS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
-    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS,
+    *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
+    *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
 )  # fmt: skip

@@ -1,0 +1,46 @@
+"""What a person sees: times that look alike, terminals too narrow, letters that no font has."""
+
+from __future__ import annotations
+
+from mutation.mutant import guard
+
+SEEN = (
+    guard("seen: a time that comes twice has its offset", "format_short",
+          '_offset_text(local) if _comes_twice(local) else ""', '""',
+          "test_moments", "test_tables"),
+    guard("seen: other times have none", "_comes_twice",
+          "local.replace(fold=0).utcoffset() != local.replace(fold=1).utcoffset()", "True",
+          "test_moments"),
+    guard("seen: the page tells apart the times that come twice", "calendar.js",
+          "shown - ahead < till).length > 1", "shown - ahead < till).length > 2", "test_ticks"),
+    guard("seen: the page's last changes, too", "data.js",
+          "(buildingClock.comesTwice(data.begin + t) ?", "(false ?", "test_in_browser"),
+    guard("seen: cells stand below each other before any is cut", "ColumnTable.fitted",
+          "spare < 0", "spare < -8", "views.test_columns"),
+    guard("seen: a wide text takes no room that another column needs", "ColumnTable._draw",
+          "width=widths.get(place, column.width)", "width=column.width", "views.test_columns"),
+    guard("seen: a value stays whole below its name", "_has_room",
+          "all(cell_len(word) <= room for word in text.split())", "True", "views.test_columns"),
+    guard("seen: a day of 47 half hours is drawn", "day_chart._together",
+          "-len(shares) % every", "0", "test_day_chart"),
+    guard("seen: tail's lines fit the terminal", "event_lines._lines",
+          "cell_len(longer.rstrip()) <= width", "True", "test_tail"),
+    guard("seen: wide letters count two columns", "event_lines._padded",
+          "width - cell_len(text)", "width - len(text)", "test_tail"),
+    guard("seen: who sees nothing is told", "tail.run",
+          "not (shown or follow or last == 0)", "False", "test_tail"),
+    guard("seen: a plot calls a door by its number where it lacks letters", "sdk.has_shape",
+          "any(font.get_char_index(ord(character)) for font in _fonts())", "True",
+          "test_weeks", "test_lanes"),
+    guard("seen: of hundreds of typical weeks the first are drawn", "draw_weeks",
+          "weeks[:MOST_PANELS]", "weeks", "test_weeks"),
+    guard("seen: no label could be another door's", "labels.js",
+          "gapTo(box, other) >= most", "true", "test_in_browser"),
+    guard("seen: a door out of sight has no label", "plan.js",
+          "const inside = x >= 0 && y >= 0 &&", "const inside = x >= -30 && y >= -30 &&",
+          "test_in_browser"),
+    guard("seen: a name that several bear has its level", "told_apart",
+          "bearers[name] == 1", "True", "test_door_labels"),
+    guard("seen: and the id where even that is another's", "told_apart",
+          "on_level[name, level] == 1", "True", "test_door_labels"),
+)  # fmt: skip
