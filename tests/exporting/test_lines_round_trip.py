@@ -258,6 +258,22 @@ def test_a_moment_is_exported_with_what_was_taken_back_of_it(tmp_path: Path) -> 
     assert repr(expected) == repr(sl.read(tmp_path / "copy").replay().doors)
 
 
+def test_a_door_that_a_retraction_brought_back_can_be_removed_again(tmp_path: Path) -> None:
+    """
+    In a copy, too; the retraction begins before the removal, so only the next commit knows of it.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()) as log:
+        door = log.add_door()
+        log.observe(door, "open")
+        log.remove_door(door)
+        log.retract(1, 2)
+        log.remove_door(door)
+
+    with sl.read(tmp_path / "log") as log, sl.read(copied(tmp_path / "log")) as copy:
+        assert history(log) == history(copy)
+        assert [] == list(copy.replay().doors)
+
+
 def test_a_line_that_was_changed_is_refused(tmp_path: Path) -> None:
     """
     Its command is stored already: it would be passed over in silence.

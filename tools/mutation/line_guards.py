@@ -31,7 +31,7 @@ LINES = (
           "self.last_ns <= now_ns", "True", "test_lines_round_trip"),
     guard("lines: doors that a retraction brought back", "_Checks.begin",
           "self.without_retracted() if last.has_retraction else last.roster", "last.roster",
-          "test_lines_round_trip"),
+          "test_a_door_that_a_retraction_brought_back_can_be_removed_again"),
     guard("lines: commits that are stored already", "append_lines",
           "found is None", "True", "test_lines_round_trip"),
     guard("lines: numbers of what is stored already", "append_lines",
