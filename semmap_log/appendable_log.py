@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 import warnings
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from inspect import currentframe
 from itertools import chain
 from types import TracebackType
@@ -146,7 +147,8 @@ class AppendableLog(DoorLog):
             if self._roster is None:
                 self._roster = Roster.of(self._writer.state)
                 self._roster.log = self.path
-                self._roster.names = self._names_now
+                # Not of this log: what holds itself is let go of late.
+                self._roster.names = partial(_names_now, self._writer)
             return self._roster
 
     @property
@@ -360,9 +362,6 @@ class AppendableLog(DoorLog):
                     return removed[0]  # that it was removed, the gatekeeper says
                 raise
 
-    def _names_now(self) -> dict[DoorId, str]:
-        return self._writer.state.names()
-
     def level_meant(self, level: int | str | None) -> int:
         """Return the level that a caller means, as of now: as `Roster.level_meant`."""
         with self._mutex:
@@ -548,6 +547,10 @@ class AppendableLog(DoorLog):
                 self._taken_in = commit.last_event + 1
                 self._is_stale = True
                 self._make_last(commit, sync=None)
+
+
+def _names_now(writer: LogWriter) -> Mapping[DoorId, str]:
+    return writer.state.names()
 
 
 def _frames_of_ours() -> int:

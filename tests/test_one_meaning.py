@@ -15,6 +15,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 import semmap_log
 from semmap_log.log.form import KINDS_OF_MINOR
 from tests.newer.program import edit, run
@@ -125,6 +127,7 @@ class Program:
         return json.loads(self.verb(*words, "--json"))
 
 
+@pytest.mark.slow
 def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> None:
     """
     Its message, its class, the format's minor version, its words.
@@ -170,6 +173,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
     assert ["OPEN", "CLOSED", "OPEN"] == [row[2] for row in rows[-3:]]
 
 
+@pytest.mark.slow
 def test_a_field_of_a_door_is_told_in_five_files(tmp_path: Path) -> None:
     """
     Two messages, the two classes that set it, the part that it is, the door that has it.

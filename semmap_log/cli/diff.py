@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, console, print_json, range_of
+from semmap_log.command_lines import command_line
 
 if TYPE_CHECKING:
     from semmap_log.door_log import DoorLog, Time
@@ -48,7 +50,7 @@ def run(
     from semmap_log.formats.door_json import diff_to_json
     from semmap_log.views.tables import diff_table
 
-    _refuse_twice(first, second, since, until)
+    _refuse_twice(log, first, second, since, until)
     opened = sl.read(log)
     start, end = _ends(opened, first or since, second or until)
     found = opened.diff(start, end)
@@ -59,7 +61,7 @@ def run(
 
 
 def _refuse_twice(
-    first: str | None, second: str | None, since: str | None, until: str | None
+    log: Path, first: str | None, second: str | None, since: str | None, until: str | None
 ) -> None:
     """Refuse a moment that is told in two ways, and a range that does not say where it begins.
 
@@ -72,9 +74,8 @@ def _refuse_twice(
     if first is not None and ".." in first and (second or until):
         raise typer.BadParameter(f"{first} names both ends; leave T2 out", param_hint="T2")
     if first is None and since is None:
-        raise typer.BadParameter(
-            "expected the earlier moment, as in: semmap-log diff LOG yesterday", param_hint="T1"
-        )
+        line = command_line("diff", log, "yesterday")
+        raise typer.BadParameter(f"expected the earlier moment, as in: {line}", param_hint="T1")
 
 
 def _ends(log: DoorLog, first: str | None, second: str | None) -> tuple[Time, Time]:

@@ -128,7 +128,7 @@ def test_a_plain_file_of_doors_makes_a_log_and_starts(
     assert "warning: " in first[1]
     assert "open_prob: expected a number from 0 to 1, got '.nan'; taken for none" in first[1]
     assert "a new log" not in again[1]
-    assert "1 doors, as in the log" in again[1]
+    assert "1 door, as in the log" in again[1]
     (door,) = sl.read(log).replay().doors.values()
     assert ("front", 1.0) == (door.name, door.x)
 

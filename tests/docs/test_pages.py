@@ -27,6 +27,7 @@ def _to_run(path: Path) -> list[Block]:
     return [block for block in blocks if not block.text.startswith(SET_UP)]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     "path",

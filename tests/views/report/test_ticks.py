@@ -37,6 +37,7 @@ def test_the_page_and_python_have_the_same_ticks_in_every_zone() -> None:
         assert true == found, case
 
 
+@pytest.mark.slow
 def test_the_page_and_python_agree_which_times_come_twice() -> None:
     """
     Around the changes of every zone's clocks: there, both show the offset.
