@@ -6,6 +6,7 @@ import ast
 import importlib
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -277,3 +278,18 @@ def test_a_name_is_what_it_is_called_also_after_a_module_of_the_same_room_was_im
     folder = Path(semmap_log.beliefs.__file__).parent
 
     assert set() == {path.stem for path in folder.glob("*.py")} & set(semmap_log.beliefs.__all__)
+
+
+def test_no_two_public_classes_share_a_name() -> None:
+    """
+    One word for one thing; the command line's are between typer and the verb.
+    """
+    found = Counter(
+        node.name
+        for path in MODULES
+        if path.relative_to(PACKAGE).parts[0] != "cli"
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+
+    assert [] == [name for name, count in found.items() if count > 1]
