@@ -93,7 +93,7 @@ class ParquetColumns(Directive):
 
     def run(self) -> list[nodes.Node]:
         """Return a table."""
-        from semmap_log.arrow.columns import COLUMNS, SAID
+        from semmap_log.arrow.table_columns import COLUMNS, SAID
 
         lines = ["| column | type | means |", "| --- | --- | --- |"]
         for one in (*COLUMNS, *SAID):
@@ -126,7 +126,7 @@ def homes() -> dict[str, str]:
 def lead_to_public_name(
     _app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, text: nodes.Element
 ) -> nodes.Element | None:
-    """Let `semmap_log.doors.Door` in a signature lead to `semmap_log.Door`."""
+    """Let `semmap_log.domain.doors.Door` in a signature lead to `semmap_log.Door`."""
     home = homes().get(node.get("reftarget", "").rpartition(".")[2])
     if node.get("refdomain") != "py" or home is None:
         return None

@@ -15,16 +15,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from semmap_log.lazy_names import lazy_names
+from semmap_log.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from semmap_log.commits import Note
-    from semmap_log.door_log import DoorLog
-    from semmap_log.door_log_writer import DoorLogWriter
-    from semmap_log.doors import Door, DoorId, DoorMap, DoorState
+    from semmap_log.batches.event_batch import EventBatch
+    from semmap_log.domain.commits import Note
+    from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
+    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.door_log.door_log_writer import DoorLogWriter
+    from semmap_log.door_log.opening import append, create, read
     from semmap_log.errors import SemmapError
-    from semmap_log.event_batch import EventBatch
-    from semmap_log.opening import append, create, read
     from semmap_log.projections.projection import Projection
 
 __all__ = [
@@ -44,13 +44,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "commits": ("Note",),
-    "doors": ("Door", "DoorId", "DoorMap", "DoorState"),
-    "door_log": ("DoorLog",),
-    "door_log_writer": ("DoorLogWriter",),
+    "batches.event_batch": ("EventBatch",),
+    "domain.commits": ("Note",),
+    "domain.doors": ("Door", "DoorId", "DoorMap", "DoorState"),
+    "door_log.door_log": ("DoorLog",),
+    "door_log.door_log_writer": ("DoorLogWriter",),
+    "door_log.opening": ("append", "create", "read"),
     "errors": ("SemmapError",),
-    "event_batch": ("EventBatch",),
-    "opening": ("append", "create", "read"),
     "projections.projection": ("Projection",),
 }
 

@@ -10,22 +10,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import semmap_log as sl
-from semmap_log.beliefs.beliefs import DoorBelief, probabilities
-from semmap_log.command_lines import command_line
-from semmap_log.commits import Note
+from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
+from semmap_log.common.command_lines import command_line
+from semmap_log.common.wording import counted
 from semmap_log.costmaps import CostmapOptions, costmap_at
-from semmap_log.door_log import DoorLog
-from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.doors import DoorMap
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.events import Retracted, RobotPose
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
-from semmap_log.events import Retracted, RobotPose
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.log_files import export
+from semmap_log.folding.replay import Scope
 from semmap_log.formats.event_json import event_to_json
-from semmap_log.live.event_lines import LineAnswer, LineRecorder
+from semmap_log.live.line_recorder import LineAnswer, LineRecorder
 from semmap_log.projections.history import HistoryEntry
-from semmap_log.replay import Scope
-from semmap_log.wording import counted
 
 RECORDING = "office"
 MOST_WAIT_S = 10.0

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import Event
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import Event
 from semmap_log.messages import OBJECT_KINDS, decode, encode
 
 

@@ -12,18 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.appendable_log import Events
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import (
-    CommandReusedError,
-    DoorExistsError,
-    DoorRemovedError,
-    InvalidEventError,
-    SemmapError,
-    UnknownDoorError,
-)
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -36,6 +27,15 @@ from semmap_log.events import (
     PatrolStarted,
     Retracted,
     RobotPose,
+)
+from semmap_log.door_log.appendable_log import Events
+from semmap_log.errors import (
+    CommandReusedError,
+    DoorExistsError,
+    DoorRemovedError,
+    InvalidEventError,
+    SemmapError,
+    UnknownDoorError,
 )
 from tests.conftest import SteadyClock
 
@@ -153,7 +153,7 @@ def test_chunks_are_cut_at_the_same_places(
     A commit of many chunks, here small ones.
     """
     allowed = [e for e in events if not isinstance(e, (DoorAdded, DoorRemoved, Retracted))]
-    from semmap_log.log import commits
+    from semmap_log.log import commit_records as commits
 
     folder = tmp_path_factory.mktemp("chunks")
     with pytest.MonkeyPatch.context() as patch:

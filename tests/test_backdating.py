@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.backdating import early_events
 from semmap_log.beliefs.learning import learn
 from semmap_log.cli import main
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
+from semmap_log.domain.moments import parse_instant
+from semmap_log.door_log.backdating import early_events
+from semmap_log.door_log.summary import open_any, summarize
 from semmap_log.errors import DoorExistsError, DoorRemovedError, EarlyEventsWarning
-from semmap_log.events import DoorAdded, DoorObserved, Retracted
-from semmap_log.importing import ImportOptions, backdate, import_file
+from semmap_log.importing.importing import ImportOptions, backdate, import_file
 from semmap_log.log.reading.state import state_at
-from semmap_log.moments import parse_instant
-from semmap_log.summary import open_any, summarize
 from tests.conftest import SteadyClock
 
 Run = Callable[..., tuple[int, str, str]]

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log import bag_importing
 from semmap_log.cli import main
-from semmap_log.doors import reduced
+from semmap_log.domain.doors import reduced
+from semmap_log.domain.events import LevelAdded, RobotPose
 from semmap_log.errors import CommandError, FormatError
-from semmap_log.events import LevelAdded, RobotPose
-from semmap_log.importing import ImportOptions, import_file
-from semmap_log.ros_mapping.mapping import WELL_KNOWN
+from semmap_log.importing import bag_importing
+from semmap_log.importing.importing import ImportOptions, import_file
+from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
 from tests.exporting.lively import END, lively_log
 from tests.formats.bags_of_others import Said, write_mcap, write_ros1, write_with_rosbag
 from tests.ros_mapping.robots import START, Robot, S

@@ -12,12 +12,12 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.command_lines import command_line
-from semmap_log.doors import DoorId
+from semmap_log.common.command_lines import command_line
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALogError
-from semmap_log.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.formats.mcap_reading import own_log
-from semmap_log.importing import import_file
+from semmap_log.importing.importing import import_file
 
 AWKWARD = 'my robot\'s "log" $HOME; `x` ä'
 START = 1_772_400_000 * 10**9

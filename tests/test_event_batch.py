@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import InvalidEventError
-from semmap_log.event_batch import EventBatch
-from semmap_log.event_columns import check_rows, event_of_row
-from semmap_log.events import (
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.event_columns import check_rows, event_of_row
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     KINDS,
     Changed,
     DoorAdded,
@@ -27,6 +26,7 @@ from semmap_log.events import (
     Event,
     PatrolStarted,
 )
+from semmap_log.errors import InvalidEventError
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 from tests.strategies import events, same
 

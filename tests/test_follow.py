@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.events import DoorAnnotated, DoorObserved
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.events import DoorAnnotated, DoorObserved
 from semmap_log.log.compaction import compact
 from semmap_log.log.reading.following import FollowedCommit
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.writing import segment_chain
 from tests.calls import MOST_CALLS_A_LOOK, calls_of
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import MAX_DOOR_ID, DoorId, next_door_id
-from semmap_log.importing import import_file
+from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, next_door_id
+from semmap_log.importing.importing import import_file
 from semmap_log.ros_mapping.known import Known
 
 

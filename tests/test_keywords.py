@@ -12,32 +12,32 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.appendable_log import AppendableLog
+from semmap_log.batches.made_of_columns import MadeOfColumns
 from semmap_log.beliefs.applying import apply_probabilities
-from semmap_log.beliefs.beliefs import probabilities
 from semmap_log.beliefs.best_times import best_time
-from semmap_log.beliefs.calibration import calibrate
+from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.beliefs.evaluation import evaluate
 from semmap_log.beliefs.learning import learn
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.protocol import Protocol
+from semmap_log.beliefs.sensor_calibration import calibrate
 from semmap_log.beliefs.typical_week import typical_weeks
 from semmap_log.costmaps import costmap_at
-from semmap_log.costmaps.costmap import CostmapOptions
-from semmap_log.doors import DoorState
+from semmap_log.costmaps.level_costmap import CostmapOptions
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import KINDS, DoorObserved, DoorPassed, defaults_of, field_names
+from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.errors import (
     InvalidEventError,
     MomentError,
     UnknownDoorError,
     UnknownKeywordError,
 )
-from semmap_log.events import KINDS, DoorObserved, DoorPassed, defaults_of, field_names
 from semmap_log.exporting.log_files import export
 from semmap_log.exporting.stream import StreamOptions
-from semmap_log.importing import ImportOptions, import_file
+from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.live.player import PlayOptions
 from semmap_log.live.serving.server import ServeOptions
-from semmap_log.made_of_columns import MadeOfColumns
 from semmap_log.messages import OBJECT_KINDS
 from tests.conftest import SteadyClock
 
@@ -117,11 +117,11 @@ def test_events_refuse_what_they_do_not_know(kind: type[Any]) -> None:
 
 
 TAKE_ANY = {
-    "semmap_log.keywords.checked": "asks for unknown ones first",
-    "semmap_log.made_of_columns.of": "asks the kind for its fields",
-    "semmap_log.events._finite": "fields to check, by name",
-    "semmap_log.events._share": "fields to check, by name",
-    "semmap_log.views.plots.sdk.new_figure": "matplotlib's own, which refuses others",
+    "semmap_log.domain.keywords.checked": "asks for unknown ones first",
+    "semmap_log.batches.made_of_columns.of": "asks the kind for its fields",
+    "semmap_log.domain.events._finite": "fields to check, by name",
+    "semmap_log.domain.events._share": "fields to check, by name",
+    "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.formats.ros_messages.new": "a message's fields, which its class knows",
     "semmap_log.messages.typestore.serialize": "a message's fields, which its class knows",
 }

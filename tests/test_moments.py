@@ -6,8 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from semmap_log.errors import MomentError
-from semmap_log.moments import (
+from semmap_log.domain.moments import (
     Moment,
     both_instants,
     format_local,
@@ -20,6 +19,7 @@ from semmap_log.moments import (
     parse_range,
     zone,
 )
+from semmap_log.errors import MomentError
 
 VIENNA = "Europe/Vienna"
 END_NS = parse_instant("2026-03-01T14:00", tz=VIENNA)

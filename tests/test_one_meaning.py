@@ -56,8 +56,8 @@ FELT = """\
 APPEND_KIND = """
 import sys
 import semmap_log as sl
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorTouched
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import DoorTouched
 
 with sl.create(sys.argv[1], tz="UTC") as log:
     door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, name="front", at="2026-03-01T12:00")
@@ -77,8 +77,8 @@ HEIGHT = "    prob_closed: float = NAN\n\n    def _check"
 APPEND_FIELD = """
 import sys
 import semmap_log as sl
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import Changed, DoorAdded, DoorUpdated
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated
 
 with sl.create(sys.argv[1], tz="UTC") as log:
     happened_ns = log.instant("2026-03-01T12:00")
@@ -135,7 +135,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
     program = Program(tmp_path / "program")
     (program.package / "messages/msg/DoorTouched.msg").write_text(TOUCHED_MSG, encoding="ascii")
     program.edit(
-        "events.py",
+        "domain/events.py",
         ("\nAnyEvent: TypeAlias = (\n", TOUCHED),
         ("    LogExported,\n)", "    LogExported,\n    DoorTouched,\n)"),
     )
@@ -181,13 +181,13 @@ def test_a_field_of_a_door_is_told_in_five_files(tmp_path: Path) -> None:
     program = Program(tmp_path / "program")
     for kind in ("DoorAdded", "DoorUpdated"):
         program.edit(f"messages/msg/{kind}.msg", (FIELD_MSG, HEIGHT_MSG))
-    text = (program.package / "events.py").read_text()
+    text = (program.package / "domain/events.py").read_text()
     assert text.count(HEIGHT) == 2
     field = HEIGHT.replace("\n\n", "\n    height: float = NAN\n\n")
-    (program.package / "events.py").write_text(text.replace(HEIGHT, field))
-    program.edited.add("events.py")
+    (program.package / "domain/events.py").write_text(text.replace(HEIGHT, field))
+    program.edited.add("domain/events.py")
     program.edit(
-        "meaning.py",
+        "domain/meaning.py",
         ("    PROB_CLOSED = 16\n", "    PROB_CLOSED = 16\n    HEIGHT = 32\n"),
         (
             PROB_CLOSED_PART,
@@ -195,7 +195,7 @@ def test_a_field_of_a_door_is_told_in_five_files(tmp_path: Path) -> None:
         ),
     )
     program.edit(
-        "doors.py",
+        "domain/doors.py",
         ("    prob_closed: float\n", "    prob_closed: float\n    height: float = NAN\n"),
     )
     assert len(program.edited) <= MOST_FILES

@@ -13,11 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.beliefs.beliefs import probabilities
-from semmap_log.commands import Gatekeeper
-from semmap_log.doors import DoorId, DoorMap, DoorState
-from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.events import (
+from semmap_log.beliefs.door_beliefs import probabilities
+from semmap_log.domain.doors import DoorId, DoorMap, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -30,10 +28,12 @@ from semmap_log.events import (
     PatrolStarted,
     Retracted,
 )
+from semmap_log.domain.meaning import ALL_CHANGED
+from semmap_log.door_log.commands import Gatekeeper
+from semmap_log.errors import CommandError, InvalidEventError
+from semmap_log.folding.replay import visible_batches
 from semmap_log.log.keyframes import decode, encode
-from semmap_log.meaning import ALL_CHANGED
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.replay import visible_batches
 from tests.conftest import SteadyClock
 from tests.projections.dictionary_model import ALL, Told, model
 

@@ -8,7 +8,16 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
+    Changed,
+    DoorObserved,
+    DoorUpdated,
+    LevelAdded,
+    Retracted,
+    RobotPose,
+)
+from semmap_log.door_log.retracting import newly_hidden
 from semmap_log.errors import (
     CommandError,
     CommandReusedError,
@@ -17,8 +26,6 @@ from semmap_log.errors import (
     UnexpectedEventError,
     UnknownDoorError,
 )
-from semmap_log.events import Changed, DoorObserved, DoorUpdated, LevelAdded, Retracted, RobotPose
-from semmap_log.retracting import newly_hidden
 from tests.conftest import SteadyClock
 from tests.folding.test_fold import expected_numbers
 from tests.test_replay import random_log

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.summary import open_any, summarize
+from semmap_log.door_log.summary import open_any, summarize
 from tests.cli.test_verify import semmap
 from tests.conftest import SteadyClock
 

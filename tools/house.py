@@ -103,9 +103,16 @@ def classes_twice(modules: Sequence[Module]) -> list[str]:
 
 
 def files_twice(modules: Sequence[Module]) -> list[str]:
-    """Return the names that two files have, those of the command line left out."""
+    """Return the names that two files have, those of the command line and the root left out.
+
+    A file may be called as its own room.
+    """
     names = Counter(
-        module.name for module in modules if module.room != "cli" and module.path.parent != PACKAGE
+        module.name
+        for module in modules
+        if module.room != "cli"
+        and module.path.parent != PACKAGE
+        and module.name != module.path.parent.name
     )
     return [name for name, count in names.items() if count > 1]
 

@@ -22,13 +22,13 @@ from patrol_sim import clinic, office
 from patrol_sim.expected import Moment, expected_json
 from patrol_sim.journal import Entry, Journal, write
 
-from semmap_log.doors import DoorMap
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.events import Event
+from semmap_log.domain.moments import parse_instant
 from semmap_log.errors import SemmapError
-from semmap_log.events import Event
 from semmap_log.formats.building import read_building
-from semmap_log.formats.importing import Present, plan_doors
+from semmap_log.formats.import_plan import Present, plan_doors
 from semmap_log.log.compaction import compact
-from semmap_log.moments import parse_instant
 
 ROOT = Path(__file__).resolve().parent.parent
 MONDAY = "2026-03-02"

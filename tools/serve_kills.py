@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402
-from semmap_log.events import DoorAdded  # noqa: E402
+from semmap_log.domain.events import DoorAdded  # noqa: E402
 from tests.live.ros_world import NAMES, RosWorld, open_world  # noqa: E402
 from tests.live.running import Running  # noqa: E402
 from tests.live.serving.goals import DOOR  # noqa: E402

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.arrow.columns import COLUMNS, SAID
+from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.schema import schema_of
-from semmap_log.arrow.sdk import pa
 from semmap_log.arrow.table import Events, table_of
-from semmap_log.commits import Commit
+from semmap_log.arrow.table_columns import COLUMNS, SAID
+from semmap_log.domain.commits import Commit
 
 HISTORY_SCHEMA = schema_of((*COLUMNS, *SAID))
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.arrow.columns import STATE, TIME, Column
+from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.schema import schema_of
-from semmap_log.arrow.sdk import pa
 from semmap_log.arrow.table import states_array, times_array
+from semmap_log.arrow.table_columns import STATE, TIME, Column
 
 INTERVAL_SCHEMA = schema_of(
     (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from semmap_log.arrow.sdk import pa, pq
+from semmap_log.arrow.arrow_sdk import pa, pq
 
 GROUP_ROWS = 2**16
 """Rows in a group: what a reader can skip, or read on a core of its own."""

@@ -6,7 +6,8 @@ import json
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from semmap_log.arrow.columns import (
+from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.arrow.table_columns import (
     CELLS,
     CHANGED,
     CHANGED_NAMES,
@@ -18,7 +19,6 @@ from semmap_log.arrow.columns import (
     TIME,
     Column,
 )
-from semmap_log.arrow.sdk import pa
 
 DICTIONARIES = {KIND: KIND_NAMES, STATE: STATE_NAMES, CHANGED: CHANGED_NAMES}
 

@@ -8,12 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.arrow.columns import CELLS, CHANGED, COLUMNS, KIND, STATE, TIME, Column
+from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.schema import DICTIONARIES, schema_of, type_of
-from semmap_log.arrow.sdk import pa
-from semmap_log.doors import DoorState
-from semmap_log.events import KINDS, Event
-from semmap_log.meaning import ALL_CHANGED, PART_OF
+from semmap_log.arrow.table_columns import CELLS, CHANGED, COLUMNS, KIND, STATE, TIME, Column
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import KINDS, Event
+from semmap_log.domain.meaning import ALL_CHANGED, PART_OF
 
 Array = NDArray[Any]
 

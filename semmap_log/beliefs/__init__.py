@@ -15,14 +15,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from semmap_log.lazy_names import lazy_names
+from semmap_log.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from semmap_log.beliefs.applying import Applied, apply_probabilities
-    from semmap_log.beliefs.beliefs import DoorBelief, probabilities
     from semmap_log.beliefs.best_times import BestTime, best_time
-    from semmap_log.beliefs.calibration import Calibration, calibrate
+    from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
     from semmap_log.beliefs.evaluation import Evaluation, evaluate
+    from semmap_log.beliefs.sensor_calibration import Calibration, calibrate
     from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
     from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
     from semmap_log.probabilities.estimators import by_name
@@ -47,9 +47,9 @@ __all__ = [
 
 _HOMES = {
     "beliefs.applying": ("Applied", "apply_probabilities"),
-    "beliefs.beliefs": ("DoorBelief", "probabilities"),
+    "beliefs.door_beliefs": ("DoorBelief", "probabilities"),
     "beliefs.best_times": ("BestTime", "best_time"),
-    "beliefs.calibration": ("Calibration", "calibrate"),
+    "beliefs.sensor_calibration": ("Calibration", "calibrate"),
     "beliefs.evaluation": ("Evaluation", "evaluate"),
     "beliefs.typical_week": ("TypicalWeek", "typical_weeks"),
     "probabilities.belief_fold": ("BeliefProjection", "Beliefs"),

@@ -8,19 +8,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from semmap_log.appendable_log import Appended
-from semmap_log.beliefs.beliefs import DoorBelief, probabilities
-from semmap_log.command_content import content_of
-from semmap_log.commits import Note
-from semmap_log.door_log import Time
-from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.doors import Door, DoorId
-from semmap_log.events import DoorUpdated
-from semmap_log.keywords import knows_keywords
-from semmap_log.log.reading.passage import Progress
-from semmap_log.meaning import Changed
-from semmap_log.moments import format_local
-from semmap_log.wording import counted
+from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.events import DoorUpdated
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.domain.meaning import Changed
+from semmap_log.domain.moments import format_local
+from semmap_log.door_log.appendable_log import Appended
+from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.door_log import Time
+from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log.reading.progress import Progress
 
 DIGITS = 6
 """Of the probabilities: a change beyond them is none."""

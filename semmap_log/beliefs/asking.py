@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.learning import learn
-from semmap_log.door_log import DoorLog, Time
-from semmap_log.doors import Door, DoorId, DoorMap
+from semmap_log.domain.doors import Door, DoorId, DoorMap
+from semmap_log.domain.moments import Moment
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.door_log.known_later import known_later, moment_asked_ns
 from semmap_log.errors import UnknownDoorError
-from semmap_log.known_later import known_later, moment_asked_ns
-from semmap_log.log.reading.passage import Progress
-from semmap_log.moments import Moment
+from semmap_log.log.reading.progress import Progress
 from semmap_log.probabilities.belief_fold import Beliefs
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.forecast import Forecast

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.asking import Asked, ask
-from semmap_log.beliefs.beliefs import LATER, DoorBelief, belief, default_estimator
+from semmap_log.beliefs.door_beliefs import LATER, DoorBelief, belief, default_estimator
 from semmap_log.beliefs.typical_week import WEEK_HOURS, Pattern, first_hour, typical_week
-from semmap_log.door_log import DoorLog, Time
-from semmap_log.doors import Door, DoorId
-from semmap_log.keywords import knows_keywords
-from semmap_log.log.reading.passage import Progress
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.log.reading.progress import Progress
 from semmap_log.probabilities.estimator import Waiting
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.probabilities.local_clock import HOUR_S

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from semmap_log.door_log import DoorLog, Time
-from semmap_log.keywords import knows_keywords
-from semmap_log.log.reading.passage import Progress
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.log.reading.progress import Progress
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Estimator
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.beliefs.trials import Stretches
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorObserved
-from semmap_log.keywords import knows_its_keywords
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved
+from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.probabilities.evidence.evidence import Evidence
 
 MINUTE_NS = 60 * 10**9

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.trials import Trials
+from semmap_log.domain.keywords import knows_its_keywords
+from semmap_log.domain.moments import SECOND_NS
 from semmap_log.errors import EstimatorError
-from semmap_log.keywords import knows_its_keywords
-from semmap_log.moments import SECOND_NS
 from semmap_log.probabilities.local_clock import DAY_S, LocalClock
 
 Times = NDArray[np.int64]

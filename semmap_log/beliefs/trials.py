@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.door_log import DoorLog
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
-    STATE_KINDS,
-)
-from semmap_log.log.reading.passage import Progress
-from semmap_log.moments import SECOND_NS
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import STATE_KINDS
+from semmap_log.domain.moments import SECOND_NS
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.log.reading.progress import Progress
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 from semmap_log.projections.timeline import timeline
 

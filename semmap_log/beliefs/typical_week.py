@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.asking import Asked, ask
-from semmap_log.beliefs.beliefs import LATER
+from semmap_log.beliefs.door_beliefs import LATER
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.door_log import DoorLog, Time
-from semmap_log.doors import Door, DoorId
-from semmap_log.keywords import knows_keywords
-from semmap_log.log.reading.passage import Progress
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.log.reading.progress import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import HOUR_S

@@ -11,7 +11,7 @@ from semmap_log.cli.common import AsJson, WritableLog, print_json, refuse_nan, t
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
-    from semmap_log.door_log_writer import About
+    from semmap_log.door_log.door_log_writer import About
 
 
 @takes_about

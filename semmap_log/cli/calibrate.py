@@ -12,8 +12,8 @@ from semmap_log.cli.common import AsJson, LogPath, console, print_json
 
 if TYPE_CHECKING:
     from semmap_log.beliefs.trials import Stretches
-    from semmap_log.door_log import DoorLog
-    from semmap_log.doors import DoorId
+    from semmap_log.domain.doors import DoorId
+    from semmap_log.door_log.door_log import DoorLog
 
 
 def run(
@@ -54,7 +54,7 @@ def run(
       semmap-log calibrate office --truth contact.csv --source lidar --door front
     """
     import semmap_log as sl
-    from semmap_log.beliefs.calibration import calibrate
+    from semmap_log.beliefs.sensor_calibration import calibrate
     from semmap_log.formats.evaluation_json import calibration_to_json
     from semmap_log.views.calibration_table import calibration_table
 
@@ -73,7 +73,7 @@ def _truths(
     log: DoorLog, file: Path, windows: Path | None, tz: str, chosen: Collection[DoorId] | None
 ) -> Mapping[DoorId, Stretches]:
     """Return what a file says was true of the doors of a log."""
-    from semmap_log.beliefs.calibration import truths_of_rows
+    from semmap_log.beliefs.sensor_calibration import truths_of_rows
     from semmap_log.formats.door_csv import read_door_csv
 
     told = read_door_csv(file, windows=windows, tz=tz)

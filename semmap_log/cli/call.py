@@ -13,7 +13,7 @@ from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_o
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
 if TYPE_CHECKING:
-    from semmap_log.doors import DoorState
+    from semmap_log.domain.doors import DoorState
     from semmap_log.live.client import DoorClient, DoorFields
     from semmap_log.live.ros_node import GoalAnswer
 
@@ -256,7 +256,7 @@ def _fields(
 
 def _state(text: str) -> DoorState:
     """Return one of the three states that the thesis's messages know."""
-    from semmap_log.doors import DoorState, reduced
+    from semmap_log.domain.doors import DoorState, reduced
 
     known = {str(reduced(state).name) for state in DoorState}
     if text.strip().upper() not in known:

@@ -20,10 +20,10 @@ from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
     from semmap_log.cli.printer import Printer
-    from semmap_log.door_log import DoorLog, Time
-    from semmap_log.door_log_writer import About
-    from semmap_log.doors import DoorId
-    from semmap_log.log.reading.passage import Progress
+    from semmap_log.domain.doors import DoorId
+    from semmap_log.door_log.door_log import DoorLog, Time
+    from semmap_log.door_log.door_log_writer import About
+    from semmap_log.log.reading.progress import Progress
     from semmap_log.views.palette import Palette
 
 
@@ -156,7 +156,7 @@ def tell_of_later(
     opened: DoorLog, at: str | None, known_at: str | None, *, door: DoorId | None = None
 ) -> None:
     """Say so if what had happened by a moment was told later, as what was imported is."""
-    from semmap_log.known_later import known_later
+    from semmap_log.door_log.known_later import known_later
 
     if later := known_later(opened, at, known_at, door=door):
         say(later)

@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from semmap_log.doors import DoorMap
+    from semmap_log.domain.doors import DoorMap
 
 Offers = list[tuple[str, str]]
 """Each a word, and what it means, for shells that show it."""
@@ -33,7 +33,7 @@ def levels(ctx: Any, incomplete: str) -> Offers:
 
 def states(_: Any, incomplete: str) -> Offers:
     """Offer the states of a door, in the letters that were begun with."""
-    from semmap_log.doors import DoorState
+    from semmap_log.domain.doors import DoorState
 
     names = (state.name for state in DoorState)
     if not incomplete.isupper():
@@ -43,7 +43,7 @@ def states(_: Any, incomplete: str) -> Offers:
 
 def kinds(_: Any, incomplete: str) -> Offers:
     """Offer the kinds of events."""
-    from semmap_log.events import KINDS
+    from semmap_log.domain.events import KINDS
 
     said = ((kind.__name__, (kind.__doc__ or "").splitlines()[0]) for kind in KINDS)
     return _beginning(incomplete, said)

@@ -27,13 +27,13 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
-from semmap_log.wording import counted
+from semmap_log.common.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.costmaps import Costmap, CostmapOptions
-    from semmap_log.door_log import DoorLog, Time
-    from semmap_log.doors import Door, DoorMap
-    from semmap_log.events import FloorMap
+    from semmap_log.domain.doors import Door, DoorMap
+    from semmap_log.domain.events import FloorMap
+    from semmap_log.door_log.door_log import DoorLog, Time
     from semmap_log.exporting.costmap_files import Part
     from semmap_log.exporting.costmap_recording import RecordedCostmap
 
@@ -50,7 +50,7 @@ class Layer(str, Enum):
 
 
 class By(str, Enum):
-    """`semmap_log.projections.door_layer.By`, as typer wants its choices."""
+    """`semmap_log.projections.door_layer_fold.By`, as typer wants its choices."""
 
     state = "state"
     belief = "belief"
@@ -269,7 +269,7 @@ def _refuse_useless(
 
 def _tell_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
     """Say a line for each reason, with the first of the doors."""
-    from semmap_log.door_labels import labels_of
+    from semmap_log.door_log.door_labels import labels_of
 
     labels = labels_of(door_map)
     reasons = dict.fromkeys(why for _, why in left_out)

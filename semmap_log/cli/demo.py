@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, console, print_json, say
-from semmap_log.command_lines import PROGRAM, command_line
-from semmap_log.wording import counted
+from semmap_log.common.command_lines import PROGRAM, command_line
+from semmap_log.common.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.demo import Demo
@@ -37,7 +37,7 @@ def run(
       semmap-log demo /tmp/look
     """
     from semmap_log.demo import run_demo
-    from semmap_log.moments import format_short
+    from semmap_log.domain.moments import format_short
     from semmap_log.views.belief_table import belief_table
     from semmap_log.views.tables import door_table
 

@@ -86,9 +86,9 @@ def run(
     import semmap_log as sl
     from semmap_log.beliefs.evaluation import evaluate
     from semmap_log.beliefs.protocol import Protocol
+    from semmap_log.domain.moments import parse_duration
     from semmap_log.formats.evaluation_json import evaluation_to_json
     from semmap_log.log.disk import refuse_own_folder, utf8_name
-    from semmap_log.moments import parse_duration
     from semmap_log.probabilities.estimators import ESTIMATORS, by_name
     from semmap_log.views.evaluation_table import evaluation_table
 
@@ -107,7 +107,7 @@ def run(
             doors=[opened.resolve_ever(name) for name in door] if door else None,
         )  # fmt: skip
     if plot is not None:
-        from semmap_log.views.plots.calibration import plot_calibration
+        from semmap_log.views.plots.reliability import plot_calibration
 
         plot_calibration(found, plot, name=utf8_name(log.resolve()))
     names = opened.door_names()
@@ -121,7 +121,7 @@ def run(
 
 def _patrol(every: str | None, accuracy: float | None, seed: int | None) -> Patrol | None:
     from semmap_log.beliefs.patrol import Patrol
-    from semmap_log.moments import parse_duration
+    from semmap_log.domain.moments import parse_duration
 
     if every is None:
         given = [name for name, v in (("--accuracy", accuracy), ("--seed", seed)) if v is not None]

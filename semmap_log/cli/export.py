@@ -27,7 +27,7 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog, Time
+    from semmap_log.door_log.door_log import DoorLog, Time
     from semmap_log.exporting.log_bag import RecordedBag
     from semmap_log.exporting.stream import StreamOptions
 
@@ -120,9 +120,9 @@ def run(
       semmap-log export office morning.bag --since 06:00 --until 12:00
     """
     import semmap_log as sl
+    from semmap_log.common.repeats import told_once
     from semmap_log.exporting.log_files import export
     from semmap_log.formats.bags import tells_a_bag
-    from semmap_log.repeats import told_once
 
     is_bag = markers or tells_a_bag(out)
     if is_bag:

@@ -18,8 +18,8 @@ from typing import Any
 import typer
 
 from semmap_log.cli.plain_streams import PlainStream, json_text
+from semmap_log.common.repeats import Repeats
 from semmap_log.errors import FormatError
-from semmap_log.repeats import Repeats
 
 _USAGE_ERROR: type[Exception]
 CLICK_ERROR: type[Exception]

@@ -70,7 +70,7 @@ def run(
       semmap-log history office --since yesterday --plot lanes.svg
     """
     import semmap_log as sl
-    from semmap_log.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
+    from semmap_log.domain.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
     from semmap_log.formats.door_json import entry_to_json
     from semmap_log.views.tables import history_pages
 

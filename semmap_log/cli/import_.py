@@ -11,7 +11,7 @@ from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, pr
 from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, tell_plan
 
 if TYPE_CHECKING:
-    from semmap_log.door_log_writer import DoorLogWriter
+    from semmap_log.door_log.door_log_writer import DoorLogWriter
 
 
 def run(
@@ -114,7 +114,7 @@ def run(
       semmap-log import office monday.bag --mapping robot.yaml --dry-run | head
     """
     import semmap_log as sl
-    from semmap_log.importing import ImportOptions, backdate, import_file
+    from semmap_log.importing.importing import ImportOptions, backdate, import_file
 
     files = files or []
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run)
@@ -173,7 +173,7 @@ def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int
     Raises:
         MomentError: It is no time, or is to come.
     """
-    from semmap_log.backdating import since_ever_ns
+    from semmap_log.door_log.backdating import since_ever_ns
     from semmap_log.errors import MomentError
 
     if since_ever:
@@ -216,7 +216,7 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
     import semmap_log as sl
     from semmap_log.errors import FormatError
     from semmap_log.formats.bag_reading import is_bag
-    from semmap_log.importing import command_id_of, plan_bag_import
+    from semmap_log.importing.importing import command_id_of, plan_bag_import
 
     opened = sl.read(log)
     for file in files:
@@ -232,8 +232,8 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
 
 
 def _tell(file: Path, imported: Any) -> None:
-    from semmap_log.repeats import told_once
-    from semmap_log.wording import counted
+    from semmap_log.common.repeats import told_once
+    from semmap_log.common.wording import counted
 
     plan = imported.plan
     if imported.known_before:

@@ -41,9 +41,9 @@ def run(
       semmap-log info office/office_000000.mcap --json
     """
     import semmap_log as sl
-    from semmap_log.day import day_of_doors
+    from semmap_log.door_log.day import day_of_doors
+    from semmap_log.door_log.summary import open_any, summarize
     from semmap_log.formats.day_json import day_to_json
-    from semmap_log.summary import open_any, summarize
     from semmap_log.views.day_chart import day_chart
     from semmap_log.views.health import head_hint
     from semmap_log.views.tables import summary_table
@@ -68,7 +68,7 @@ def run(
 
 
 def _to_json(summary: Any) -> dict[str, Any]:
-    from semmap_log.moments import format_utc
+    from semmap_log.domain.moments import format_utc
 
     def span(times: tuple[int, int] | None) -> list[str] | None:
         return None if times is None else [format_utc(time) for time in times]

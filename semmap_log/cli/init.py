@@ -11,8 +11,8 @@ from semmap_log.cli.common import AsJson, MapServer, print_json, say
 
 if TYPE_CHECKING:
     from semmap_log.costmap.map_rules import RulesName
-    from semmap_log.door_log import DoorLog
-    from semmap_log.events import FloorMap
+    from semmap_log.domain.events import FloorMap
+    from semmap_log.door_log.door_log import DoorLog
 
 
 def run(
@@ -76,7 +76,7 @@ def make_log(
     """Make a new log, with a floor plan if there is one, and say so."""
     import semmap_log as sl
     from semmap_log.formats.map_server import read_map
-    from semmap_log.importing import ImportOptions, import_file
+    from semmap_log.importing.importing import ImportOptions, import_file
 
     # Read before anything is made: a map that is none must not leave half a log.
     floor = None if floor_map is None else read_map(floor_map, rules=map_rules)

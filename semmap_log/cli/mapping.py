@@ -9,10 +9,10 @@ import typer
 
 from semmap_log.cli.common import say
 from semmap_log.cli.plain_streams import json_text
-from semmap_log.wording import counted
+from semmap_log.common.wording import counted
 
 if TYPE_CHECKING:
-    from semmap_log.formats.importing import ImportPlan
+    from semmap_log.formats.import_plan import ImportPlan
 
 MappingFile = Annotated[
     Path | None,
@@ -47,9 +47,9 @@ MAPPING_HELP = """\
 
 def tell_plan(file: Path, plan: ImportPlan) -> None:
     """Print a plan's events, a JSON line each, and say what else there is to it."""
-    from semmap_log.event_batch import one_by_one
+    from semmap_log.batches.event_batch import one_by_one
+    from semmap_log.common.repeats import told_once
     from semmap_log.formats.event_json import event_to_json
-    from semmap_log.repeats import told_once
 
     for event in one_by_one(plan.events):
         typer.echo(json_text(event_to_json(event)))

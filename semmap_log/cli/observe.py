@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.door_log_writer import About
+    from semmap_log.door_log.door_log_writer import About
 
 
 @takes_about

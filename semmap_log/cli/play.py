@@ -22,7 +22,7 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.wording import counted
+from semmap_log.common.wording import counted
 
 if TYPE_CHECKING:
     from semmap_log.exporting.stream import LogStream
@@ -160,7 +160,7 @@ def run(
 
 def _status_line(stream: LogStream, rate: float) -> Told:
     """Return what draws where in the log it is, and how long nothing will come."""
-    from semmap_log.moments import format_short
+    from semmap_log.domain.moments import format_short
     from semmap_log.views.timeline_table import duration
 
     begin_ns, end_ns = stream.span_ns or (0, 0)

@@ -18,7 +18,7 @@ from rich.text import Text
 
 from semmap_log.cli.plain_console import PlainConsole
 from semmap_log.cli.plain_streams import plain, write_line
-from semmap_log.views.columns import ColumnTable, TextPicture
+from semmap_log.views.column_table import ColumnTable, TextPicture
 
 UNWRAPPED = 100_000
 """Columns of a report in a pipe: wider than any line of it."""

@@ -26,7 +26,7 @@ from semmap_log.cli.common import (
 if TYPE_CHECKING:
     from semmap_log.beliefs.applying import Applied
     from semmap_log.beliefs.typical_week import TypicalWeek
-    from semmap_log.door_log_writer import About
+    from semmap_log.door_log.door_log_writer import About
 
 
 PLOTS = (".png", ".svg")
@@ -104,9 +104,9 @@ def run(
       semmap-log probabilities office --apply --actor night-job
     """
     import semmap_log as sl
-    from semmap_log.beliefs.beliefs import probabilities
+    from semmap_log.beliefs.door_beliefs import probabilities
+    from semmap_log.domain.moments import parse_duration
     from semmap_log.formats.beliefs_json import beliefs_to_json
-    from semmap_log.moments import parse_duration
     from semmap_log.views.belief_table import belief_table
 
     typical = by is not None or plot is not None
@@ -189,7 +189,7 @@ def _show_typical(
 
 
 def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
-    from semmap_log.views.plots.weeks import MOST_PANELS, drawn_of, plot_weeks
+    from semmap_log.views.plots.typical_weeks import MOST_PANELS, drawn_of, plot_weeks
 
     if not weeks:
         say(f"{plot}: not written; no door is in the map then.")

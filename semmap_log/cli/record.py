@@ -17,7 +17,7 @@ from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 
 
 class Level(str, Enum):
-    """`semmap_log.commits.Durability`, as typer wants its choices."""
+    """`semmap_log.domain.commits.Durability`, as typer wants its choices."""
 
     event = "event"
     batch = "batch"
@@ -105,9 +105,9 @@ def run(
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
     import semmap_log as sl
-    from semmap_log.live.event_lines import LineAnswer, LineRecorder
-    from semmap_log.repeats import MOST_TOLD, Repeats
-    from semmap_log.wording import counted
+    from semmap_log.common.repeats import MOST_TOLD, Repeats
+    from semmap_log.common.wording import counted
+    from semmap_log.live.line_recorder import LineAnswer, LineRecorder
 
     refused = Repeats()
 

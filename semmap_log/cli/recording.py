@@ -14,11 +14,11 @@ from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.ros import open_node
 
 if TYPE_CHECKING:
-    from semmap_log.commits import Note
-    from semmap_log.events import Event
+    from semmap_log.domain.commits import Note
+    from semmap_log.domain.events import Event
     from semmap_log.formats.ros_types import RosVersion
     from semmap_log.live.ros_recorder import EventSink
-    from semmap_log.ros_mapping.mapping import RosMapping
+    from semmap_log.ros_mapping.topic_rules import RosMapping
 
 NODE = "semmap_log_recorder"
 
@@ -55,8 +55,8 @@ def record_topics(
     """
     import semmap_log as sl
     from semmap_log.live.ros_recorder import LogSink, PrintedSink
-    from semmap_log.ros_mapping.mapping import WELL_KNOWN
     from semmap_log.ros_mapping.mapping_file import read_mapping
+    from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
 
     with stopped_for_good():
         mapping = WELL_KNOWN if mapping_file is None else read_mapping(mapping_file)

@@ -53,7 +53,7 @@ def run(log: WritableLog, *, out: Out = None, yes: Yes = False, as_json: AsJson 
 
 
 def _to_json(found: Any, done: Any) -> dict[str, Any]:
-    from semmap_log.moments import format_utc
+    from semmap_log.domain.moments import format_utc
 
     def when(ns: int | None) -> str | None:
         return None if ns is None else format_utc(ns)

@@ -40,7 +40,7 @@ def run(
       semmap-log replay office --known-at 2026-03-01T14:02 --json
     """
     import semmap_log as sl
-    from semmap_log.doors import DoorState
+    from semmap_log.domain.doors import DoorState
     from semmap_log.formats.door_json import door_map_to_json
     from semmap_log.views.tables import door_table
 

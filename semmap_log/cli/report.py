@@ -53,8 +53,8 @@ def run(
       semmap-log report office two.html --door front --palette colour-blind
     """
     import semmap_log as sl
-    from semmap_log.exporting.report import write_report
-    from semmap_log.wording import counted
+    from semmap_log.common.wording import counted
+    from semmap_log.exporting.html_report import write_report
 
     opened = sl.read(log)
     tell_how_to_begin(opened)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, console, say, takes_about
-from semmap_log.wording import counted
+from semmap_log.common.wording import counted
 
 if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog
-    from semmap_log.door_log_writer import About
+    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.door_log.door_log_writer import About
     from semmap_log.projections.history import HistoryEntry
 
 MOST_SHOWN = 20
@@ -44,7 +44,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
-    from semmap_log.retracting import newly_hidden
+    from semmap_log.door_log.retracting import newly_hidden
 
     first, last = _range(events)
     with sl.append(log) as opened:

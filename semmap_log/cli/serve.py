@@ -20,11 +20,11 @@ from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
 from semmap_log.cli.record import Level
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.wording import counted
+from semmap_log.common.wording import counted
 
 if TYPE_CHECKING:
-    from semmap_log.doors import DoorMap
-    from semmap_log.events import FloorMap
+    from semmap_log.domain.doors import DoorMap
+    from semmap_log.domain.events import FloorMap
 
 NODE = "lta_semantic_map_server"
 
@@ -171,7 +171,7 @@ def run(
       semmap-log serve office --ros1 _add_door:=doors/add
     """
     import semmap_log as sl
-    from semmap_log.costmaps.costmap import CostmapOptions
+    from semmap_log.costmaps.level_costmap import CostmapOptions
     from semmap_log.live.serving.door_follower import DoorFollower
     from semmap_log.live.serving.door_server import DoorServer
     from semmap_log.live.serving.saving import DoorSaver
@@ -282,7 +282,7 @@ def _floors(
         UnknownLevelError: The level is not there: better told now than to who adds a door.
     """
     from semmap_log.formats.map_server import read_map
-    from semmap_log.levels import resolve_level
+    from semmap_log.projections.levels import resolve_level
 
     if level is None and floor_map is None:
         return {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 
 
 def state_of(text: str) -> DoorState:

@@ -15,10 +15,10 @@ from semmap_log.cli.common import LogPath, say, tell_how_to_begin
 from semmap_log.cli.plain_streams import json_text, write_line
 
 if TYPE_CHECKING:
-    from semmap_log.commits import Note
-    from semmap_log.door_log import DoorLog
-    from semmap_log.doors import DoorId
-    from semmap_log.event_batch import RecordedEvent
+    from semmap_log.batches.event_batch import RecordedEvent
+    from semmap_log.domain.commits import Note
+    from semmap_log.domain.doors import DoorId
+    from semmap_log.door_log.door_log import DoorLog
     from semmap_log.log.reading.following import FollowedCommit
 
     Told = tuple[RecordedEvent, Note]
@@ -69,8 +69,8 @@ def run(
     import semmap_log as sl
     from semmap_log.cli.printer import is_for_people
     from semmap_log.log.reading.following import commits_after
-    from semmap_log.views.columns import line_of
-    from semmap_log.views.event_lines import ROW
+    from semmap_log.views.column_table import line_of
+    from semmap_log.views.tail_lines import ROW
 
     opened = sl.read(log)
     wanted = _filter(opened, door, poses=poses or as_json)
@@ -100,7 +100,7 @@ def run(
 
 def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[RecordedEvent], bool]:
     """Return what tells which events are shown."""
-    from semmap_log.events import DoorEvent, RobotPose, UnknownEvent
+    from semmap_log.domain.events import DoorEvent, RobotPose, UnknownEvent
 
     if door is not None:
         door_id = opened.resolve_ever(door)
@@ -177,9 +177,9 @@ def _json_line(recorded: RecordedEvent, note: Note) -> str:
 
 def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Note], str]:
     """Return what makes a line of an event; doors that are named meanwhile get their names."""
-    from semmap_log.events import DoorAnnotated
-    from semmap_log.views.columns import line_of
-    from semmap_log.views.event_lines import event_line, event_row
+    from semmap_log.domain.events import DoorAnnotated
+    from semmap_log.views.column_table import line_of
+    from semmap_log.views.tail_lines import event_line, event_row
 
     names: dict[DoorId, str] = opened.door_names()
 

@@ -42,7 +42,7 @@ def run(
       semmap-log timeline office 17 --known-at 2026-03-01T14:02 --json
     """
     import semmap_log as sl
-    from semmap_log.doors import DoorState
+    from semmap_log.domain.doors import DoorState
     from semmap_log.formats.timeline_json import timeline_to_json
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 

@@ -10,7 +10,7 @@ from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, tak
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
-    from semmap_log.door_log_writer import About
+    from semmap_log.door_log.door_log_writer import About
 
 
 @takes_about

@@ -29,11 +29,11 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
-from semmap_log.wording import counted
+from semmap_log.common.wording import counted
 
 if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog
-    from semmap_log.doors import DoorId
+    from semmap_log.domain.doors import DoorId
+    from semmap_log.door_log.door_log import DoorLog
     from semmap_log.views.rerun.recording import RrdSummary
     from semmap_log.views.rerun.web import WebViewer
 
@@ -283,7 +283,7 @@ def _follow(
     opened: DoorLog, looks: dict[str, Any], *, web: bool, theme: ThemeName | None, browser: bool
 ) -> None:
     os.environ.setdefault("RUST_LOG", SDK_SAYS)
-    from semmap_log.views.rerun.live import Shown, follow_in_viewer
+    from semmap_log.views.rerun.live_view import Shown, follow_in_viewer
     from semmap_log.views.rerun.process import Running, ViewerError
     from semmap_log.views.rerun.viewer import window
     from semmap_log.views.rerun.web import web_viewer

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.domain.events import FloorMap
 from semmap_log.errors import CostmapError
-from semmap_log.events import FloorMap
 
 MOST_CELLS = 2**31 - 1
 """Along one edge, and in all: cells are counted in C's `unsigned int` and drawn in `int`."""

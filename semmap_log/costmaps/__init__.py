@@ -1,6 +1,6 @@
 """Costmaps of a log, at any moment, over time and live; the arithmetic is in `costmap`."""
 
-from semmap_log.costmaps.costmap import Costmap, CostmapOptions, costmap_at
+from semmap_log.costmaps.level_costmap import Costmap, CostmapOptions, costmap_at
 from semmap_log.costmaps.over_time import CostmapFrame, costmap_frames, costmap_live
 
 __all__ = [

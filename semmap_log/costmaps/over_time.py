@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.costmap.grid import CellWindow
-from semmap_log.costmaps.costmap import (
+from semmap_log.costmaps.level_costmap import (
     Costmap,
     CostmapOptions,
     Point,
@@ -18,10 +19,8 @@ from semmap_log.costmaps.costmap import (
     geometry_of,
     level_drawn,
 )
-from semmap_log.door_log import DoorLog, Time
-from semmap_log.doors import DoorMap
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.events import (
     DoorAdded,
     DoorObserved,
     DoorPassed,
@@ -30,8 +29,9 @@ from semmap_log.events import (
     FloorMap,
     Retracted,
 )
-from semmap_log.keywords import knows_keywords
-from semmap_log.replay import Scope, replay
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.folding.replay import Scope, replay
 
 _DRAWN = (DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorPassed)
 """The kinds of events that a door layer shows."""

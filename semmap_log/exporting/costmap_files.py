@@ -10,13 +10,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.computed_once import computed_once
+from semmap_log.common.computed_once import computed_once
 from semmap_log.costmap.door_layer import are_on_map
 from semmap_log.costmap.keepout import keepout_mask
 from semmap_log.costmaps import Costmap
-from semmap_log.door_log import DoorLog
-from semmap_log.doors import Door
+from semmap_log.domain.doors import Door
+from semmap_log.domain.moments import format_local
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError
+from semmap_log.folding.replay import Scope
 from semmap_log.formats.map_server_out import write_costs, write_map
 from semmap_log.log.disk import (
     output_errors,
@@ -25,8 +27,6 @@ from semmap_log.log.disk import (
     utf8_name,
     whole_file,
 )
-from semmap_log.moments import format_local
-from semmap_log.replay import Scope
 from semmap_log.views.costmap_picture import DoorMark, costmap_png
 
 Part = Literal["master", "door", "keepout"]

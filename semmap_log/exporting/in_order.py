@@ -13,9 +13,9 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.door_log import DoorLog
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.log.reading.commit_finder import CommitFinder
-from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.projections.retraction import Retractions

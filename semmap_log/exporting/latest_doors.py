@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState
-from semmap_log.events import DoorAnnotated, DoorEvent, Event, LevelAdded
-from semmap_log.meaning import Presence
+from semmap_log.domain.doors import NAN, Door, DoorId, DoorMap, DoorState
+from semmap_log.domain.events import DoorAnnotated, DoorEvent, Event, LevelAdded
+from semmap_log.domain.meaning import Presence
 
 
 @dataclass(slots=True)

@@ -7,22 +7,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.common.wording import counted
 from semmap_log.costmaps import costmap_at
-from semmap_log.door_labels import labels_of
-from semmap_log.door_log import DoorLog
-from semmap_log.doors import DoorMap
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.door_log.door_labels import labels_of
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
-from semmap_log.exporting.event_lines import write_event_lines
+from semmap_log.exporting.json_lines import write_event_lines
+from semmap_log.folding.replay import Scope, visible_batches
 from semmap_log.formats.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.geojson import dump_geojson
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
-from semmap_log.keywords import knows_keywords
 from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
-from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.window import Window
-from semmap_log.replay import Scope, visible_batches
-from semmap_log.wording import counted
 
 WRITABLE = (
     ".yaml (the thesis's door database), .geojson (doors), .csv (states), .jsonl or .parquet "
@@ -193,7 +193,7 @@ def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
 
 
 def _html(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
-    from semmap_log.views.report.report import report
+    from semmap_log.views.report.content import report
 
     if scope.known_at_ns is not None or scope.event is not None:
         raise CommandError("a page shows all that is known: leave --known-at and --event out.")

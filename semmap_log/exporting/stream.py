@@ -12,9 +12,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from semmap_log.door_log import DoorLog, Time
-from semmap_log.doors import DoorId, DoorMap
-from semmap_log.events import DoorEvent, FloorMap, LevelAdded, RobotPose
+from semmap_log.domain.doors import DoorId, DoorMap
+from semmap_log.domain.events import DoorEvent, FloorMap, LevelAdded, RobotPose
+from semmap_log.domain.keywords import knows_its_keywords
+from semmap_log.domain.moments import refuse_reversed
+from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.exporting.in_order import Times, moments, times_of
 from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.exporting.stream_plan import ROBOT, THESIS, StreamPlan, plan_of
@@ -26,9 +28,7 @@ from semmap_log.formats.grid_messages import grid_message
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import RosVersion, encoded
 from semmap_log.formats.thesis_messages import ThesisMessages
-from semmap_log.keywords import knows_its_keywords
-from semmap_log.log.reading.passage import Progress
-from semmap_log.moments import refuse_reversed
+from semmap_log.log.reading.progress import Progress
 from semmap_log.projections.history import HistoryEntry
 from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.palette import DEFAULT, Palette

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.door_log import DoorLog
-from semmap_log.doors import DoorMap
-from semmap_log.events import DoorAdded, DoorUpdated, FloorMap, RobotPose
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.events import DoorAdded, DoorUpdated, FloorMap, RobotPose
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.exporting.in_order import Times
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_types import DOOR_MAP, GRID, MARKERS, POSE_STAMPED, RosVersion, log_type

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from semmap_log.doors import Door, DoorId
+from semmap_log.domain.doors import Door, DoorId
 from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.formats.array_messages import EncodedElement
 from semmap_log.formats.bags import BagTopic

@@ -7,12 +7,12 @@ from typing import TypeVar
 
 from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.position import Position
+from semmap_log.folding.replay import Scope, visible_batches
 from semmap_log.folding.running import RunningFold
-from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.projection import Projection
-from semmap_log.replay import Scope, visible_batches
 
 S = TypeVar("S")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Generic, TypeVar
 
-from semmap_log.event_batch import EventBatch
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.position import (
     NO_EVENT,
@@ -14,7 +14,7 @@ from semmap_log.folding.position import (
     hiding,
     retractions_behind,
 )
-from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.projections.projection import Projection
 

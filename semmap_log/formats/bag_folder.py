@@ -10,7 +10,7 @@ from typing import Literal
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bag_reading import BagChannel, BagMessage, BagReader, metadata_file
-from semmap_log.formats.files import MIB, read_capped
+from semmap_log.formats.foreign_file import MIB, read_capped
 from semmap_log.formats.mcap_reading import McapBag
 from semmap_log.formats.packed_bags import PackedMessages, unpacked_files
 from semmap_log.formats.problems import shown

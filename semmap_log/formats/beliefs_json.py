@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.beliefs.beliefs import DoorBelief
 from semmap_log.beliefs.best_times import BestTime, LikelyHours
+from semmap_log.beliefs.door_beliefs import DoorBelief
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.typical_week import By, TypicalWeek
-from semmap_log.doors import Door
-from semmap_log.moments import SECOND_NS, format_utc
+from semmap_log.domain.doors import Door
+from semmap_log.domain.moments import SECOND_NS, format_utc
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
 from semmap_log.probabilities.forecast import INTERVAL
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semmap_log.doors import MAX_LEVEL, Level
+from semmap_log.domain.doors import MAX_LEVEL, Level
 from semmap_log.errors import FormatError
 from semmap_log.formats.building_level import Storey, StoreyReader
 from semmap_log.formats.door_table import DoorTable, TableDoor

@@ -25,7 +25,13 @@ from semmap_log.formats.csv_rows import (
     has_length,
     places_of,
 )
-from semmap_log.formats.files import GZIP_MAGIC, decode_utf8, open_regular, text_lines, too_long
+from semmap_log.formats.foreign_file import (
+    GZIP_MAGIC,
+    decode_utf8,
+    open_regular,
+    text_lines,
+    too_long,
+)
 from semmap_log.formats.problems import Problems
 from semmap_log.formats.text_column import PADDING, TextColumn
 

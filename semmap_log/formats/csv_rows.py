@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from semmap_log.errors import FormatError
-from semmap_log.formats.files import text_lines
+from semmap_log.formats.foreign_file import text_lines
 from semmap_log.formats.problems import Problems, shown
 
 MOST_LINE_BYTES = 65_536

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 from semmap_log.formats.csv_rows import read_rows
 from semmap_log.formats.csv_text import meant
 from semmap_log.formats.csv_times import instants_of

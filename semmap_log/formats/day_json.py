@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.day import Day
-from semmap_log.moments import format_utc
+from semmap_log.domain.moments import format_utc
+from semmap_log.door_log.day import Day
 
 
 def day_to_json(day: Day) -> dict[str, Any]:

@@ -14,17 +14,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import NAN, DoorState
-from semmap_log.events import Event
+from semmap_log.domain.doors import NAN, DoorState
+from semmap_log.domain.events import Event
+from semmap_log.domain.moments import format_wall, zone
 from semmap_log.formats.csv_blocks import Columns, CsvBlocks
 from semmap_log.formats.csv_rows import Row
+from semmap_log.formats.csv_sightings import Sighting, SightingColumns, Sightings
 from semmap_log.formats.csv_text import harmless, is_written_otherwise, meant
 from semmap_log.formats.csv_times import instants_in, instants_of
 from semmap_log.formats.csv_windows import KnownTimes, KnownWindow, read_windows
 from semmap_log.formats.problems import Problems, shown
-from semmap_log.formats.sightings import Sighting, SightingColumns, Sightings
 from semmap_log.formats.text_column import TextCodes, TextColumn, decimals_in
-from semmap_log.moments import format_wall, zone
 
 COLUMNS = ("timestamp", "door", "state", "accuracy")
 MOST_NAME = 1_000

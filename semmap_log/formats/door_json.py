@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from semmap_log.doors import Door, DoorMap, DoorState, Level
+from semmap_log.domain.doors import Door, DoorMap, DoorState, Level
+from semmap_log.domain.meaning import FIELDS
+from semmap_log.domain.moments import format_utc
 from semmap_log.formats.event_json import event_to_json
-from semmap_log.meaning import FIELDS
-from semmap_log.moments import format_utc
 from semmap_log.projections.diff import Diff, FieldChange
 from semmap_log.projections.history import HistoryEntry
 

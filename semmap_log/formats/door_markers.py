@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from semmap_log.doors import Door, DoorId
+from semmap_log.domain.doors import Door, DoorId
 from semmap_log.formats.array_messages import ArrayType, EncodedElement
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import MARKER, MARKERS, RosVersion

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semmap_log.doors import NAN, DoorId, DoorState, Level
-from semmap_log.events import FloorMap
+from semmap_log.domain.doors import NAN, DoorId, DoorState, Level
+from semmap_log.domain.events import FloorMap
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from semmap_log.beliefs.calibration import Calibration, DoorCalibration, Hits
 from semmap_log.beliefs.evaluation import Evaluation
 from semmap_log.beliefs.protocol import Protocol
-from semmap_log.doors import DoorId
-from semmap_log.moments import SECOND_NS
+from semmap_log.beliefs.sensor_calibration import Calibration, DoorCalibration, Hits
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.scores import Scores
 
 

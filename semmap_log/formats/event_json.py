@@ -21,12 +21,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import NO_CONTENT, Commit
-from semmap_log.doors import DoorState, is_given
-from semmap_log.event_batch import RecordedEvent
-from semmap_log.events import DoorObserved, DoorUpdated, Event, FloorMap, UnknownEvent, field_names
-from semmap_log.meaning import PARTS
-from semmap_log.moments import format_utc
+from semmap_log.batches.event_batch import RecordedEvent
+from semmap_log.domain.commits import NO_CONTENT, Commit
+from semmap_log.domain.doors import DoorState, is_given
+from semmap_log.domain.events import (
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    UnknownEvent,
+    field_names,
+)
+from semmap_log.domain.meaning import PARTS
+from semmap_log.domain.moments import format_utc
 
 NOTE_KEYS = ("actor", "source", "reason", "correlation")
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from semmap_log.doors import DoorState
-from semmap_log.events import KINDS, DoorAdded, DoorEvent, Event, FloorMap
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import KINDS, DoorAdded, DoorEvent, Event, FloorMap
 from semmap_log.formats.event_json import NOTE_KEYS
 from semmap_log.formats.event_json_reader import keys_of, required_keys
 from semmap_log.messages import comments_of

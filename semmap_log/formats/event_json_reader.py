@@ -10,10 +10,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from semmap_log.commits import Note
-from semmap_log.doors import NAN, DoorId, DoorState
-from semmap_log.errors import FormatError, SemmapError
-from semmap_log.events import (
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import NAN, DoorId, DoorState
+from semmap_log.domain.events import (
     KIND_BY_NAME,
     MAX_EVENT,
     DoorAdded,
@@ -25,11 +24,12 @@ from semmap_log.events import (
     RobotPose,
     field_names,
 )
+from semmap_log.domain.meaning import PART_OF, PARTS, Changed, changed
+from semmap_log.domain.moments import parse_instant, zone
+from semmap_log.errors import FormatError, SemmapError
 from semmap_log.formats.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
 from semmap_log.formats.problems import shown
 from semmap_log.formats.strict_json import StrictJsonError, load_object
-from semmap_log.meaning import PART_OF, PARTS, Changed, changed
-from semmap_log.moments import parse_instant, zone
 
 
 @dataclass(frozen=True, slots=True)

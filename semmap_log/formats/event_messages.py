@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from semmap_log.events import RobotPose
+from semmap_log.domain.events import RobotPose
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import POSE_STAMPED, log_type
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from semmap_log.domain.events import FloorMap
 from semmap_log.errors import FormatError
-from semmap_log.events import FloorMap
 
 if TYPE_CHECKING:
     from PIL import ImageDraw

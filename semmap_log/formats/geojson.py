@@ -13,9 +13,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from semmap_log.doors import Door, DoorMap
+from semmap_log.domain.doors import Door, DoorMap
+from semmap_log.domain.moments import format_utc
 from semmap_log.formats.door_json import door_map_to_json, door_to_json
-from semmap_log.moments import format_utc
 
 PLANE = (
     'LOCAL_CS["robot map frame",LOCAL_DATUM["robot map frame",32767],UNIT["metre",1],'

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from semmap_log.formats.files import open_regular
+from semmap_log.formats.foreign_file import open_regular
 from semmap_log.formats.unpacking import MOST_BYTES
 
 

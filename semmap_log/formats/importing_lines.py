@@ -9,10 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.commands import Gatekeeper, Roster
-from semmap_log.commits import Commit
-from semmap_log.errors import CommandError
-from semmap_log.events import (
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.events import (
     DoorAdded,
     DoorRemoved,
     DoorUpdated,
@@ -22,14 +21,15 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.door_log.commands import Gatekeeper, Roster
+from semmap_log.errors import CommandError
 from semmap_log.formats.event_json import means_same
 from semmap_log.formats.event_json_reader import ParsedLine
-from semmap_log.formats.importing import Present
+from semmap_log.formats.import_plan import Present
 from semmap_log.formats.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.formats.line_numbers import NumberMap, Uncovered
 from semmap_log.formats.line_reading import LineReader
 from semmap_log.projections.retraction import Retractions, in_ranges
-from semmap_log.wording import counted
 
 MOST_KEPT = 100_000
 """Of more lines none is kept in memory: their file is read twice."""

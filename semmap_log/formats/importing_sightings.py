@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId, DoorMap, next_door_id
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.wording import counted
+from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorUpdated
+from semmap_log.domain.meaning import Changed
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorUpdated
-from semmap_log.formats.importing import ImportPlan, Present
+from semmap_log.formats.csv_sightings import Rows, Sightings
+from semmap_log.formats.import_plan import ImportPlan, Present
 from semmap_log.formats.problems import shown
-from semmap_log.formats.sightings import Rows, Sightings
-from semmap_log.levels import resolve_level
-from semmap_log.meaning import Changed
-from semmap_log.wording import counted
+from semmap_log.projections.levels import resolve_level
 
 
 def plan_sightings(

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from itertools import chain, groupby
 from typing import NamedTuple
 
-from semmap_log.commits import NO_CONTENT, Note
+from semmap_log.domain.commits import NO_CONTENT, Note
+from semmap_log.domain.events import Event, Retracted
 from semmap_log.errors import CommandError
-from semmap_log.events import Event, Retracted
 from semmap_log.formats.event_json_reader import ParsedLine
 from semmap_log.formats.line_numbers import NumberMap
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from semmap_log.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
+from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorUpdated, LevelAdded
+from semmap_log.domain.meaning import Changed
 from semmap_log.errors import FormatError, UnknownDoorError
-from semmap_log.events import DoorAdded, DoorAnnotated, DoorEvent, DoorUpdated, LevelAdded
 from semmap_log.formats.event_json_reader import DoorLookup, ParsedLine, parse_event_line
-from semmap_log.formats.files import text_lines
-from semmap_log.formats.importing import Present
+from semmap_log.formats.foreign_file import text_lines
+from semmap_log.formats.import_plan import Present
 from semmap_log.formats.problems import Problems, shown
 from semmap_log.formats.strict_json import MOST_LINE_BYTES
-from semmap_log.levels import level_called, levels_of
-from semmap_log.meaning import Changed
+from semmap_log.projections.levels import level_called, levels_of
 
 
 class LineReader:

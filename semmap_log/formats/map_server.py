@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.costmap.map_rules import MODES, MapRules, Mode, RulesName
+from semmap_log.domain.events import FloorMap
 from semmap_log.errors import FormatError
-from semmap_log.events import FloorMap
-from semmap_log.formats.files import open_regular
+from semmap_log.formats.foreign_file import open_regular
 from semmap_log.formats.map_picture import DecodedPicture, read_picture
 from semmap_log.formats.problems import Problems
 from semmap_log.formats.strict_yaml import Mapping, Scalar, load_yaml

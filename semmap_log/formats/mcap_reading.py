@@ -10,11 +10,11 @@ from struct import Struct, unpack_from
 from typing import Any, BinaryIO
 from zlib import crc32
 
-from semmap_log.command_lines import command_line
+from semmap_log.common.command_lines import command_line
 from semmap_log.errors import FormatError
 from semmap_log.formats.bag_reading import BagChannel, BagMessage
 from semmap_log.formats.damage import reason_of
-from semmap_log.formats.files import open_regular
+from semmap_log.formats.foreign_file import open_regular
 from semmap_log.formats.mcap_records import (
     FRAME,
     MESSAGE,

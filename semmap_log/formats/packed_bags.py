@@ -10,7 +10,7 @@ from pathlib import Path
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bag_reading import BagChannel, BagMessage, BagReader
-from semmap_log.formats.files import open_regular
+from semmap_log.formats.foreign_file import open_regular
 from semmap_log.formats.unpacking import MOST_RATIO, PIECE_BYTES, unpack
 
 FREE_FILE_BYTES = 2**30

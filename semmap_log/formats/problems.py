@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from semmap_log.common.repeats import Repeats
 from semmap_log.errors import FormatError
-from semmap_log.repeats import Repeats
 
 MOST_KINDS = 1_000
 """More than anybody reads, few enough that a wrong file of a million lines needs no memory."""

@@ -13,7 +13,7 @@ from semmap_log.errors import FormatError
 from semmap_log.formats.bag_reading import BagChannel, BagMessage
 from semmap_log.formats.damage import reason_of
 from semmap_log.formats.db3_tables import check_tables
-from semmap_log.formats.files import open_regular
+from semmap_log.formats.foreign_file import open_regular
 from semmap_log.formats.ros_decoding import MessageType
 from semmap_log.formats.ros_types import RosVersion, long_name
 

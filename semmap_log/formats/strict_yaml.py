@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import yaml
 
 from semmap_log.errors import FormatError
-from semmap_log.formats.files import MIB, decode_utf8, read_capped
+from semmap_log.formats.foreign_file import MIB, decode_utf8, read_capped
 from semmap_log.formats.problems import Problems, shown
 
 MOST_BYTES = 8 * MIB

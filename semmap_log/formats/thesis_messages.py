@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from semmap_log.doors import Door, reduced
+from semmap_log.domain.doors import Door, reduced
 from semmap_log.formats.array_messages import ArrayType, EncodedElement
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import DOOR_ENTRY, DOOR_MAP, RosVersion

@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.doors import (
+from semmap_log.domain.doors import (
     MAX_DOOR_ID,
     NAN,
     THESIS_STATES,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from semmap_log.doors import DoorState
-from semmap_log.moments import SECOND_NS, format_utc
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.moments import SECOND_NS, format_utc
 from semmap_log.projections.timeline import Interval, Timeline
 
 

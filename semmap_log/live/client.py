@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 from uuid import uuid4
 
-from semmap_log.doors import DoorState
+from semmap_log.common.wording import counted
+from semmap_log.domain.doors import DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.formats.ros_types import decoded, log_type
 from semmap_log.live.action_names import action_name
 from semmap_log.live.ros_node import GoalAnswer, Received, RosNode, Values
 from semmap_log.live.serving.served_doors import DOOR_DB, MARKERS_NAME
-from semmap_log.wording import counted
 
 REASON_WITHIN_S = 3.0
 """How long to listen for why a goal was aborted, where results do not say it (ROS 2)."""

@@ -8,11 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from threading import Event
 
+from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.exporting.stream import LogStream, StreamMessage
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_messages import Messages
 from semmap_log.formats.ros_types import CLOCK, encoded
-from semmap_log.keywords import knows_its_keywords
 from semmap_log.live.pace import Pace
 from semmap_log.live.ros_node import Publisher, RosNode
 

@@ -14,20 +14,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from semmap_log.commits import Durability, Note
-from semmap_log.door_log import DoorLog
-from semmap_log.door_log_writer import DoorLogWriter
+from semmap_log.batches.event_batch import one_by_one
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Durability, Note
+from semmap_log.domain.events import Event
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, RosError
-from semmap_log.event_batch import one_by_one
-from semmap_log.events import Event
 from semmap_log.formats.ros_decoding import MessageType
 from semmap_log.formats.ros_types import RosVersion, short_name
 from semmap_log.live.ros_node import Received, RosNode
 from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.mapping import EXPECTED_TOPICS, RosMapping, TopicRule
+from semmap_log.ros_mapping.topic_rules import EXPECTED_TOPICS, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Translator
-from semmap_log.wording import counted
 
 MOST_WAITING = 100_000
 """Messages; of a disk that is slower for so long the newest are dropped, and counted."""

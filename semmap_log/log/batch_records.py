@@ -11,9 +11,9 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.event_columns import NO_TIME
-from semmap_log.events import KINDS
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.event_columns import NO_TIME
+from semmap_log.domain.events import KINDS
 from semmap_log.log import records as mcap
 from semmap_log.messages import CDR_HEADER, OBJECT_KINDS, fixed_layout
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from semmap_log.events import MAX_TIME_NS
+from semmap_log.domain.events import MAX_TIME_NS
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 

@@ -14,9 +14,9 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass
 
-from semmap_log.command_lines import command_line
+from semmap_log.common.command_lines import command_line
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.commits import HASH_BYTES
+from semmap_log.log.commit_records import HASH_BYTES
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import CLOSED_MARK_NAME, DIGEST_KEY
 

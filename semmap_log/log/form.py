@@ -51,7 +51,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from semmap_log.events import KINDS, FloorMap
+from semmap_log.domain.events import KINDS, FloorMap
 from semmap_log.messages import ros_type, type_name
 
 NAMES_OF_FILES = (".mcap", ".zip")

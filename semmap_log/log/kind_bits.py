@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.events import KINDS, Event
+from semmap_log.domain.events import KINDS, Event
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,

@@ -14,7 +14,7 @@ from typing import Any
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from semmap_log.events import KINDS
+from semmap_log.domain.events import KINDS
 from semmap_log.log import records as mcap
 from semmap_log.log.form import CHANGES_KEY, LAST_EVENT_CHANNEL, NOTHING
 

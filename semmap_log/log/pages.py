@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import Commit, Durability, Note
-from semmap_log.computed_once import computed_once
+from semmap_log.batches.event_batch import EventBatch, SourcesOf
+from semmap_log.batches.event_columns import LazyColumns
+from semmap_log.common.computed_once import computed_once
+from semmap_log.domain.commits import Commit, Durability, Note
+from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap, UnknownEvent, unknown_kind
 from semmap_log.errors import CorruptLogError
-from semmap_log.event_batch import EventBatch, SourcesOf
-from semmap_log.event_columns import LazyColumns
-from semmap_log.events import DOOR_KINDS, KINDS, Event, FloorMap, UnknownEvent, unknown_kind
 from semmap_log.log import records as mcap
 from semmap_log.log.form import (
     COMMIT_CHANNEL,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from semmap_log.commits import Commit
-from semmap_log.moments import format_utc
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.moments import format_utc
 
 JUMP_NS = 60 * 10**9
 """A wall clock that moves by more than this against the monotonic clock of its boot is suspect."""

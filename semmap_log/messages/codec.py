@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.doors import DoorId
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import (
     KINDS,
     DoorAnnotated,
     Event,

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.meaning import REGISTERS
+from semmap_log.domain.meaning import REGISTERS
 
 CDR_HEADER = b"\x00\x01\x00\x00"
 """Representation identifier CDR_LE and no options."""

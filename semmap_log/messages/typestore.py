@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.events import KINDS, FloorMap
+from semmap_log.domain.events import KINDS, FloorMap
 from semmap_log.messages.layout import PACKAGE, message_text
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.estimator import Estimator, GoingOn, Learnt, Preparing
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.moments import SECOND_NS, zone
+from semmap_log.domain.moments import SECOND_NS, zone
 
 Times = NDArray[np.int64]
 HOUR_S, DAY_S, WEEK_S = 3_600, 86_400, 604_800

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.errors import LogError
 
 Stamp = tuple[int, int]

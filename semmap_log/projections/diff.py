@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
 
-from semmap_log import meaning
-from semmap_log.doors import Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.domain import meaning
+from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import CommandError
 from semmap_log.projections.history import HistoryEntry
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import SETTING_KINDS, Event
-from semmap_log.meaning import ALL_CHANGED, FIELDS, Changed, Presence
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import SETTING_KINDS, Event
+from semmap_log.domain.meaning import ALL_CHANGED, FIELDS, Changed, Presence
 
 Changes = NDArray[Any]
 """Rows of `CHANGE`, or of some of its columns."""

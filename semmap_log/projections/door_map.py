@@ -13,10 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId, DoorMap, Level, RemovedDoor
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import ADDING_KINDS, DoorAnnotated, DoorEvent, Event, FloorMap, LevelAdded
-from semmap_log.meaning import FIELDS, REGISTERS, Presence
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import Door, DoorId, DoorMap, Level, RemovedDoor
+from semmap_log.domain.events import (
+    ADDING_KINDS,
+    DoorAnnotated,
+    DoorEvent,
+    Event,
+    FloorMap,
+    LevelAdded,
+)
+from semmap_log.domain.meaning import FIELDS, REGISTERS, Presence
 from semmap_log.projections.annotations import Annotations, Stamp
 from semmap_log.projections.doors_present import DoorsPresent
 from semmap_log.projections.registers import NEVER, NOBODY, DoorColumns, writes_of

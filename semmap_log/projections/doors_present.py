@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId, DoorState
-from semmap_log.meaning import FIELDS
+from semmap_log.domain.doors import Door, DoorId, DoorState
+from semmap_log.domain.meaning import FIELDS
 from semmap_log.projections.annotations import Annotations
 
 

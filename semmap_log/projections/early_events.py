@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import SETTING_KINDS, DoorAnnotated, DoorEvent
-from semmap_log.meaning import Presence
-from semmap_log.wording import counted
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.wording import counted
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import SETTING_KINDS, DoorAnnotated, DoorEvent
+from semmap_log.domain.meaning import Presence
 
 MAY_BE_EARLY: tuple[type[DoorEvent], ...] = (
     *(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.STAYS),

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from semmap_log.commits import Commit
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import DoorEvent, Event
-from semmap_log.projections.changes import Changes, ValueChange
+from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorEvent, Event
 from semmap_log.projections.retraction import Retractions
+from semmap_log.projections.value_changes import Changes, ValueChange
 
 
 @dataclass(frozen=True, slots=True)

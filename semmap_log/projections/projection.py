@@ -1,7 +1,7 @@
 """What a projection is: a fold of events to a state, as a user writes one of their own.
 
     from collections import Counter
-    from semmap_log.events import DoorObserved
+    from semmap_log.domain.events import DoorObserved
 
     class Openings:
         '''How often each door was seen open that was seen closed before.'''
@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from semmap_log.event_batch import EventBatch
+from semmap_log.batches.event_batch import EventBatch
 
 S = TypeVar("S")
 

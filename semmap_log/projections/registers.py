@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import SETTING_KINDS, DoorEvent, Event
-from semmap_log.meaning import REGISTER_OF, REGISTERS, Presence
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import SETTING_KINDS, DoorEvent, Event
+from semmap_log.domain.meaning import REGISTER_OF, REGISTERS, Presence
 
 Array = NDArray[Any]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import Retracted
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import Retracted
 
 
 class Retractions:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 from semmap_log.projections.timeline import Timeline, Times
 
 Shares = NDArray[np.float64]

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.meaning import Presence
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.meaning import Presence
 from semmap_log.projections.door_changes import (
     STATE,
     STATE_CHANGE,
@@ -24,7 +24,7 @@ from semmap_log.projections.door_changes import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.arrow.sdk import DataFrame
+    from semmap_log.arrow.arrow_sdk import DataFrame
 
 Times = NDArray[np.int64]
 
@@ -134,8 +134,8 @@ class Timeline:
         Raises:
             MissingExtraError: pyarrow or pandas is not installed.
         """
+        from semmap_log.arrow.arrow_sdk import frame_of
         from semmap_log.arrow.intervals import interval_table
-        from semmap_log.arrow.sdk import frame_of
 
         return frame_of(
             interval_table(self.start_ns, self.end_ns, self.state, self.event, self.sightings)

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Any
 
-from semmap_log.doors import Door, DoorId, DoorState, reduced, thesis_state
+from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, thesis_state
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
+from semmap_log.domain.meaning import PLACING, Changed
 from semmap_log.errors import InvalidEventError
-from semmap_log.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
 from semmap_log.formats.problems import shown
-from semmap_log.meaning import PLACING, Changed
-from semmap_log.ros_mapping.mapping import ReadDoorMap
-from semmap_log.ros_mapping.reading import Context, TopicMessage
+from semmap_log.ros_mapping.topic_reader import Context, TopicMessage
+from semmap_log.ros_mapping.topic_rules import ReadDoorMap
 
 
 @dataclass(frozen=True, slots=True)

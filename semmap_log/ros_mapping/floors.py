@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.command_content import are_same
-from semmap_log.doors import MAX_LEVEL
-from semmap_log.events import Event, FloorMap
+from semmap_log.domain.doors import MAX_LEVEL
+from semmap_log.domain.events import Event, FloorMap
+from semmap_log.door_log.command_content import are_same
 from semmap_log.formats.problems import shown
-from semmap_log.ros_mapping.mapping import ReadFloorMap
-from semmap_log.ros_mapping.reading import Context, TopicMessage, yaw_of
+from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, yaw_of
+from semmap_log.ros_mapping.topic_rules import ReadFloorMap
 
 _NEW_LEVEL = re.compile(f"[0-9]{{1,{len(str(MAX_LEVEL))}}}")
 

@@ -7,11 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.appendable_log import AppendableLog
-from semmap_log.door_log import DoorLog
-from semmap_log.doors import Door, DoorId, DoorMap, next_door_id
-from semmap_log.errors import UnknownDoorError
-from semmap_log.events import (
+from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
+from semmap_log.domain.events import (
     DoorAnnotated,
     DoorEvent,
     Event,
@@ -19,9 +16,12 @@ from semmap_log.events import (
     PatrolFinished,
     PatrolStarted,
 )
-from semmap_log.meaning import Presence
+from semmap_log.domain.meaning import Presence
+from semmap_log.door_log.appendable_log import AppendableLog
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.errors import UnknownDoorError
+from semmap_log.folding.replay import replay
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.replay import replay
 
 
 class Known:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from semmap_log.ros_mapping.reading import yaw_of
+from semmap_log.ros_mapping.topic_reader import yaw_of
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.beliefs import DoorBelief
-from semmap_log.doors import DoorState
-from semmap_log.moments import format_local
+from semmap_log.beliefs.door_beliefs import DoorBelief
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.moments import format_local
 from semmap_log.views.belief_words import (
     CARRIED_OVER,
     labels_in,
@@ -19,7 +19,7 @@ from semmap_log.views.belief_words import (
     short_number,
     with_interval,
 )
-from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn
+from semmap_log.views.column_table import Both, Cell, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS, age
 

@@ -8,12 +8,12 @@ from typing import Protocol
 import numpy as np
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.door_labels import told_apart
-from semmap_log.doors import Door
-from semmap_log.moments import format_short
+from semmap_log.common.wording import counted
+from semmap_log.domain.doors import Door
+from semmap_log.domain.moments import format_short
+from semmap_log.door_log.door_labels import told_apart
 from semmap_log.probabilities.evidence.coverage import WEEK, spans_in_short
 from semmap_log.views.event_words import printable
-from semmap_log.wording import counted
 
 MOST_GROUPS = 3
 CARRIED_OVER = "what is said of an hour never seen is carried over from other hours"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 from semmap_log.views.costmap_shading import Rgb, shaded
 
 if TYPE_CHECKING:

@@ -9,12 +9,12 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.beliefs.evaluation import Evaluation
-from semmap_log.doors import DoorId
+from semmap_log.common.wording import counted
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.scores import Scores
-from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn, TextPicture
+from semmap_log.views.column_table import Both, Cell, ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
-from semmap_log.wording import counted
 
 Names = Mapping[DoorId, str]
 

@@ -7,8 +7,8 @@ from typing import cast
 
 from typing_extensions import assert_never
 
-from semmap_log.doors import DoorState
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import (
     AnyEvent,
     DoorAdded,
     DoorAnnotated,
@@ -27,7 +27,7 @@ from semmap_log.events import (
     RobotPose,
     UnknownEvent,
 )
-from semmap_log.meaning import PARTS, Changed
+from semmap_log.domain.meaning import PARTS, Changed
 
 
 def words_of(event: Event) -> str:

@@ -8,10 +8,10 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from semmap_log.command_lines import command_line
+from semmap_log.common.command_lines import command_line
+from semmap_log.common.wording import counted
+from semmap_log.domain.moments import format_local
 from semmap_log.log.verification.findings import Finding, Severity, Verification
-from semmap_log.moments import format_local
-from semmap_log.wording import counted
 
 if TYPE_CHECKING:
     from pathlib import Path

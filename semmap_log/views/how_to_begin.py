@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from semmap_log.command_lines import command_line
+from semmap_log.common.command_lines import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog
+    from semmap_log.door_log.door_log import DoorLog
 
 NOT_IN_THIS_PART = (
     "No door is in this part of the log. To see more of it, leave out --since, --until or --door."

@@ -7,7 +7,14 @@ from collections.abc import Iterable
 from rich.console import RenderableType
 
 from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
-from semmap_log.views.columns import Both, Cell, ColumnTable, TableColumn, drawn_cell, drawn_text
+from semmap_log.views.column_table import (
+    Both,
+    Cell,
+    ColumnTable,
+    TableColumn,
+    drawn_cell,
+    drawn_text,
+)
 
 LAYOUT = BesideLayout(gap=2, indent=2, readable=40)
 

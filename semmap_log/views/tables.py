@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.doors import Door, DoorId, DoorMap, DoorState
-from semmap_log.events import DoorUpdated, Event, RobotPose, field_names
-from semmap_log.levels import levels_of
-from semmap_log.meaning import PART_OF
-from semmap_log.moments import format_local, format_short
-from semmap_log.views.columns import (
+from semmap_log.common.wording import counted
+from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
+from semmap_log.domain.events import DoorUpdated, Event, RobotPose, field_names
+from semmap_log.domain.meaning import PART_OF
+from semmap_log.domain.moments import format_local, format_short
+from semmap_log.projections.levels import levels_of
+from semmap_log.views.column_table import (
     Both,
     Cell,
     ColumnTable,
@@ -30,13 +31,12 @@ from semmap_log.views.columns import (
 )
 from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.pairs import add_pair, pairs
-from semmap_log.wording import counted
 
 if TYPE_CHECKING:
+    from semmap_log.door_log.summary import LogSummary
     from semmap_log.log.suspicion import Suspect
     from semmap_log.projections.diff import Diff, FieldChange
     from semmap_log.projections.history import HistoryEntry
-    from semmap_log.summary import LogSummary
 
 ABSENT = "-"
 """Stands for what is not known or was not given."""

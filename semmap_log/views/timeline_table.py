@@ -7,10 +7,10 @@ from itertools import islice
 
 from rich.text import Text
 
-from semmap_log.doors import DoorState
-from semmap_log.moments import DAY_NS, SECOND_NS, format_local, format_short
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.moments import DAY_NS, SECOND_NS, format_local, format_short
 from semmap_log.projections.timeline import Interval, Timeline
-from semmap_log.views.columns import Both, ColumnTable, TableColumn, with_line_end
+from semmap_log.views.column_table import Both, ColumnTable, TableColumn, with_line_end
 from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
 
 PAGE_ROWS = 500

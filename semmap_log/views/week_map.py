@@ -23,7 +23,7 @@ from semmap_log.views.belief_words import (
     why_unknown,
     with_interval,
 )
-from semmap_log.views.columns import ColumnTable, TableColumn, TextPicture
+from semmap_log.views.column_table import ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import Rgb
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME

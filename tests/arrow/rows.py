@@ -11,12 +11,12 @@ from typing import Any
 import pyarrow as pa
 
 import semmap_log as sl
-from semmap_log.arrow.columns import COLUMNS
-from semmap_log.commands import Gatekeeper
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.arrow.table_columns import COLUMNS
+from semmap_log.batches.event_batch import RecordedEvent
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import Changed, DoorEvent, DoorUpdated, Event, FloorMap, field_names
+from semmap_log.door_log.commands import Gatekeeper
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.event_batch import RecordedEvent
-from semmap_log.events import Changed, DoorEvent, DoorUpdated, Event, FloorMap, field_names
 from tests.conftest import SteadyClock
 
 UPDATED = {

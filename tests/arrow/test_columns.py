@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from semmap_log.arrow.columns import COLUMNS, NOT_SHOWN, SAID
-from semmap_log.events import KINDS, Event, field_names
+from semmap_log.arrow.table_columns import COLUMNS, NOT_SHOWN, SAID
+from semmap_log.domain.events import KINDS, Event, field_names
 
 
 @pytest.mark.parametrize("kind", KINDS)

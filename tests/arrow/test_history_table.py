@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.arrow.history_table import HistoryTables
-from semmap_log.commits import Commit, Note
-from semmap_log.doors import DoorId
-from semmap_log.events import DoorRemoved
+from semmap_log.domain.commits import Commit, Note
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorRemoved
 from tests.batches import batch_of
 
 EVENTS = 12

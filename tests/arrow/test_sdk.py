@@ -49,7 +49,7 @@ class NoPandas:
 
 sys.meta_path.insert(0, NoPandas())
 from semmap_log.errors import MissingExtraError
-from semmap_log.event_batch import EventBatch
+from semmap_log.batches.event_batch import EventBatch
 assert 0 == EventBatch.from_events([]).to_arrow().num_rows
 try:
     EventBatch.from_events([]).to_pandas()

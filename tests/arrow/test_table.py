@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.arrow.columns import CHANGED_NAMES, KIND_NAMES, STATE_NAMES
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
+from semmap_log.arrow.table_columns import CHANGED_NAMES, KIND_NAMES, STATE_NAMES
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorObserved,

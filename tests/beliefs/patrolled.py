@@ -6,9 +6,9 @@ import datetime as dt
 from pathlib import Path
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import DoorAdded, DoorAnnotated, DoorObserved, Event
-from semmap_log.moments import DAY_NS, format_local, parse_instant
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, Event
+from semmap_log.domain.moments import DAY_NS, format_local, parse_instant
 from tests.conftest import SteadyClock
 
 VIENNA = "Europe/Vienna"

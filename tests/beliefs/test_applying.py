@@ -8,10 +8,10 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.beliefs.applying import apply_probabilities
-from semmap_log.beliefs.beliefs import HOUR_NS, probabilities
-from semmap_log.doors import DoorState
+from semmap_log.beliefs.door_beliefs import HOUR_NS, probabilities
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import Changed, DoorUpdated
 from semmap_log.errors import CommandReusedError, UnexpectedEventError
-from semmap_log.events import Changed, DoorUpdated
 from tests.beliefs.patrolled import ATTIC, FRONT, STORE, patrolled
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.beliefs import HOUR_NS, LATER, default_estimator, probabilities
+from semmap_log.beliefs.door_beliefs import HOUR_NS, LATER, default_estimator, probabilities
+from semmap_log.domain.events import DoorObserved
+from semmap_log.domain.moments import parse_instant
 from semmap_log.errors import EstimatorError, MomentError, UnknownDoorError
-from semmap_log.events import DoorObserved
-from semmap_log.moments import parse_instant
 from tests.beliefs.patrolled import ATTIC, FRONT, STORE, VIENNA, patrolled
 from tests.conftest import SteadyClock
 

@@ -9,7 +9,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.beliefs.best_times import best_runs, best_time
-from semmap_log.moments import DAY_NS, parse_instant
+from semmap_log.domain.moments import DAY_NS, parse_instant
 from tests.beliefs.patrolled import OPEN_HOURS, ROUNDS, VIENNA, patrolled
 
 HOUR_NS = 3600 * 10**9

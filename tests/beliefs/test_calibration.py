@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.calibration import Hits, calibrate, truths_of_rows
+from semmap_log.beliefs.sensor_calibration import Hits, calibrate, truths_of_rows
 from semmap_log.beliefs.trials import Stretches
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.errors import EstimatorError
 
 HOUR_NS = 3600 * 10**9
@@ -116,7 +116,7 @@ def test_made_accuracies_are_found_again(tmp_path: Path) -> None:
     )
     (tmp_path / "seen.csv").write_text("timestamp,door,state,accuracy\n" + rows)
     log_of(tmp_path)
-    from semmap_log.importing import import_file
+    from semmap_log.importing.importing import import_file
 
     with sl.append(tmp_path / "log") as log:
         import_file(log, tmp_path / "seen.csv")

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.beliefs.evaluation import evaluate, evaluate_all
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.protocol import Protocol
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved, DoorUpdated
 from semmap_log.errors import EstimatorError
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorObserved, DoorUpdated
-from semmap_log.importing import ImportOptions, import_file
+from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock

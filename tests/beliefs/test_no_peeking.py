@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.beliefs.patrol import Patrol, visited
 from semmap_log.beliefs.trials import Stretches
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorUpdated
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, DoorUpdated
 from semmap_log.probabilities.estimators import ESTIMATORS, by_name
 from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.local_clock import LocalClock

@@ -15,7 +15,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.writing import segment_chain
 from tests.live.running import DEADLINE_S
 from tests.log.logs import digest_of_records, segment_files, write_log

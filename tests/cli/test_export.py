@@ -9,7 +9,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.events import DoorAdded
+from semmap_log.domain.events import DoorAdded
 from tests.conftest import SteadyClock
 from tests.formats.marked import doors_in, shown_after
 from tests.formats.played import Played, played

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.commits import Durability
+from semmap_log.domain.commits import Durability
 from semmap_log.exporting.log_files import export
-from semmap_log.importing import import_file
+from semmap_log.importing.importing import import_file
 from tests.live.running import DEADLINE_S
 
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from tests.cli.test_verify import semmap
 from tests.log.eventful import contents, eventful_log, flip
 

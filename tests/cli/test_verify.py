@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from tests.log.eventful import contents, eventful_log, flip
 
 

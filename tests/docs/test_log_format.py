@@ -24,7 +24,7 @@ from doc_pages import ROOT, blocks_of
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.events import FloorMap, LevelAdded
+from semmap_log.domain.events import FloorMap, LevelAdded
 from semmap_log.log.form import topics
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.messages import layout

@@ -7,8 +7,8 @@ import random
 from pathlib import Path
 
 import semmap_log as sl
-from semmap_log.doors import Door, DoorMap
-from semmap_log.events import DoorAnnotated, FloorMap, LevelAdded, PatrolStarted, RobotPose
+from semmap_log.domain.doors import Door, DoorMap
+from semmap_log.domain.events import DoorAnnotated, FloorMap, LevelAdded, PatrolStarted, RobotPose
 from semmap_log.views.palette import DEFAULT, Palette
 from tests.conftest import SteadyClock
 from tests.formats.marked import Seen

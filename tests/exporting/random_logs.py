@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.commits import Note
-from semmap_log.doors import NAN, DoorState
-from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.events import (
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import NAN, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -31,6 +30,7 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock
 

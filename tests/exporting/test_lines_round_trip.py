@@ -10,17 +10,17 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.beliefs import probabilities
-from semmap_log.doors import DoorState
+from semmap_log.beliefs.door_beliefs import probabilities
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import DoorObserved, DoorRemoved, Retracted
+from semmap_log.door_log.summary import summarize
 from semmap_log.errors import FormatError
-from semmap_log.events import DoorObserved, DoorRemoved, Retracted
 from semmap_log.exporting.log_files import export
+from semmap_log.folding.replay import Scope
 from semmap_log.formats.door_json import entry_to_json
-from semmap_log.importing import Imported, import_file
+from semmap_log.importing.importing import Imported, import_file
 from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain
-from semmap_log.replay import Scope
-from semmap_log.summary import summarize
 from tests.conftest import SteadyClock
 from tests.exporting.random_logs import LATER_NS, random_log
 

@@ -16,10 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.events import Event, Retracted
+from semmap_log.domain.events import Event, Retracted
 from semmap_log.exporting.log_files import export
+from semmap_log.folding.replay import Scope
 from semmap_log.log.compaction import compact
-from semmap_log.replay import Scope
 from tests.arrow.rows import row_of, rows_of, write_any
 from tests.conftest import SteadyClock
 from tests.log.eventful import eventful_log
@@ -170,7 +170,7 @@ import resource, sys, semmap_log as sl
 from pathlib import Path
 from semmap_log.errors import OutputError
 from semmap_log.exporting.log_files import export
-import semmap_log.arrow.sdk
+import semmap_log.arrow.arrow_sdk
 log = sl.read(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))
 try:

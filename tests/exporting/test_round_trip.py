@@ -10,8 +10,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.doors import DoorMap, reduced
-from semmap_log.events import RobotPose
+from semmap_log.domain.doors import DoorMap, reduced
+from semmap_log.domain.events import RobotPose
 from semmap_log.exporting.log_bag import record_bag
 from tests.exporting.lively import lively_log
 from tests.formats.played import played

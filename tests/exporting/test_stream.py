@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorMap, reduced
+from semmap_log.domain.doors import DoorId, DoorMap, reduced
+from semmap_log.domain.events import DoorAdded, RobotPose
 from semmap_log.errors import FormatError, MomentError, OutputError
-from semmap_log.events import DoorAdded, RobotPose
 from semmap_log.exporting import in_order, stream_plan
 from semmap_log.exporting.log_bag import record_bag
 from semmap_log.exporting.stream import StreamOptions, log_stream

@@ -9,7 +9,7 @@ import pytest
 from fault_injection.clocks import DAY, LIES, NOW, LyingClock, at_random, write_by
 
 import semmap_log as sl
-from semmap_log.summary import summarize
+from semmap_log.door_log.summary import summarize
 
 
 @pytest.mark.parametrize("lie", LIES)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorObserved
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import DoorObserved
 
 
 class Numbers:

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.events import Retracted
 from semmap_log.errors import CheckpointError, OutputError
-from semmap_log.events import Retracted
 from semmap_log.folding.checkpoint import CheckpointWarning
 from tests.folding.projections import Digest, Numbers, Sums
 from tests.log.eventful import flip

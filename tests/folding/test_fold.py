@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
-from semmap_log.events import DoorObserved, Retracted
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorObserved, Retracted
 from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.log.compaction import compact
 from semmap_log.log.writing import segment_chain

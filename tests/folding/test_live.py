@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.events import Retracted
-from semmap_log.folding.live import LiveState
+from semmap_log.folding.live_fold import LiveState
 from semmap_log.log.compaction import compact
 from semmap_log.log.writing import segment_chain
 from tests.calls import MOST_CALLS_A_LOOK, calls_of
@@ -228,7 +228,7 @@ def test_waiting_costs_next_to_nothing(path: Path) -> None:
 WRITER = """
 import sys, itertools, random, time
 import semmap_log as sl
-from semmap_log.events import Retracted
+from semmap_log.domain.events import Retracted
 from semmap_log.log.writing import segment_chain
 segment_chain.ROLL_COMMITS = 17
 dice = random.Random(4)

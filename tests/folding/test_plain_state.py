@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 from semmap_log.errors import CheckpointError
 from semmap_log.folding.plain_state import dump_plain, load_plain
 

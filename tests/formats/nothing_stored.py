@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from semmap_log.commits import Commit, Note
-from semmap_log.events import Event
+from semmap_log.domain.commits import Commit, Note
+from semmap_log.domain.events import Event
 from semmap_log.formats.line_commits import LineOptions
 
 FILE_ID = bytes(range(16))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.formats.array_messages import ArrayType
 from semmap_log.formats.door_markers import DoorLook, DoorMarkers
 from semmap_log.formats.ros_messages import Messages

@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from semmap_log.doors import Level
+from semmap_log.domain.doors import Level
 from semmap_log.errors import FormatError
 from semmap_log.formats.building import read_building
 

@@ -13,13 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from semmap_log.domain.moments import both_instants
 from semmap_log.errors import FormatError, MomentError, OutputError
-from semmap_log.formats import csv_blocks, sightings
+from semmap_log.formats import csv_blocks
+from semmap_log.formats import csv_sightings as sightings
 from semmap_log.formats.csv_blocks import CsvBlocks
 from semmap_log.formats.csv_times import instants_of
 from semmap_log.formats.door_csv import read_door_csv
 from semmap_log.formats.text_column import TextCodes, TextColumn, decimals_in
-from semmap_log.moments import both_instants
 
 VIENNA = "Europe/Vienna"
 

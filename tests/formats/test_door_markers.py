@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.formats.door_markers import DoorLook, DoorMarkers, marker_id_of
 from semmap_log.formats.ros_types import MARKERS, ros_types
 

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from semmap_log.doors import MAX_DOOR_ID, NAN, DoorId, DoorState
-from semmap_log.errors import FormatError, UnknownDoorError
-from semmap_log.event_batch import RecordedEvent
-from semmap_log.events import (
+from semmap_log.batches.event_batch import RecordedEvent
+from semmap_log.domain.doors import MAX_DOOR_ID, NAN, DoorId, DoorState
+from semmap_log.domain.events import (
     KINDS,
     MAX_EVENT,
     MAX_TIME_NS,
@@ -31,9 +30,10 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.domain.meaning import ALL_CHANGED
+from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.formats.event_json import event_to_json
 from semmap_log.formats.event_json_reader import DoorLookup, parse_event_line
-from semmap_log.meaning import ALL_CHANGED
 
 NOON_NS = 1_772_366_400 * 10**9
 NOON = "2026-03-01T12:00:00.000000000Z"

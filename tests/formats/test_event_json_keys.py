@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from json_lines_page import PAGE, page
 
-from semmap_log.doors import DoorId
-from semmap_log.events import KINDS
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import KINDS
 from semmap_log.formats.event_json_keys import OF_EVERY_KIND, help_text, kinds_and_keys
 from semmap_log.formats.event_json_reader import DoorLookup, parse_event_line
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.domain.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.formats.door_json import door_map_to_json
 from semmap_log.formats.geojson import dump_geojson
 

@@ -22,11 +22,11 @@ import resource, sys
 from pathlib import Path
 resource.setrlimit(resource.RLIMIT_AS, ({MEMORY_BYTES}, {MEMORY_BYTES}))
 resource.setrlimit(resource.RLIMIT_CPU, ({SECONDS}, {SECONDS}))
-from semmap_log.doors import DoorMap
+from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import FormatError
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.formats.importing import Present
+from semmap_log.formats.import_plan import Present
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.map_server import read_map
 from semmap_log.formats.thesis_yaml import read_thesis_yaml

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semmap_log.doors import (
+from semmap_log.domain.doors import (
     MAX_DOOR_ID,
     NAN,
     Door,
@@ -16,8 +16,7 @@ from semmap_log.doors import (
     Level,
     RemovedDoor,
 )
-from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
-from semmap_log.events import (
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -26,9 +25,10 @@ from semmap_log.events import (
     LevelAdded,
     Retracted,
 )
+from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.formats.building import read_building
 from semmap_log.formats.door_table import DoorTable, TableDoor
-from semmap_log.formats.importing import Present, plan_doors
+from semmap_log.formats.import_plan import Present, plan_doors
 from semmap_log.formats.strict_yaml import parse_yaml
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml, parse_thesis_yaml
 

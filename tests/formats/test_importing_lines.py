@@ -5,12 +5,12 @@ import json
 
 import pytest
 
-from semmap_log.commits import Note
-from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
+from semmap_log.domain.events import Changed, DoorObserved, DoorUpdated, Retracted
 from semmap_log.errors import FormatError
-from semmap_log.events import Changed, DoorObserved, DoorUpdated, Retracted
 from semmap_log.formats import importing_lines
-from semmap_log.formats.importing import Present
+from semmap_log.formats.import_plan import Present
 from semmap_log.formats.importing_lines import plan_event_lines
 from semmap_log.formats.line_numbers import NumberMap
 from tests.formats.nothing_stored import FILE_ID, NothingStored, lines_of

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.doors import NAN, Door, DoorId, DoorMap, DoorState, Level, RemovedDoor
+from semmap_log.batches.event_batch import one_by_one
+from semmap_log.domain.doors import NAN, Door, DoorId, DoorMap, DoorState, Level, RemovedDoor
+from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorUpdated
 from semmap_log.errors import UnknownDoorError
-from semmap_log.event_batch import one_by_one
-from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorUpdated
 from semmap_log.formats import csv_blocks
 from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.formats.importing import Present
+from semmap_log.formats.import_plan import Present
 from semmap_log.formats.importing_sightings import plan_sightings
 
 ROWS = "1970-01-01T00:00:05,front,OPEN,0.9\n1970-01-01T00:00:06,front,CLOSED,\n"

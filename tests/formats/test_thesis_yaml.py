@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.doors import MAX_DOOR_ID, NAN, Door, DoorId, DoorMap, DoorState, reduced
+from semmap_log.domain.doors import MAX_DOOR_ID, NAN, Door, DoorId, DoorMap, DoorState, reduced
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.formats.strict_yaml import parse_yaml
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml, parse_thesis_yaml, read_thesis_yaml

@@ -9,8 +9,8 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from semmap_log.door_log import DoorLog
-from semmap_log.doors import DoorMap, reduced
+from semmap_log.domain.doors import DoorMap, reduced
+from semmap_log.door_log.door_log import DoorLog
 from tests.live.ros_world import RosWorld
 from tests.live.running import Running
 

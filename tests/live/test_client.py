@@ -12,7 +12,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_types import RosVersion

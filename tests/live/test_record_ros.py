@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.events import DoorObserved, DoorRequested, PatrolStarted, RobotPose
+from semmap_log.domain.events import DoorObserved, DoorRequested, PatrolStarted, RobotPose
 from tests.live.ros_world import RosWorld
 from tests.live.running import Running, wait_until
 from tests.ros_mapping.robots import Robot

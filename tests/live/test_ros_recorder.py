@@ -14,14 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.commits import Note
+from semmap_log.domain.commits import Note
+from semmap_log.domain.events import Event, LevelAdded
 from semmap_log.errors import CommandError, LogPoisonedError, RosError
-from semmap_log.events import Event, LevelAdded
-from semmap_log.importing import import_file
+from semmap_log.importing.importing import import_file
 from semmap_log.live import ros_recorder
 from semmap_log.live.ros_recorder import MOST_AT_ONCE, LogSink, RosRecorder
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.mapping import (
+from semmap_log.ros_mapping.topic_rules import (
     WELL_KNOWN,
     ReadDoorMap,
     ReadRmfRequest,

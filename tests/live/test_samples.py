@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.events import DoorAdded, DoorUpdated
+from semmap_log.domain.events import DoorAdded, DoorUpdated
 from tests.live.ros_world import ROOT, RosWorld
 
 PATIENT_CALL = """

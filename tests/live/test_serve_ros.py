@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.events import DoorAdded
+from semmap_log.domain.events import DoorAdded
 from tests.live.ros_world import RosWorld
 from tests.live.running import Running
 from tests.live.serving.goals import DOOR

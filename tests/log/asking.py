@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import semmap_log as sl
-from semmap_log.summary import summarize
+from semmap_log.door_log.summary import summarize
 
 Question = Callable[[sl.DoorLog], Any]
 

@@ -11,13 +11,13 @@ import pytest
 from mcap.records import Metadata
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import DoorObserved, Event
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorObserved, Event
 from semmap_log.log.compaction import compact
 from semmap_log.log.form import DIGEST_KEY, INDEX_METADATA, KEYFRAME_CHANNEL
 from semmap_log.log.header import _signed, index_metadata
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.segment import SegmentWriter
 
 

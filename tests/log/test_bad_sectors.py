@@ -14,7 +14,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, UnreadableLogError
 from semmap_log.log.compaction import compact
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.reading.window import numbers_of
 from semmap_log.log.salvage import recover_into
 from semmap_log.log.verification import verify

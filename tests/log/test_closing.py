@@ -13,12 +13,13 @@ from mcap.reader import SeekingReader
 from mcap.records import Attachment, Metadata
 
 import semmap_log as sl
+from semmap_log.domain.events import DoorAnnotated
 from semmap_log.errors import CorruptLogError
-from semmap_log.events import DoorAnnotated
 from semmap_log.log.compaction import compact
 from semmap_log.log.form import DIGEST_KEY
 from semmap_log.log.header import _signed, index_metadata
-from semmap_log.log.reading import scan, segment_head
+from semmap_log.log.reading import segment_head
+from semmap_log.log.reading import segment_scan as scan
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_reading import page_at
 from semmap_log.log.verification import Severity, verify

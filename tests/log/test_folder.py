@@ -21,9 +21,9 @@ from semmap_log.errors import (
     LogPoisonedError,
 )
 from semmap_log.log.compaction import compact
-from semmap_log.log.compaction.run import compact_segment, install_over
+from semmap_log.log.compaction.compacting import compact_segment, install_over
 from semmap_log.log.folder import LogFolder
-from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain

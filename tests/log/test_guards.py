@@ -16,10 +16,10 @@ import pytest
 from mcap.records import ChunkIndex
 
 import semmap_log as sl
-from semmap_log.commits import Note
-from semmap_log.doors import DoorId
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, DoorObserved
 from semmap_log.errors import CorruptLogError, LogPoisonedError
-from semmap_log.events import DoorAdded, DoorObserved
 from semmap_log.formats.floor_plan import MOST_CELLS
 from semmap_log.log import keyframes
 from semmap_log.log import records as mcap
@@ -32,7 +32,7 @@ from semmap_log.log.chunks import (
     most_unpacked,
     read_chunk_head,
 )
-from semmap_log.log.commits import (
+from semmap_log.log.commit_records import (
     MOST_EVENT_BYTES,
     MOST_NOTE_CHARACTERS,
     NO_HASH,
@@ -45,8 +45,8 @@ from semmap_log.log.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.reading.chunk_table import rows_of_indexes
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import last_commit
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.reading.segment_set import check_follows
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.walking import ChunkDamage, walk, walk_by_index

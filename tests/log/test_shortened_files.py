@@ -16,7 +16,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.log.compaction import compact
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from tests.log.logs import segment_files, write_log
 
 CUTS = (0, 5000, 8192, 20_000, -5000, -1)

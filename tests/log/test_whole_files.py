@@ -420,7 +420,7 @@ import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
 import semmap_log as sl
-from semmap_log.log.verification.run import verify
+from semmap_log.log.verification.verifying import verify
 print([finding.kind for finding in verify(Path(sys.argv[1])).findings])
 with sl.append(sys.argv[1]) as log:
     log.add_door()

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import KINDS, Event, FloorMap, field_names
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import KINDS, Event, FloorMap, field_names
 from semmap_log.messages import (
     OBJECT_KINDS,
     decode,

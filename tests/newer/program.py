@@ -82,7 +82,7 @@ def _add_kind(package: Path, later: Later) -> None:
     name, messages = later.kind, package / "messages"
     (messages / "msg" / f"{name}.msg").write_text(MESSAGE, encoding="ascii")
     mark = "changes_nothing: ClassVar[bool] = True" if later.is_marked else ""
-    events = package / "events.py"
+    events = package / "domain" / "events.py"
     edit(events, "\nKINDS: tuple[type[Event], ...] = (", KIND.format(name=name, mark=mark))
     edit(events, "    LogExported,\n)", f"    LogExported,\n    {name},\n)")
 

@@ -218,7 +218,7 @@ def test_recovery_keeps_marked_events_that_keep_their_numbers(
 
 _GO_ON = """
 import sys, semmap_log as sl
-from semmap_log.events import DoorWeighed
+from semmap_log.domain.events import DoorWeighed
 with sl.append(sys.argv[1]) as log:
     log.append([DoorWeighed(door_id=1, strength=3.0)])
 """

@@ -6,7 +6,7 @@ import hashlib
 
 import pytest
 
-from semmap_log.events import KINDS
+from semmap_log.domain.events import KINDS
 from semmap_log.log.form import (
     COMMIT_CHANNEL,
     FORMAT_MINOR,

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.probabilities.chain.chain import Nodes
+from semmap_log.probabilities.chain.markov_chain import Nodes
 
 Reals = NDArray[np.float64]
 

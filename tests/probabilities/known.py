@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 
 DOOR = DoorId(1)

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, DoorRemoved, Retracted
 from semmap_log.errors import EstimatorError
-from semmap_log.events import DoorAdded, DoorRemoved, Retracted
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Times
 from semmap_log.probabilities.estimators import ESTIMATORS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.errors import EstimatorError
 from semmap_log.probabilities.estimator import Learnt
 from semmap_log.probabilities.estimators import ESTIMATORS, by_name

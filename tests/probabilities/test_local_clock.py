@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from semmap_log.domain.moments import parse_instant
 from semmap_log.errors import MomentError
-from semmap_log.moments import parse_instant
 from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, LocalClock
 
 ZONES = [

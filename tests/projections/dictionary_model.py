@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from semmap_log.doors import DoorState
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,

@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.doors import DoorState
-from semmap_log.events import KINDS, DoorAnnotated, DoorEvent, Retracted
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import KINDS, DoorAnnotated, DoorEvent, Retracted
+from semmap_log.domain.meaning import REGISTERS
 from semmap_log.log.compaction import compact
 from semmap_log.log.reading import change_finder
 from semmap_log.log.reading.state import state_at
-from semmap_log.meaning import REGISTERS
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry
 from tests.log.reading.test_state import tiny_steps

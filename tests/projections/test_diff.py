@@ -16,10 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.commands import Gatekeeper
-from semmap_log.doors import DoorId, DoorMap
+from semmap_log.domain.doors import DoorId, DoorMap
+from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated, Event, FloorMap, LevelAdded
+from semmap_log.door_log.commands import Gatekeeper
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.events import Changed, DoorAdded, DoorUpdated, Event, FloorMap, LevelAdded
 from semmap_log.formats.door_json import diff_to_json, door_map_to_json
 from semmap_log.projections.diff import diff
 from tests.conftest import SteadyClock

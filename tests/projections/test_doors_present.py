@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
-from semmap_log.events import DoorAdded
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded
 
 
 def test_ids_ascend_whichever_door_was_asked_for_first(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorEvent,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import semmap_log as sl
-from semmap_log.commits import Note
-from semmap_log.events import PatrolFinished, PatrolStarted
-from semmap_log.moments import DAY_NS
-from semmap_log.projections.rounds import ROUND_KINDS, Round, rounds
+from semmap_log.domain.commits import Note
+from semmap_log.domain.events import PatrolFinished, PatrolStarted
+from semmap_log.domain.moments import DAY_NS
+from semmap_log.projections.patrol_rounds import ROUND_KINDS, Round, rounds
 from tests.conftest import SteadyClock
 
 NOON_NS = 1_772_280_000 * 10**9

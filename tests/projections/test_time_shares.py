@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.projections.time_shares import time_shares
 from semmap_log.projections.timeline import Timeline
 

@@ -13,10 +13,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import MomentError, UnknownDoorError
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorObserved,
@@ -26,6 +25,7 @@ from semmap_log.events import (
     Event,
     Retracted,
 )
+from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.messages import layout
 from semmap_log.projections.timeline import Interval, Timeline, timeline
 from tests.batches import batch_of

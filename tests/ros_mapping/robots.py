@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from semmap_log.events import Event
+from semmap_log.domain.events import Event
 from semmap_log.formats.ros_decoding import MessageType
 from semmap_log.formats.ros_types import (
     DOOR_ENTRY,
@@ -23,7 +23,7 @@ from semmap_log.formats.ros_types import (
 )
 from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.mapping import Reading, RosMapping, TopicRule
+from semmap_log.ros_mapping.topic_rules import Reading, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Made, Translator
 
 START = 1_770_000_000_000_000_000

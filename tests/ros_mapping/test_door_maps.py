@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.doors import DoorState
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -22,7 +22,7 @@ from semmap_log.events import (
     LevelAdded,
 )
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.mapping import ReadDoorMap, ReadSensor
+from semmap_log.ros_mapping.topic_rules import ReadDoorMap, ReadSensor
 from tests.ros_mapping.robots import ENTRY, START, Listener, Robot, S
 
 TOPIC = "/doors"

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from semmap_log import ros_mapping
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 from semmap_log.errors import FormatError
 from semmap_log.formats.ros_types import DOOR_MAP, GRID, POSE_STAMPED, POSE_WITH_COVARIANCE
-from semmap_log.ros_mapping.mapping import (
+from semmap_log.ros_mapping.mapping_file import read_mapping
+from semmap_log.ros_mapping.topic_rules import (
     WELL_KNOWN,
     Accuracy,
     ReadDoorMap,
@@ -24,7 +25,6 @@ from semmap_log.ros_mapping.mapping import (
     RosMapping,
     TopicRule,
 )
-from semmap_log.ros_mapping.mapping_file import read_mapping
 
 FOLDER = Path(ros_mapping.__file__).parent
 

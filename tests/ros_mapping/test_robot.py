@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStarted, RobotPose
 from semmap_log.errors import CommandError
-from semmap_log.events import Event, FloorMap, PatrolFinished, PatrolStarted, RobotPose
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.mapping import (
+from semmap_log.ros_mapping.topic_rules import (
     ReadFloorMap,
     ReadPatrol,
     ReadPose,

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -21,7 +21,7 @@ from semmap_log.events import (
     RobotPose,
 )
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.mapping import (
+from semmap_log.ros_mapping.topic_rules import (
     Accuracy,
     ReadPose,
     ReadRmfRequest,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from semmap_log.day import SLOT_NS, Day, DoorDay
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
+from semmap_log.door_log.day import SLOT_NS, Day, DoorDay
 from semmap_log.projections.time_shares import TimeShares
 from semmap_log.views.day_chart import day_chart
 

@@ -10,14 +10,14 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.cli.plain_console import PlainConsole
-from semmap_log.doors import DoorId
-from semmap_log.events import DoorAdded, DoorAnnotated, LevelAdded, RobotPose
-from semmap_log.views.excerpt.excerpt import Excerpt
-from semmap_log.views.excerpt.levels import home_of_0
-from semmap_log.views.report.report import report
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded, RobotPose
+from semmap_log.views.excerpt.shown_levels import home_of_0
+from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.report.content import report
+from semmap_log.views.rerun.contents import RecordingContents, survey
 from semmap_log.views.rerun.fitting import fits
 from semmap_log.views.rerun.scene import Scene
-from semmap_log.views.rerun.survey import RecordingContents, survey
 from semmap_log.views.tables import door_table
 from tests.browser import a_page, as_url
 from tests.views.report.pages import data_of

@@ -10,9 +10,9 @@ import pytest
 from rich.console import Console, RenderableType
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import DoorAdded, DoorAnnotated, DoorObserved, LevelAdded, Retracted
-from semmap_log.summary import summarize
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, LevelAdded, Retracted
+from semmap_log.door_log.summary import summarize
 from semmap_log.views.tables import (
     age,
     diff_table,

@@ -14,11 +14,11 @@ from benchmark import plain_beliefs
 from benchmark.case import Case, Peer, Work
 from benchmark.near import Near
 from benchmark.peers import OURS, on_cores
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.beliefs.asking import ask
-from semmap_log.beliefs.beliefs import DoorBelief, belief, probabilities
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import Changed, DoorAdded, DoorUpdated
+from semmap_log.beliefs.door_beliefs import DoorBelief, belief, probabilities
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.local_clock import LocalClock

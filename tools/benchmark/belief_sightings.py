@@ -13,9 +13,9 @@ from benchmark.case import Case, Peer, Work
 from benchmark.near import Near
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS, on_cores
-from semmap_log.doors import DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorObserved
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 
 DOORS = 100

@@ -12,7 +12,7 @@ from benchmark import plain_beliefs
 from benchmark.case import Case, Peer, Work
 from benchmark.near import Near
 from benchmark.peers import OURS, on_cores
-from semmap_log.probabilities.chain.chain import Nodes, passage
+from semmap_log.probabilities.chain.markov_chain import Nodes, passage
 from semmap_log.probabilities.chain.rates import learn_rates
 
 HOUR_S, DAY_S = 3600, 86_400

@@ -22,7 +22,7 @@ from benchmark.patrol import START_NS
 from benchmark.peers import OURS
 from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLine
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 
 if TYPE_CHECKING:
     from semmap_log.costmaps import CostmapFrame
@@ -73,7 +73,7 @@ def _changes(building: Building, count: int) -> Iterator[Change]:
 
 
 def _write(path: Path, building: Building, count: int) -> None:
-    from semmap_log.events import DoorAdded, DoorObserved, FloorMap
+    from semmap_log.domain.events import DoorAdded, DoorObserved, FloorMap
 
     clock = SimulatedClock(START_NS, bytes(16))
     geometry = building.geometry

@@ -28,7 +28,7 @@ from benchmark.plain_fold import Answer, PlainFold, answer_of, answer_of_rows, p
 from benchmark.worker import drop_from_memory
 
 if TYPE_CHECKING:
-    from semmap_log.doors import DoorMap
+    from semmap_log.domain.doors import DoorMap
 
 MOMENTS = 50
 """So many different ones are asked for, in turn."""

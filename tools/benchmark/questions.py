@@ -24,8 +24,8 @@ from benchmark.peers import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.doors import DoorId
-    from semmap_log.event_batch import EventBatch
+    from semmap_log.batches.event_batch import EventBatch
+    from semmap_log.domain.doors import DoorId
 
 DOOR = 17
 DAYS = 365
@@ -39,7 +39,7 @@ Stamps = list[tuple[int, int]]
 
 def history_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
     """Yield: all events about a door."""
-    from semmap_log.doors import DoorId
+    from semmap_log.domain.doors import DoorId
 
     per_commit = commit_sizes(count)[-1]
     log = shop.log(count, per_commit, ZSTD)

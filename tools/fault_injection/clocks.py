@@ -12,8 +12,8 @@ import numpy as np
 import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
 from fault_injection.sample import small_segments
-from semmap_log.commits import Commit
-from semmap_log.events import MAX_TIME_NS
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.events import MAX_TIME_NS
 from semmap_log.log.form import KEYFRAME_CHANNEL
 
 NOW = 1_772_400_000 * 10**9

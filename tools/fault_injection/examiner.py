@@ -13,11 +13,11 @@ import semmap_log as sl
 from fault_injection.fault import Outcome
 from fault_injection.player import Tell, Told
 from fault_injection.story import START_NS, SteadyClock, Story, digest_of
-from semmap_log.commits import Commit
-from semmap_log.door_log import DoorLog
-from semmap_log.door_log_writer import DoorLogWriter
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.commits import Commit
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import NotALogError, SemmapError
-from semmap_log.event_batch import EventBatch
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
 
 HOUR_NS = 3600 * 10**9

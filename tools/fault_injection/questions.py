@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import semmap_log as sl
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import FloorMap
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import FloorMap
 
 Question = Callable[[sl.DoorLog], Any]
 Answers = Mapping[str, Any]

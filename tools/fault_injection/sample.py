@@ -21,9 +21,9 @@ import numpy as np
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.commits import Commit, Note
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import (
+from semmap_log.domain.commits import Commit, Note
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     DoorAdded,
     DoorObserved,
     Event,

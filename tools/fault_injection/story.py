@@ -18,9 +18,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from semmap_log.commits import Note
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import (
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,

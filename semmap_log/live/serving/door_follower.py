@@ -6,14 +6,14 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from semmap_log.door_log import DoorLog
-from semmap_log.doors import DoorMap
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.events import FloorMap, Retracted
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import SemmapError
-from semmap_log.events import FloorMap, Retracted
+from semmap_log.folding.replay import Scope, replay
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_server import RESULTS
 from semmap_log.log.reading.following import FollowedCommit
-from semmap_log.replay import Scope, replay
 
 POLL_S = 0.05
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeAlias
 
-from semmap_log.doors import MAX_DOOR_ID, NAN, THESIS_STATES, DoorId, DoorState, thesis_state
+from semmap_log.domain.doors import MAX_DOOR_ID, NAN, THESIS_STATES, DoorId, DoorState, thesis_state
 from semmap_log.errors import InvalidEventError
 from semmap_log.live.ros_node import Values
 

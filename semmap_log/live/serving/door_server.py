@@ -14,10 +14,19 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from semmap_log.command_content import content_of
-from semmap_log.commits import Note
-from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.doors import Door, DoorId, DoorMap
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import Door, DoorId, DoorMap
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LogExported,
+)
+from semmap_log.domain.meaning import Changed
+from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import (
     CommandError,
     CommandReusedError,
@@ -26,12 +35,10 @@ from semmap_log.errors import (
     SemmapError,
     UnknownDoorError,
 )
-from semmap_log.events import DoorAdded, DoorRemoved, DoorUpdated, Event, FloorMap, LogExported
-from semmap_log.levels import resolve_level
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_goals import AddAsk, Ask, RemoveAsk, SaveAsk, UpdateAsk, read_goal
 from semmap_log.live.serving.saving import DoorSaver
-from semmap_log.meaning import Changed
+from semmap_log.projections.levels import resolve_level
 
 ACTIONS = ("AddDoor", "UpdateDoor", "RemoveDoor", "SaveDoorDB")
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import NoReturn
 
-from semmap_log.doors import DoorMap
+from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import OutputError
 from semmap_log.formats.thesis_yaml import dump_thesis_yaml
 from semmap_log.log.disk import refuse_own_folder, replace_file

@@ -17,10 +17,10 @@ from collections.abc import Callable, Mapping
 
 from semmap_log.costmap.door_layer import DoorLayer
 from semmap_log.costmap.layered import LayeredCostmap
-from semmap_log.costmaps.costmap import CostmapOptions, ends_of, geometry_of, layers_of
-from semmap_log.doors import Door, DoorId, DoorMap
+from semmap_log.costmaps.level_costmap import CostmapOptions, ends_of, geometry_of, layers_of
+from semmap_log.domain.doors import Door, DoorId, DoorMap
+from semmap_log.domain.events import FloorMap
 from semmap_log.errors import CostmapError
-from semmap_log.events import FloorMap
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.grid_messages import GridFrame, GridStream
 from semmap_log.formats.ros_types import GRID, GRID_UPDATE
@@ -30,7 +30,7 @@ from semmap_log.live.serving.served_topics import (
     ServedTopics,
     levels_of,
 )
-from semmap_log.projections.door_layer import line_of
+from semmap_log.projections.door_layer_fold import line_of
 
 MASTER_NAME = "semmap/costmap"
 LAYER_NAME = "semmap/door_layer"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semmap_log.doors import DoorMap
+from semmap_log.domain.doors import DoorMap
 from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.exporting.stream_topics import LevelDoors, ThesisDoors, heights_of
 from semmap_log.formats.bags import BagTopic, NewBag

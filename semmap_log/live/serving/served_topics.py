@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from semmap_log.doors import Door, DoorId, DoorMap
+from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.formats.bags import BagTopic
 from semmap_log.formats.ros_types import RosVersion, encoded
 from semmap_log.live.ros_node import Publisher, RosNode

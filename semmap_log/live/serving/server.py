@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from semmap_log.costmaps.costmap import CostmapOptions
-from semmap_log.doors import DoorMap
-from semmap_log.events import FloorMap
-from semmap_log.keywords import knows_its_keywords
+from semmap_log.costmaps.level_costmap import CostmapOptions
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.events import FloorMap
+from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.live.action_names import action_name
 from semmap_log.live.ros_node import Goal, Outcome, RosNode
 from semmap_log.live.serving.door_server import ACTIONS

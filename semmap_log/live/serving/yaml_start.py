@@ -8,18 +8,23 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from semmap_log.command_lines import command_line
-from semmap_log.commits import Note
-from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.doors import Door, DoorId, DoorMap
+from semmap_log.common.command_lines import command_line
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import Door, DoorId, DoorMap
+from semmap_log.domain.events import DoorRemoved, Event, LogExported
+from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError
-from semmap_log.events import DoorRemoved, Event, LogExported
 from semmap_log.formats.door_table import DoorTable, TableDoor
-from semmap_log.formats.importing import differences
+from semmap_log.formats.import_plan import differences
 from semmap_log.formats.thesis_yaml import read_thesis_yaml
-from semmap_log.importing import ImportOptions, command_id_of, import_file, plan_thesis_yaml
+from semmap_log.importing.importing import (
+    ImportOptions,
+    command_id_of,
+    import_file,
+    plan_thesis_yaml,
+)
 from semmap_log.live.serving.door_server import SAVED_FORMAT
-from semmap_log.wording import counted
 
 MOST_SAVES = 20
 """So many of the last files that were saved are compared."""

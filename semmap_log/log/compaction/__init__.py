@@ -3,6 +3,11 @@
 Records keep their bytes and their order; every copy is compared with what it replaces.
 """
 
-from semmap_log.log.compaction.run import Compacted, compact, compact_segment, plan_compaction
+from semmap_log.log.compaction.compacting import (
+    Compacted,
+    compact,
+    compact_segment,
+    plan_compaction,
+)
 
 __all__ = ["Compacted", "compact", "compact_segment", "plan_compaction"]

@@ -10,9 +10,9 @@ from queue import SimpleQueue
 
 from semmap_log.errors import LogError
 from semmap_log.log.bag_metadata import ClosedSegment
-from semmap_log.log.compaction.run import compact_segment, install_over
+from semmap_log.log.compaction.compacting import compact_segment, install_over
 from semmap_log.log.folder import LogFolder
-from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.segment import SegmentWriter
 
 _log = logging.getLogger("semmap_log")

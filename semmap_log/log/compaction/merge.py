@@ -18,7 +18,7 @@ from semmap_log.log.compaction.repaging import Pause
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import ROLL_BYTES
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_scan import Segment
 
 MERGE_BYTES = ROLL_BYTES
 """Records that a merged segment holds at most, uncompressed."""

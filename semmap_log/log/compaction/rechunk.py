@@ -25,9 +25,9 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.header import with_all_of
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.grammar import ReadPosition, place_behind
-from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.invariants import ReadPosition, place_behind
 from semmap_log.log.reading.segment_reading import last_commit, page_at, pages_of, statistics_of
+from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.reading.segment_set import check_follows
 from semmap_log.log.segment import SegmentWriter
 

@@ -12,7 +12,7 @@ from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.page_reading import read_page
-from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.walking import Walked
 
 Pause = Callable[[int], None]

@@ -13,8 +13,8 @@ from semmap_log.log import records as mcap
 from semmap_log.log.command_index import command_rows
 from semmap_log.log.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL
 from semmap_log.log.reading.closed_summary import ClosedSummary
-from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import pages_of
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.walking import frames
 
 _CRC_BYTES = 4

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from semmap_log.commits import Commit
+from semmap_log.domain.commits import Commit
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_scan import Segment
 
 
 class CommitFinder:

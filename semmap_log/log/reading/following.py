@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.commits import Commit
-from semmap_log.event_batch import EventBatch, RecordedEvent
+from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.domain.commits import Commit
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.newer_events import unknown_kinds, without_newer
 from semmap_log.log.reading.reader import ChunkPlace, LogReader
-from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import chunk_of
+from semmap_log.log.reading.segment_scan import Segment
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,8 @@ from semmap_log.log.header import SegmentHeader
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.byte_source import ByteSource
 from semmap_log.log.reading.chunk_table import ROW, ChunkTable
-from semmap_log.log.reading.grammar import Reading, ReadPosition
 from semmap_log.log.reading.happened_spans import SPAN, spans_of_chunks
+from semmap_log.log.reading.invariants import Reading, ReadPosition
 from semmap_log.log.reading.live_records import ChunkRun, read_part
 from semmap_log.log.reading.page_reading import kinds_of_chunks
 from semmap_log.log.reading.resync import whole_chunks

@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import KINDS
 from semmap_log.errors import NewerLogError, NewerLogWarning
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import KINDS
 from semmap_log.log.form import FORMAT_VERSION
 from semmap_log.log.kind_bits import UNKNOWN_BIT
 from semmap_log.log.newer import is_later_kind, name_of
 from semmap_log.log.pages import kinds_of
 from semmap_log.log.reading.page_reading import read_page
-from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_scan import Segment
 
 
 @dataclass(frozen=True, slots=True)

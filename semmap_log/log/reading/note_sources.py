@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import Commit
-from semmap_log.computed_once import computed_once
+from semmap_log.common.computed_once import computed_once
+from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.form import NOTE_CHANNEL

@@ -13,17 +13,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import Commit
+from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.event_batch import EventBatch, RecordedEvent
-from semmap_log.events import Retracted
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.newer_events import NewerEvents, without_newer
-from semmap_log.log.reading.passage import Progress, ReadProgress
-from semmap_log.log.reading.scan import Segment, open_segment
+from semmap_log.log.reading.progress import Progress, ReadProgress
 from semmap_log.log.reading.segment_folder import SegmentFolder
 from semmap_log.log.reading.segment_reading import (
     batches_of,
@@ -32,6 +31,7 @@ from semmap_log.log.reading.segment_reading import (
     page_at,
     pages_of,
 )
+from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.reading.segment_set import check_adjoins, check_follows
 from semmap_log.log.reading.window import EVERYTHING, Window
 from semmap_log.projections.retraction import Retractions

@@ -8,14 +8,14 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from semmap_log.command_lines import command_line
+from semmap_log.common.command_lines import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.log.bag_metadata import listed_names
 from semmap_log.log.closed_mark import ClosedMark, read_mark
 from semmap_log.log.folder import LogFolder, Version
 from semmap_log.log.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, has_name_of_file
-from semmap_log.log.reading.mapping import map_file
-from semmap_log.log.reading.scan import Segment, open_segment, read_head
+from semmap_log.log.reading.mapped_file import map_file
+from semmap_log.log.reading.segment_scan import Segment, open_segment, read_head
 from semmap_log.log.reading.segment_set import (
     SegmentSet,
     arrange,

@@ -6,7 +6,7 @@ chunks. Older logs do not have it there: then it is read from the last commit.
 
 from __future__ import annotations
 
-from semmap_log.commits import Commit
+from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.form import INDEX_METADATA
 from semmap_log.log.header import SegmentHeader, head_in_index

@@ -9,9 +9,10 @@ from itertools import repeat, tee
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import Commit
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
-from semmap_log.event_batch import EventBatch
 from semmap_log.log.bag_metadata import ClosedSegment, tells_of_newer
 from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.form import CHUNK_BYTES, count_events
@@ -21,11 +22,10 @@ from semmap_log.log.reading.ahead import ahead
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.note_sources import NoteSources
 from semmap_log.log.reading.page_reading import Unpacked, read_page, unpack
-from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_head import last_commit_in
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.reading.window import numbers_of
 from semmap_log.log.walking import ChunkDamage
-from semmap_log.wording import counted
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:

@@ -8,18 +8,18 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from semmap_log.command_lines import command_line
-from semmap_log.commits import Commit
+from semmap_log.common.command_lines import command_line
+from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.closed_mark import ClosedMark
 from semmap_log.log.form import number_in
-from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import (
     commit_of,
     end_of,
     head_before,
     last_commit,
 )
+from semmap_log.log.reading.segment_scan import Segment
 
 
 @dataclass(frozen=True, slots=True)

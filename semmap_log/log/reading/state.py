@@ -13,17 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semmap_log.common.wording import counted
 from semmap_log.errors import KeyframeWarning
 from semmap_log.log import keyframes
 from semmap_log.log.kind_bits import KEYFRAME_BIT
-from semmap_log.log.reading.passage import Progress
+from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import BEGINNING, ChunkPlace, LogReader
-from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import page_at
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.reading.window import Window, numbers_of
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.retraction import Retractions
-from semmap_log.wording import counted
 
 
 def state_at(

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.event_batch import EventBatch
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_counts, bits_of_kind_numbers
-from semmap_log.log.reading.scan import Segment
+from semmap_log.log.reading.segment_scan import Segment
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from semmap_log.events import Retracted
+from semmap_log.domain.events import Retracted
 from semmap_log.log.chunks import BuiltChunk, build_chunk
-from semmap_log.log.commits import HASH_BYTES, NO_HASH, commit_hash
+from semmap_log.log.commit_records import HASH_BYTES, NO_HASH, commit_hash
 from semmap_log.log.form import CHUNK_BYTES, COMMIT_CHANNEL, NOTE_CHANNEL
 from semmap_log.log.records import MESSAGE, message
 from semmap_log.log.salvage.renumbering import Renumbering

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from semmap_log.command_lines import command_line
+from semmap_log.common.command_lines import command_line
 from semmap_log.errors import LogAccessError
 from semmap_log.log.disk import sync_folder
 from semmap_log.log.folder import LogFolder

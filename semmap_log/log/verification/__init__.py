@@ -11,9 +11,9 @@ closing     index, summary and footer, computed anew
 run         all of it
 """
 
-from semmap_log.log.verification.chain import WholeCommit
 from semmap_log.log.verification.findings import Finding, Severity, Verification
-from semmap_log.log.verification.run import Progress, Verifier, verify
+from semmap_log.log.verification.hash_chain import WholeCommit
+from semmap_log.log.verification.verifying import Progress, Verifier, verify
 
 __all__ = [
     "Finding",

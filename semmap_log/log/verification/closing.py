@@ -36,7 +36,7 @@ from semmap_log.log.form import (
 from semmap_log.log.header import LogInfo, SegmentHeader, head_in_index, read_index
 from semmap_log.log.segment import Head, attachment_index, channel_record
 from semmap_log.log.verification.file_bytes import FileBytes
-from semmap_log.log.verification.files import FOOTER_BYTES, first_bytes
+from semmap_log.log.verification.file_heads import FOOTER_BYTES, first_bytes
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, name_of_record
 from semmap_log.messages import layout

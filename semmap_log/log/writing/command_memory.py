@@ -16,12 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from semmap_log.commits import Commit
+from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_reading import commit_of
+from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing.stored_commands import StoredCommands
 

@@ -13,8 +13,8 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import TORN_SUFFIX
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.byte_source import blocks
-from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import read_chunk
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.segment import SegmentWriter
 
 

@@ -28,8 +28,8 @@ from semmap_log.log.form import (
     segment_name,
 )
 from semmap_log.log.header import SegmentHeader
-from semmap_log.log.reading.scan import Segment
 from semmap_log.log.reading.segment_reading import statistics_of
+from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing.recovery import reopened
 

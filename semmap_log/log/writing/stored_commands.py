@@ -8,12 +8,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.commits import Commit
+from semmap_log.domain.commits import Commit
 from semmap_log.log.command_index import fingerprint
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading.command_rows import rows_of
-from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_reading import commit_of
+from semmap_log.log.reading.segment_scan import Segment, open_segment
 
 _LOW = np.uint64(0xFFFF_FFFF)
 _HIGH = np.uint64(0xFFFF_FFFF_0000_0000)

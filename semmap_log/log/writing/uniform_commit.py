@@ -15,9 +15,9 @@ from zlib import crc32
 import numpy as np
 from mcap.opcode import Opcode
 
-from semmap_log.commits import Commit, Note
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import Event
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.commits import Commit, Note
+from semmap_log.domain.events import Event
 from semmap_log.log import records as mcap
 from semmap_log.log.batch_records import (
     Start,
@@ -27,7 +27,7 @@ from semmap_log.log.batch_records import (
     span_of,
 )
 from semmap_log.log.chunks import BuiltChunk, ChunkFacts
-from semmap_log.log.commits import Stamp, closing_record
+from semmap_log.log.commit_records import Stamp, closing_record
 from semmap_log.log.form import COMMIT_CHANNEL, COMPRESS_FROM_BYTES
 from semmap_log.messages import CDR_HEADER, OBJECT_KINDS, field_getter, fixed_layout
 

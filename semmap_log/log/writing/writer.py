@@ -6,13 +6,13 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from semmap_log.commits import NO_CONTENT, Commit, Durability, Note
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.commits import NO_CONTENT, Commit, Durability, Note
+from semmap_log.domain.events import Event
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import Event
 from semmap_log.log.clock import Clock, SystemClock, believable_ns
 from semmap_log.log.command_index import COMMAND_ID_BYTES
-from semmap_log.log.commits import NO_HASH, CommitBuilder, Entropy, Stamp
+from semmap_log.log.commit_records import NO_HASH, CommitBuilder, Entropy, Stamp
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.lock import WriterLock

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.events import Retracted
+from semmap_log.domain.events import Retracted
 from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY

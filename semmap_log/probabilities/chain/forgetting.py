@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.moments import SECOND_NS
-from semmap_log.probabilities.chain.chain import Nodes, Rates
+from semmap_log.domain.moments import SECOND_NS
+from semmap_log.probabilities.chain.markov_chain import Nodes, Rates
 from semmap_log.probabilities.chain.nodes import Looks
 from semmap_log.probabilities.chain.rates import START_PER_S, learn_rates
 from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, LocalClock

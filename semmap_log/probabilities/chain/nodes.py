@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.moments import SECOND_NS
-from semmap_log.probabilities.chain.chain import Nodes
+from semmap_log.domain.moments import SECOND_NS
+from semmap_log.probabilities.chain.markov_chain import Nodes
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.visits import MOST_ACCURACY
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock

@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.probabilities.chain.chain import (
+from semmap_log.probabilities.chain.markov_chain import (
     CLOSED,
     OPEN,
     ChainLikelihoods,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.wording import counted
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
-from semmap_log.wording import counted
 
 DAYS, HOURS = 7, 24
 WEEK = (DAYS, HOURS)

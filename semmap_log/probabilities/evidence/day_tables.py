@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.moments import HOUR_NS
+from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.stretches import Times, covered_ns
 from semmap_log.probabilities.local_clock import Hours, LocalClock

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import MAX_TIME_NS
-from semmap_log.meaning import Presence
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import MAX_TIME_NS
+from semmap_log.domain.meaning import Presence
 from semmap_log.probabilities.evidence.known_intervals import known_intervals
 from semmap_log.probabilities.evidence.reports import Reports, Rows, Sensors
 from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, llr_of, visits_of

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorState
-from semmap_log.events import MAX_TIME_NS
-from semmap_log.meaning import Presence
-from semmap_log.moments import DAY_NS
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import MAX_TIME_NS
+from semmap_log.domain.meaning import Presence
+from semmap_log.domain.moments import DAY_NS
 from semmap_log.probabilities.evidence.reports import Rows
 from semmap_log.projections.door_changes import are_sightings, of_presence
 

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import MAX_TIME_NS, STATE_KINDS, Event, field_names
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import MAX_TIME_NS, STATE_KINDS, Event, field_names
 from semmap_log.projections.door_changes import (
     STATE,
     STATE_CHANGE,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.moments import SECOND_NS
+from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.stretches import covered_ns
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.moments import SECOND_NS
+from semmap_log.domain.moments import SECOND_NS
 
 REPEATS_NS = 60 * SECOND_NS
 """A sighting less than that after the one before of the same sensor is of its pass."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.samples import KnownTime
 from semmap_log.probabilities.forecast import PRIOR_P, Forecast

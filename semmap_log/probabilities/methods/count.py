@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
-from semmap_log.moments import HOUR_NS
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.stretches import covered_ns
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast

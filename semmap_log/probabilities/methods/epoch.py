@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.probabilities.chain.chain import Steps, filtered
 from semmap_log.probabilities.chain.forgetting import Forgetting
+from semmap_log.probabilities.chain.markov_chain import Steps, filtered
+from semmap_log.probabilities.chain.matrix_scan import states
 from semmap_log.probabilities.chain.nodes import CERTAIN_LLR, LOOK_NS, Looks
-from semmap_log.probabilities.chain.scan import states
 from semmap_log.probabilities.forecast import LEAST
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.schedule import DoorSchedule

@@ -15,9 +15,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.computed_once import computed_once
-from semmap_log.doors import DoorId
-from semmap_log.moments import SECOND_NS
+from semmap_log.common.computed_once import computed_once
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of
 from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, lessons, looks
 from semmap_log.probabilities.evidence.evidence import DoorEvidence

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
-from semmap_log.moments import SECOND_NS
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.samples import SAMPLE_S, KnownTime
 from semmap_log.probabilities.forecast import Forecast

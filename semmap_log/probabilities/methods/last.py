@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import LocalClock

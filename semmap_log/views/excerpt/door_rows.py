@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door
-from semmap_log.events import DoorAdded
-from semmap_log.meaning import FIELDS
+from semmap_log.domain.doors import Door
+from semmap_log.domain.events import DoorAdded
+from semmap_log.domain.meaning import FIELDS
 from semmap_log.projections.door_changes import CHANGE, EVERYTHING, Changes, Stamp, is_before
 
 ALWAYS: Stamp = (-1, -1)

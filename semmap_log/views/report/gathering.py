@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import (
     DoorAdded,
     DoorAnnotated,
     DoorPassed,
@@ -28,7 +28,7 @@ from semmap_log.events import (
 )
 from semmap_log.projections.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
-from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.span import Excerpt
 
 POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4")])
 STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])

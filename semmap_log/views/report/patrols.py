@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.projections.rounds import ROUND_KINDS, rounds
+from semmap_log.projections.patrol_rounds import ROUND_KINDS, rounds
 from semmap_log.views.zone_times import MS_NS, Span
 
 if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog
+    from semmap_log.door_log.door_log import DoorLog
 
 
 def rounds_of(log: DoorLog, span: Span) -> list[list[Any]]:

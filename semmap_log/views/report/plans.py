@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from semmap_log.doors import DoorMap
-from semmap_log.events import FloorMap
+from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.events import FloorMap
 from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import strips_of
-from semmap_log.views.report.doors import DoorStory
+from semmap_log.views.report.door_stories import DoorStory
 from semmap_log.views.report.gathering import Rows
 
 if TYPE_CHECKING:
-    from semmap_log.views.excerpt.excerpt import Excerpt
+    from semmap_log.views.excerpt.span import Excerpt
 
 MOST_CELLS = 2000
 """Along a side of the picture; of a finer map several cells become one, the darkest of them."""

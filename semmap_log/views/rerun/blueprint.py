@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from typing import Any
 
 from semmap_log.beliefs.typical_week import TypicalWeek
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.beliefs import MOST_CURVES, MOST_WEEKS, BeliefsShown
-from semmap_log.views.rerun.costmap import COSTMAP, has_costmap
+from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, BeliefsShown
+from semmap_log.views.rerun.costmap_pictures import COSTMAP, has_costmap
 from semmap_log.views.rerun.nothing import NOTHING
-from semmap_log.views.rerun.robot import track_path
-from semmap_log.views.rerun.rounds import ROUNDS, Lane
+from semmap_log.views.rerun.rerun_sdk import rr, rrb
+from semmap_log.views.rerun.robot_track import track_path
+from semmap_log.views.rerun.round_lanes import ROUNDS, Lane
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
-from semmap_log.views.rerun.sdk import rr, rrb
-from semmap_log.views.rerun.weeks import sheet_of, weeks_on, weeks_path
+from semmap_log.views.rerun.week_pictures import sheet_of, weeks_on, weeks_path
 
 MOST_LANES = 16
 """With more doors than this, a tab of the liveliest stands before that of all doors."""

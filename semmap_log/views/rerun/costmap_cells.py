@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from semmap_log.costmap.costs import NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLine, cells_of
 from semmap_log.costmap.grid import MOST_CELLS, CellWindow, GridGeometry
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.projections.door_changes import CHANGE, Changes
 from semmap_log.views.rerun.costmap_doors import DoorRows, Order
 

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.doors import DoorState
+from semmap_log.domain.doors import DoorState
 from semmap_log.projections.door_changes import CHANGE, Changes
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
 from semmap_log.views.excerpt.door_rows import Edge, strips_of
 from semmap_log.views.palette import Palette, packed
-from semmap_log.views.rerun.costmap import CostmapWriter
 from semmap_log.views.rerun.costmap_doors import DoorRows
+from semmap_log.views.rerun.costmap_pictures import CostmapWriter
+from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import HAPPENED, RowWriter, rgba
 from semmap_log.views.rerun.scene import SceneDoor
-from semmap_log.views.rerun.sdk import rr
 
 MOST_NAMES = 20
 """On a level with more doors their names would lie on each other: there, ids stand for them."""

@@ -7,25 +7,25 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from semmap_log.commits import Commit
-from semmap_log.event_batch import EventBatch
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.commits import Commit
 from semmap_log.projections.door_changes import door_changes
-from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.beliefs import BeliefsShown, write_beliefs
-from semmap_log.views.rerun.costmap import CostmapWriter
-from semmap_log.views.rerun.doors import DoorsWriter
+from semmap_log.views.rerun.belief_curves import BeliefsShown, write_beliefs
+from semmap_log.views.rerun.costmap_pictures import CostmapWriter
+from semmap_log.views.rerun.door_entities import DoorsWriter
 from semmap_log.views.rerun.drawable import drawable
-from semmap_log.views.rerun.event_lines import EventLines
-from semmap_log.views.rerun.events import EventsWriter
+from semmap_log.views.rerun.event_markers import EventsWriter
 from semmap_log.views.rerun.floor import write_floors
+from semmap_log.views.rerun.log_lines import EventLines
 from semmap_log.views.rerun.nothing import write_nothing
 from semmap_log.views.rerun.pump import pumped
-from semmap_log.views.rerun.robot import RobotWriter
-from semmap_log.views.rerun.rounds import Lane, write_rounds
+from semmap_log.views.rerun.rerun_sdk import rr
+from semmap_log.views.rerun.robot_track import RobotWriter
+from semmap_log.views.rerun.round_lanes import Lane, write_rounds
 from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import Scene
-from semmap_log.views.rerun.sdk import rr
 from semmap_log.views.rerun.thinning import LeftOut
 
 APPLICATION_ID = "semmap_log"

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import (
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import (
     DoorAdded,
     DoorAnnotated,
     DoorRemoved,
@@ -20,8 +20,8 @@ from semmap_log.events import (
     RobotPose,
 )
 from semmap_log.views.bounds import Bounds
+from semmap_log.views.rerun.contents import RecordingContents
 from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
-from semmap_log.views.rerun.survey import RecordingContents
 
 NEVER_FIT = (Retracted, LevelAdded, FloorMap, PatrolStarted, PatrolFinished)
 MAY_CHANGE_THE_SCENE = (DoorAdded, DoorRemoved, DoorAnnotated, DoorUpdated)

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.events import FloorMap
+from semmap_log.domain.events import FloorMap
 from semmap_log.views.palette import Palette
+from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import Scene, SceneLevel
-from semmap_log.views.rerun.sdk import rr
 
 
 def write_floors(writer: RowWriter, scene: Scene, palette: Palette) -> None:

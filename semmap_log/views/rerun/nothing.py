@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.how_to_begin import NOT_IN_THIS_PART, how_to_begin
 from semmap_log.views.rerun.drawable import drawable
+from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import Scene
-from semmap_log.views.rerun.sdk import rr
 
 NOTHING = "nothing"
 

@@ -21,16 +21,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.doors import DoorId
-from semmap_log.events import RobotPose
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import RobotPose
 from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
-from semmap_log.views.excerpt.excerpt import Excerpt, instant_ns
+from semmap_log.views.excerpt.span import Excerpt, instant_ns
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.rerun.survey import survey
+from semmap_log.views.rerun.contents import survey
 from semmap_log.views.rerun.thinning import LeftOut
 
 if TYPE_CHECKING:
-    from semmap_log.door_log import DoorLog, Time
+    from semmap_log.door_log.door_log import DoorLog, Time
     from semmap_log.views.rerun.scene import Scene
 
 LOOK_BACK_NS = 86_400 * 10**9
@@ -85,10 +85,10 @@ def save_rrd(
             there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.
-    from semmap_log.views.rerun.beliefs import beliefs_to_show
+    from semmap_log.views.rerun.belief_curves import beliefs_to_show
     from semmap_log.views.rerun.blueprint import layout
     from semmap_log.views.rerun.file import write_recording
-    from semmap_log.views.rerun.rounds import round_lanes
+    from semmap_log.views.rerun.round_lanes import round_lanes
 
     refuse_own_folder(log.path, path)
     started = time.monotonic()

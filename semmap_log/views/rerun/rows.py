@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Rgb, packed
+from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.scene import EntityPath
-from semmap_log.views.rerun.sdk import rr
 
 HAPPENED, RECORDED, EVENT = "happened", "recorded", "event"
 """The timelines: when it happened, when the log learnt it, the event's number."""

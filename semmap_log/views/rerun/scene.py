@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import Door, DoorId
-from semmap_log.events import FloorMap
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.events import FloorMap
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.door_rows import Edge, Life
 from semmap_log.views.rerun.knowledge import KnownDoor

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.doors import DoorId
-from semmap_log.events import DoorObserved, DoorPassed
-from semmap_log.meaning import Changed
+from semmap_log.common.wording import counted
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorObserved, DoorPassed
+from semmap_log.domain.meaning import Changed
 from semmap_log.projections.door_changes import Changes
 from semmap_log.views.excerpt.door_rows import NO_STATE, by_door
 from semmap_log.views.rerun.scene import Scene, SceneDoor
-from semmap_log.wording import counted
 
 FULL_UP_TO = 50_000
 """Events."""

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable
 from typing import Any
 
-from semmap_log.events import Changed
+from semmap_log.domain.events import Changed
 from semmap_log.live.ros_node import Goal
 
 DOOR = {"pos_x": 2.0, "pos_y": 1.5, "pos_theta": 0.0, "width": 0.9, "door_state": "CLOSED",

@@ -11,8 +11,8 @@ import pytest
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.doors import Door, DoorId, DoorState
-from semmap_log.events import Changed, DoorUpdated, LevelAdded
+from semmap_log.domain.doors import Door, DoorId, DoorState
+from semmap_log.domain.events import Changed, DoorUpdated, LevelAdded
 from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving.door_server import DoorServer
 from semmap_log.live.serving.saving import DoorSaver

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.doors import Door
+from semmap_log.domain.doors import Door
 from semmap_log.live.serving.door_server import DoorServer
 from semmap_log.live.serving.saving import DoorSaver
 from tests.live.serving.door_servers import events_in

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 import semmap_log as sl
-from semmap_log.events import LogExported
+from semmap_log.domain.events import LogExported
 from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving import saving
 from semmap_log.live.serving.door_server import DoorServer

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.events import LevelAdded
+from semmap_log.domain.events import LevelAdded
 from semmap_log.live.serving.served_doors import ServedDoors
 from semmap_log.live.serving.served_topics import LevelNames, ServedTopics, levels_of
 from tests.live.collecting_node import CollectingNode

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorMap
+from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import LogError
 from semmap_log.live.action_names import DEFAULTS
 from semmap_log.live.ros_node import Goal

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved, DoorRemoved, DoorUpdated
 from semmap_log.errors import CommandError
-from semmap_log.events import DoorAdded, DoorObserved, DoorRemoved, DoorUpdated
 from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving.door_server import DoorServer
 from semmap_log.live.serving.saving import DoorSaver

@@ -21,8 +21,8 @@ from semmap_log.log.compaction import background, compact_segment
 from semmap_log.log.compaction.background import BackgroundCompactor
 from semmap_log.log.compaction.rechunk import needs_compaction
 from semmap_log.log.folder import LogFolder
-from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_reading import statistics_of
+from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing import segment_chain
 from tests.log.logs import digest_of_records, segment_files, write_log

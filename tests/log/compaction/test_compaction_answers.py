@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.door_log_writer import DoorLogWriter
-from semmap_log.events import DoorObserved, FloorMap, LevelAdded, Retracted, RobotPose
+from semmap_log.domain.events import DoorObserved, FloorMap, LevelAdded, Retracted, RobotPose
+from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.log.compaction import compact, merge, repaging
 from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock

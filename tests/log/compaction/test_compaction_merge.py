@@ -12,14 +12,14 @@ import pytest
 import yaml
 
 import semmap_log as sl
+from semmap_log.domain.events import Event
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
-from semmap_log.events import Event
 from semmap_log.log.compaction import Compacted, compact, merge, plan_compaction, repaging
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import page_at
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.writing import segment_chain
 from tests.log.logs import answers, digest_of_records, segment_files, sightings, write_log
 

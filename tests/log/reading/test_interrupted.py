@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorObserved, Retracted
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
 from semmap_log.log.keyframes import encode
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.state import state_at

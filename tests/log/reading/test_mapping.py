@@ -12,11 +12,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, NotALogError, UnreadableLogError
-from semmap_log.log.reading import chunk_table, live_records, live_scan, mapping
+from semmap_log.log.reading import chunk_table, live_records, live_scan
+from semmap_log.log.reading import mapped_file as mapping
 from semmap_log.log.reading.chunk_table import ChunkTable
-from semmap_log.log.reading.mapping import MappedFile, map_file
+from semmap_log.log.reading.mapped_file import MappedFile, map_file
 from semmap_log.log.reading.page_reading import read_page
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from tests.log.eventful import eventful_log
 from tests.log.logs import segment_files, write_log
 

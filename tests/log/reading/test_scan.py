@@ -13,19 +13,20 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.commits import Commit, Durability, Note
-from semmap_log.doors import DoorId
+from semmap_log.domain.commits import Commit, Durability, Note
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAnnotated, DoorObserved, Event
 from semmap_log.errors import CorruptLogError
-from semmap_log.events import DoorAnnotated, DoorObserved, Event
 from semmap_log.log import records as mcap
-from semmap_log.log.commits import NO_HASH, CommitBuilder, Stamp
+from semmap_log.log.commit_records import NO_HASH, CommitBuilder, Stamp
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.keyframes import keyframe_chunk
-from semmap_log.log.reading import live_records, scan
+from semmap_log.log.reading import live_records
+from semmap_log.log.reading import segment_scan as scan
 from semmap_log.log.reading.resync import whole_chunks
-from semmap_log.log.reading.scan import Segment, open_segment
 from semmap_log.log.reading.segment_reading import pages_of
+from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.projections.door_map import DoorMapState
 

@@ -17,10 +17,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    Event,
+    LevelAdded,
+    Retracted,
+)
 from semmap_log.errors import CorruptLogError, KeyframeWarning, LogError
-from semmap_log.events import DoorAdded, DoorAnnotated, DoorObserved, Event, LevelAdded, Retracted
-from semmap_log.log import commits, keyframes
+from semmap_log.log import commit_records as commits
+from semmap_log.log import keyframes
 from semmap_log.log.compaction import compact, repaging
 from semmap_log.log.form import CHUNK_BYTES
 from semmap_log.log.keyframes import encode

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import KINDS, DoorAdded, DoorObserved, PatrolStarted
 from semmap_log.errors import CorruptLogError
-from semmap_log.events import KINDS, DoorAdded, DoorObserved, PatrolStarted
 from semmap_log.log.compaction import compact
 from semmap_log.log.reading import segment_reading
 from semmap_log.log.reading.chunk_table import ChunkTable

@@ -14,15 +14,15 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
+from semmap_log.domain.events import Retracted
 from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogLockedError
-from semmap_log.events import Retracted
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import RECOVERING_NAME
 from semmap_log.log.lock import WriterLock
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.salvage import recover, recover_into, survey, swap
+from semmap_log.log.salvage.recovered_log import ACTOR
 from semmap_log.log.salvage.renumbering import Renumbering
-from semmap_log.log.salvage.writing import ACTOR
 from semmap_log.log.verification import verify
 from tests.log.eventful import contents, eventful_log, flip
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, Retracted
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, Retracted
 from semmap_log.log.verification import verify
 from semmap_log.projections.door_map import DoorMapState
 from tests.log.reading.test_state import START_NS, sightings, tiny_steps

@@ -19,8 +19,8 @@ from semmap_log.log.compaction import compact
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.kind_bits import KEYFRAME_BIT
-from semmap_log.log.reading.scan import open_segment
 from semmap_log.log.reading.segment_reading import read_chunk
+from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.verification import Finding, Severity, Verification, verify
 from semmap_log.log.walking import frames
 from tests.log.eventful import contents, eventful_log, flip
@@ -534,7 +534,7 @@ def test_a_keyframe_that_a_retraction_reaches_behind(tmp_path: Path) -> None:
     A retraction of what an earlier segment holds: the keyframes after it are compared with a new
     fold, those before it with the old one.
     """
-    from semmap_log.events import Retracted
+    from semmap_log.domain.events import Retracted
     from semmap_log.log.writing import segment_chain
 
     with pytest.MonkeyPatch.context() as patch:

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved, Event
 from semmap_log.errors import CommandReusedError, CorruptLogError
-from semmap_log.events import DoorAdded, DoorObserved, Event
 from semmap_log.log import command_index
 from semmap_log.log.command_index import fingerprint
 from semmap_log.log.compaction import compact

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.commits import Durability
+from semmap_log.domain.commits import Durability
+from semmap_log.domain.events import DoorObserved, PatrolStarted
 from semmap_log.errors import InvalidEventError, LogPoisonedError
-from semmap_log.events import DoorObserved, PatrolStarted
 from semmap_log.log.writing import segment_chain
 from semmap_log.log.writing.durability import BatchTimer
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.events import DoorObserved, Event, FloorMap, LevelAdded
 from semmap_log.errors import (
     CommandError,
     LogAccessError,
@@ -23,7 +24,6 @@ from semmap_log.errors import (
     LogLockedError,
     LogPoisonedError,
 )
-from semmap_log.events import DoorObserved, Event, FloorMap, LevelAdded
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.writing import segment_chain

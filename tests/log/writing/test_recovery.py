@@ -15,7 +15,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.reading.scan import open_segment
+from semmap_log.log.reading.segment_scan import open_segment
 from tests.conftest import SteadyClock
 
 

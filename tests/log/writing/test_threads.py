@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
+from semmap_log.batches.event_batch import RecordedEvent
+from semmap_log.domain.events import DoorAnnotated
 from semmap_log.errors import LogPoisonedError
-from semmap_log.event_batch import RecordedEvent
-from semmap_log.events import DoorAnnotated
 from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain
 from semmap_log.log.writing.durability import BatchTimer

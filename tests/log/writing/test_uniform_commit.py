@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.commits import Durability, Note
-from semmap_log.log.commits import CommitBuilder, Stamp
+from semmap_log.domain.commits import Durability, Note
+from semmap_log.log.commit_records import CommitBuilder, Stamp
 from semmap_log.log.writing.uniform_commit import FEW, MOST, uniform_commit
 from semmap_log.messages import OBJECT_KINDS
 from tests.strategies import events, fixed_size
@@ -69,8 +69,8 @@ def test_it_leaves_large_commits_alone() -> None:
     """
     Those are compressed, or split.
     """
-    from semmap_log.doors import DoorId
-    from semmap_log.events import DoorRemoved, RobotPose
+    from semmap_log.domain.doors import DoorId
+    from semmap_log.domain.events import DoorRemoved, RobotPose
 
     stamp = Stamp(0, 1, bytes(32), bytes(16), 1, 1, bytes(16))
     assert uniform_commit(stamp, Note(), [DoorRemoved(door_id=DoorId(1))] * MOST) is not None

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, DoorObserved, FloorMap, RobotPose
 from semmap_log.errors import (
     InvalidEventError,
     LogError,
@@ -25,9 +26,8 @@ from semmap_log.errors import (
     LogPoisonedError,
     NotALogError,
 )
-from semmap_log.events import DoorAdded, DoorObserved, FloorMap, RobotPose
-from semmap_log.log import commits
-from semmap_log.log.commits import commit_hash
+from semmap_log.log import commit_records as commits
+from semmap_log.log.commit_records import commit_hash
 from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock

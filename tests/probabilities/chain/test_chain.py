@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.chain import Nodes, Rates, passage, steps_of
+from semmap_log.probabilities.chain.markov_chain import Nodes, Rates, passage, steps_of
 
 RATES = Rates(np.array([1 / 7200, 1 / 900]), np.array([1 / 3600, 1 / 30_000]))
 

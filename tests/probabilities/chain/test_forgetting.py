@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.chain import Rates
 from semmap_log.probabilities.chain.forgetting import START, Forgetting, forgettings_of
+from semmap_log.probabilities.chain.markov_chain import Rates
 from semmap_log.probabilities.chain.nodes import Looks, looks
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.chains import HOUR_S, looked_at, states_at

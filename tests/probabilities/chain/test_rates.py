@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.chain import Nodes, Rates, passage
+from semmap_log.probabilities.chain.markov_chain import Nodes, Rates, passage
 from semmap_log.probabilities.chain.rates import LEAST_PER_S, MOST_PER_S, PRIOR_S, learn_rates
 from tests.probabilities.chains import HOUR_S, looked_at, states_at
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.scan import states
+from semmap_log.probabilities.chain.matrix_scan import states
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 16, 17, 1000])

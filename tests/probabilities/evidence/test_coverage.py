@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from semmap_log.doors import DoorId
-from semmap_log.moments import parse_instant
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import parse_instant
 from semmap_log.probabilities.evidence.coverage import (
     WEEK,
     Coverage,

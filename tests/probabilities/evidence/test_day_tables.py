@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.day_tables import DayTables, day_tables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock

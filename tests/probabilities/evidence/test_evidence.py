@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import DoorAdded, DoorObserved
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved
 from semmap_log.probabilities.evidence.evidence import (
     Counts,
     DoorEvidence,

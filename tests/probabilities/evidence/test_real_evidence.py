@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.importing import ImportOptions, import_file
+from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.probabilities.evidence.day_tables import day_tables
 from semmap_log.probabilities.evidence.evidence import EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock

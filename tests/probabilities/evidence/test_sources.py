@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.commits import Note
-from semmap_log.doors import DoorState
-from semmap_log.events import DoorObserved
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import DoorObserved
 from semmap_log.probabilities.evidence.day_tables import day_tables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence, EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock

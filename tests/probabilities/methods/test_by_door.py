@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.methods.by_door import MOST_DOORS, LearntByDoor

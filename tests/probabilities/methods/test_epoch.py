@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.chain import Rates
 from semmap_log.probabilities.chain.forgetting import Forgetting
+from semmap_log.probabilities.chain.markov_chain import Rates
 from semmap_log.probabilities.chain.nodes import CERTAIN_LLR, Looks, looks
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.filter import DoorFilter, Filter

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.doors import DoorId
-from semmap_log.event_batch import EventBatch
-from semmap_log.events import Changed, DoorAdded, DoorUpdated
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated
 from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.filter import Filter

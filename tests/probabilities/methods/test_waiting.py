@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.filter import DoorFilter, Filter, LearntFilter
 from tests.probabilities.chains import stretches_of

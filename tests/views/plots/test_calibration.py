@@ -13,7 +13,7 @@ from semmap_log.beliefs.evaluation import Evaluation, evaluate
 from semmap_log.beliefs.protocol import Protocol
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.scores import BINS
-from semmap_log.views.plots.calibration import draw_calibration, plot_calibration
+from semmap_log.views.plots.reliability import draw_calibration, plot_calibration
 from tests.beliefs.patrolled import patrolled
 
 

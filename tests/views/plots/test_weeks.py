@@ -14,10 +14,10 @@ import pytest
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
-from semmap_log.doors import DoorId
+from semmap_log.domain.doors import DoorId
 from semmap_log.errors import FormatError, MissingExtraError, OutputError
-from semmap_log.views.plots.sdk import letters_of
-from semmap_log.views.plots.weeks import MOST_PANELS, UNSURE, draw_weeks, plot_weeks
+from semmap_log.views.plots.matplotlib_sdk import letters_of
+from semmap_log.views.plots.typical_weeks import MOST_PANELS, UNSURE, draw_weeks, plot_weeks
 from tests.beliefs.patrolled import patrolled
 
 
@@ -120,7 +120,7 @@ def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
         monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[plots\]'"):
-        import semmap_log.views.plots.weeks  # noqa: F401
+        import semmap_log.views.plots.typical_weeks  # noqa: F401
 
 
 def test_a_name_without_letters_gives_way_to_the_number(weeks: list[TypicalWeek]) -> None:

@@ -15,10 +15,10 @@ import pytest
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
-from semmap_log.events import DoorAdded
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
-from semmap_log.views.report.report import report
+from semmap_log.views.report.content import report
 from tests.browser import Page, a_page, as_url
 from tests.conftest import SteadyClock
 from tests.views.report.pages import (

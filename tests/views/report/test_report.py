@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorObserved, LogExported, PatrolStarted
 from semmap_log.errors import MomentError
-from semmap_log.events import DoorObserved, LogExported, PatrolStarted
-from semmap_log.views.report import doors as coding
-from semmap_log.views.report.report import report
+from semmap_log.views.report import door_stories as coding
+from semmap_log.views.report.content import report
 from tests.conftest import SteadyClock
 from tests.views.report.pages import (
     MS,

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.errors import SemmapError
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -30,6 +29,7 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.errors import SemmapError
 from tests.conftest import SteadyClock
 
 SECOND = 10**9

@@ -10,15 +10,15 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.beliefs.beliefs import default_estimator
+from semmap_log.beliefs.door_beliefs import default_estimator
 from semmap_log.beliefs.learning import learn
 from semmap_log.beliefs.typical_week import typical_weeks
-from semmap_log.doors import DoorId
-from semmap_log.moments import parse_instant
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import parse_instant
 from semmap_log.views.rerun.belief_rows import TOLERANCE, times_of_curve
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.rows import MOST_ROWS
-from semmap_log.views.rerun.weeks import (
+from semmap_log.views.rerun.week_pictures import (
     NO_CELL,
     UNKNOWN_CELL,
     Sheet,

@@ -18,8 +18,8 @@ from semmap_log.costmap.costs import LETHAL, NO_INFORMATION
 from semmap_log.costmap.door_layer import drawn
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.costmaps import CostmapOptions, costmap_at
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorObserved,
@@ -28,9 +28,9 @@ from semmap_log.events import (
     Event,
     Retracted,
 )
-from semmap_log.projections.door_layer import door_lines
+from semmap_log.projections.door_layer_fold import door_lines
 from semmap_log.views.palette import DEFAULT
-from semmap_log.views.rerun.costmap import shades_of_costs
+from semmap_log.views.rerun.costmap_pictures import shades_of_costs
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import (

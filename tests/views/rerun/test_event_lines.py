@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     KINDS,
     Changed,
     DoorAdded,
@@ -31,9 +31,9 @@ from semmap_log.events import (
 )
 from semmap_log.projections.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
-from semmap_log.views.excerpt.excerpt import Excerpt
-from semmap_log.views.rerun.event_lines import EventLine, EventLines
-from semmap_log.views.rerun.survey import survey
+from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.rerun.contents import survey
+from semmap_log.views.rerun.log_lines import EventLine, EventLines
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START
 

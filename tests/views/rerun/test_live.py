@@ -16,10 +16,10 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 from rerun.experimental import ViewerClient
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
-from semmap_log.events import RobotPose
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import RobotPose
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
-from semmap_log.views.rerun.live import Shown, follow_in_viewer
+from semmap_log.views.rerun.live_view import Shown, follow_in_viewer
 from semmap_log.views.rerun.viewer import Viewer
 from tests.views.rerun.pictures import a_viewer, has_colour
 from tests.views.rerun.some_logs import room

@@ -15,8 +15,8 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import (
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -29,8 +29,8 @@ from semmap_log.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.rerun import live
-from semmap_log.views.rerun.live import Shown, follow_in_viewer
+from semmap_log.views.rerun import live_view as live
+from semmap_log.views.rerun.live_view import Shown, follow_in_viewer
 from semmap_log.views.rerun.process import running
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock

@@ -8,12 +8,19 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
-from semmap_log.events import Changed, DoorAdded, DoorAnnotated, DoorUpdated, Event, LevelAdded
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorUpdated,
+    Event,
+    LevelAdded,
+)
 from semmap_log.views.bounds import bounds_of_floor
-from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.rerun.contents import survey
 from semmap_log.views.rerun.scene import Scene
-from semmap_log.views.rerun.survey import survey
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, room, small_log
 

@@ -10,8 +10,15 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.doors import DoorId, DoorState
-from semmap_log.events import Changed, DoorAdded, DoorObserved, DoorUpdated, Retracted, RobotPose
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorUpdated,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.views.rerun import thinning
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.thinning import LeftOut, telling_poses

@@ -16,8 +16,8 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.doors import DoorId
-from semmap_log.events import DoorAdded, DoorAnnotated
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, DoorAnnotated
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.process import LOCAL, ViewerError, explained, reserved_port
 from semmap_log.views.rerun.recording import save_rrd

@@ -11,13 +11,13 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.doors import Door
+from semmap_log.domain.doors import Door
 from semmap_log.views.bounds import Bounds
-from semmap_log.views.excerpt.excerpt import Excerpt
+from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT
+from semmap_log.views.rerun.contents import survey
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.scene import SceneLevel
-from semmap_log.views.rerun.survey import survey
 from semmap_log.views.rerun.viewer import Viewer
 from tests.views.rerun.pictures import a_viewer, is_colour
 from tests.views.rerun.some_logs import restless_log

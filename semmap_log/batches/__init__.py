@@ -1,0 +1,1 @@
+"""Events side by side as numpy columns: made, checked, cut and read."""

@@ -1,0 +1,308 @@
+"""The fields of many events of one kind as a structured array: made, and checked, all at once.
+
+An event checks its values when it is made; rows that never were events are checked here by the
+same rules, and the first that breaks one is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.domain.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, DoorState, is_given
+from semmap_log.domain.events import (
+    KINDS,
+    MAX_EVENT,
+    MAX_TIME_NS,
+    NO_LEVEL,
+    DoorAdded,
+    DoorUpdated,
+    Event,
+    Retracted,
+    defaults_of,
+)
+from semmap_log.domain.meaning import ALL_CHANGED, Changed
+from semmap_log.errors import InvalidEventError
+from semmap_log.messages import OBJECT_KINDS, fixed_layout
+
+Rows = NDArray[np.void]
+
+
+Places = NDArray[np.intp] | slice
+"""Which rows of a kind: their places among all, or a slice of them."""
+
+
+class LazyColumns(Mapping[int, Rows]):
+    """Kind -> the fields of its events, made when somebody asks for that kind."""
+
+    def __init__(self, kinds: Collection[int], make: Callable[[int, Places], Rows]) -> None:
+        """Take note of them.
+
+        Args:
+            kinds: Which there are.
+            make: Returns the rows of a kind at some places.
+        """
+        self._kinds = kinds
+        self._make = make
+        self._made: dict[int, Rows] = {}
+
+    def __getitem__(self, kind: int) -> Rows:
+        rows = self._made.get(kind)
+        if rows is None:
+            if kind not in self._kinds:
+                raise KeyError(kind)
+            rows = self._made[kind] = self._make(kind, slice(None))
+        return rows
+
+    def some(self, kind: int, places: NDArray[np.intp]) -> Rows:
+        """Return the rows of a kind at some places; the others are not made for it."""
+        return self._made[kind].take(places) if kind in self._made else self._make(kind, places)
+
+    def __contains__(self, kind: object) -> bool:
+        return kind in self._kinds
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._kinds)
+
+    def __len__(self) -> int:
+        return len(self._kinds)
+
+
+NO_TIME = -1
+"""Stands in a column of happened times for one that was not given: the log's clock says it."""
+
+
+class _Range(NamedTuple):
+    """What the values of a field lie between."""
+
+    low: float
+    high: float
+    or_nan: bool = False
+
+    def outside(self, values: Any) -> Any:
+        """Tell which values are not in the range; NaN is where `or_nan` is."""
+        inside = (values >= self.low) & (values <= self.high)
+        return ~(inside | (values != values)) if self.or_nan else ~inside  # noqa: PLR0124 - NaN
+
+    def holds(self, values: NDArray[Any]) -> bool:
+        """Tell whether all values lie in it."""
+        if self.or_nan:  # all NaN: neither comparison is true
+            least, greatest = np.fmin.reduce(values), np.fmax.reduce(values)
+            return not (least < self.low or greatest > self.high)
+        least, greatest = np.minimum.reduce(values), np.maximum.reduce(values)
+        return bool(least >= self.low and greatest <= self.high)
+
+
+class _Levels(_Range):
+    """Those that there can be, or `NO_LEVEL`."""
+
+    def outside(self, values: Any) -> Any:
+        return super().outside(values) & (values != NO_LEVEL)
+
+    def holds(self, values: NDArray[Any]) -> bool:
+        return super().holds(values) or not self.outside(values).any()
+
+
+_GREATEST = float(np.finfo(np.float64).max)
+_FINITE = _Range(-_GREATEST, _GREATEST)
+_SHARE = _Range(0, 1, or_nan=True)
+_AT_LEAST_0 = _Range(0, _GREATEST, or_nan=True)
+
+_RANGES: Mapping[str, _Range] = {
+    "door_id": _Range(0, 2**32 - 1),
+    "level": _Levels(0, MAX_LEVEL),
+    "state": _Range(0, max(DoorState)),
+    "changed": _Range(1, int(ALL_CHANGED)),
+    "prob_open": _SHARE,
+    "prob_closed": _SHARE,
+    "accuracy_open": _Range(0.5, 1),
+    "accuracy_closed": _Range(0.5, 1),
+    "opening": _SHARE,
+    "waited_s": _AT_LEAST_0,
+    "sd_xy": _AT_LEAST_0,
+    "sd_theta": _AT_LEAST_0,
+    "first_event": _Range(0, MAX_EVENT),
+    "last_event": _Range(0, MAX_EVENT),
+}
+"""Field -> what its values lie between, of whatever kind; the others have none, or `_misfits`."""
+
+
+def rows_of(kind: type[Event], fields: Mapping[str, NDArray[Any]], count: int) -> Rows:
+    """Return columns as rows of a kind.
+
+    Args:
+        kind: Of fixed size.
+        fields: Its own fields, each with so many values or one that stands for all; those left
+            out have the defaults of the event.
+        count: How many rows.
+
+    Raises:
+        InvalidEventError: A field that the kind has not, one that is missing, or a value that is
+            no such number or that no event can have.
+    """
+    if kind.kind in OBJECT_KINDS:
+        raise InvalidEventError(kind.__name__, "a kind without texts and maps", kind.__name__)
+    dtype = fixed_layout(kind.kind).dtype
+    defaults, names = _defaults(kind.kind)
+    if not (names - defaults.keys() <= fields.keys() <= names):
+        wrong = sorted((fields.keys() - names) | (names - defaults.keys() - fields.keys()))
+        expected = f"the columns {' '.join(dtype.names or ())}"
+        raise InvalidEventError(kind.__name__, expected, wrong)
+    rows = np.zeros(count, dtype)
+    for name, column in {**defaults, **fields}.items():
+        rows[name] = as_type(f"{kind.__name__}.{name}", column, dtype[name])
+    if "level" in defaults.keys() - fields.keys():
+        _mark_levels(rows, np.ones(count, np.bool_))
+    check_rows(kind, rows)
+    return rows
+
+
+@cache
+def _defaults(kind: int) -> tuple[dict[str, NDArray[Any]], frozenset[str]]:
+    """Return the defaults of a kind's fields as they are stored, and the names of all fields."""
+    dtype = fixed_layout(kind).dtype
+    defaults = defaults_of(KINDS[kind - 1])
+    known = {name: np.array(value, dtype[name]) for name, value in defaults.items()}
+    return known, frozenset(dtype.names or ())
+
+
+def mark_levels(rows: Rows, events: Sequence[Event]) -> None:
+    """Write `NO_LEVEL` into the rows of events whose level was not given."""
+    if "level" in (rows.dtype.names or ()):
+        given = [is_given(event.level) for event in events]  # type: ignore[attr-defined]
+        _mark_levels(rows, ~np.array(given, np.bool_))
+
+
+def _mark_levels(rows: Rows, lacking: NDArray[np.bool_]) -> None:
+    """Write `NO_LEVEL` into some rows, where they say a level at all."""
+    if "changed" in (rows.dtype.names or ()):
+        lacking = lacking & ((rows["changed"] & int(Changed.POSE)) != 0)
+    rows["level"][lacking] = NO_LEVEL
+
+
+def common_length(where: str, columns: Mapping[str, NDArray[Any]]) -> int:
+    """Return how many rows columns make; those of one value fit any number.
+
+    Raises:
+        InvalidEventError: Their lengths differ, or one is no column.
+    """
+    shapes = {column.shape for column in columns.values()} - {()}
+    (count, *other) = shapes.pop() if shapes else (1,)
+    if shapes or other:
+        lengths = {name: column.shape for name, column in columns.items() if column.ndim}
+        raise InvalidEventError(where, "columns of one length", lengths)
+    return int(count)
+
+
+def as_type(where: str, values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return numbers as another type: never wrapped, cut or rounded to a whole one.
+
+    Raises:
+        InvalidEventError: A value is none of that type; the first is named.
+    """
+    if values.dtype == dtype:
+        return values
+    if values.size and not _may_become(values.dtype, dtype):
+        raise InvalidEventError(where, f"numbers of type {dtype}", f"{values.dtype}")
+    with np.errstate(invalid="ignore", over="ignore"):
+        cast = values.astype(dtype)
+    if dtype.kind in "iu":
+        info = np.iinfo(dtype)
+        wrong = (values < info.min) | (values > info.max)
+        if wrong.any():
+            got = np.atleast_1d(values)[np.atleast_1d(wrong)][0].item()
+            raise InvalidEventError(where, f"a whole number from {info.min} to {info.max}", got)
+    return cast
+
+
+def _may_become(source: np.dtype[Any], target: np.dtype[Any]) -> bool:
+    kinds = {"f": "fiu", "i": "iu", "u": "iu", "b": "b"}
+    return source.kind in kinds[target.kind]
+
+
+def check_rows(kind: type[Event], rows: Rows) -> None:
+    """Return if each row holds values that such an event can have.
+
+    Raises:
+        InvalidEventError: As the event itself would say it; the first row that is wrong is named.
+    """
+    dtype = fixed_layout(kind.kind).dtype
+    if rows.dtype != dtype and not _same_fields(rows.dtype, dtype):
+        raise InvalidEventError(kind.__name__, f"rows of {dtype}", rows.dtype)
+    if not len(rows):
+        return
+    names = dtype.names or ()
+    if all(_RANGES[name].holds(rows[name]) for name in names if name in _RANGES):
+        misfits = _misfits(kind, rows)
+        if misfits is None or not misfits.any():
+            return
+    wrong = _misfits(kind, rows)
+    wrong = np.zeros(len(rows), np.bool_) if wrong is None else wrong
+    for name in names:
+        if name in _RANGES:
+            wrong = wrong | _RANGES[name].outside(rows[name])
+    first = int(np.argmax(wrong))
+    try:
+        event_of_row(kind, rows[first], None)
+    except InvalidEventError as error:
+        raise error.of_row(first) from None
+
+
+def event_of_row(kind: type[Event], row: Any, happened_ns: int | None) -> Event:
+    """Return a row as an event.
+
+    Raises:
+        InvalidEventError: It holds a value that no such event can have.
+    """
+    values = dict(zip(row.dtype.names, row.item(), strict=True))
+    state = values.get("state", -1)
+    if state in DoorState._value2member_map_:
+        values["state"] = DoorState(state)
+    if "changed" in values:
+        values["changed"] = Changed(values["changed"])
+    if values.get("level") == NO_LEVEL:
+        values["level"] = LEVEL_NOT_GIVEN
+    return kind(happened_ns=happened_ns, **values)
+
+
+def check_times(happened_ns: NDArray[np.int64]) -> None:
+    """Return if happened times are such, or `NO_TIME`.
+
+    Raises:
+        InvalidEventError: One is not; it is named.
+    """
+    if len(happened_ns) and np.minimum.reduce(happened_ns) < NO_TIME:
+        first = int(np.argmax(happened_ns < NO_TIME))
+        expected = f"a whole number from 0 to {MAX_TIME_NS}"
+        raise InvalidEventError("happened_ns", expected, int(happened_ns[first])).of_row(first)
+
+
+def _misfits(kind: type[Event], rows: Rows) -> NDArray[np.bool_] | None:
+    """Tell which rows' values do not fit each other; None: nothing can be wrong with this kind."""
+    if kind is Retracted:
+        return np.asarray(rows["first_event"] > rows["last_event"])
+    if "theta" not in (rows.dtype.names or ()):
+        return None
+    place = [rows["x"], rows["y"], rows["theta"]]
+    misplaced = np.logical_or.reduce([_FINITE.outside(values) for values in place])
+    if kind not in (DoorAdded, DoorUpdated):
+        return np.asarray(misplaced)
+    unplaced = np.logical_and.reduce([np.isnan(values) for values in place])
+    wide = ~_Range(0, _GREATEST).outside(rows["width"])
+    if kind is DoorAdded:
+        narrow = np.isnan(rows["width"])
+        return np.asarray(np.where(unplaced, ~narrow, misplaced | ~wide))
+    moved = (rows["changed"] & int(Changed.POSE)) != 0
+    widened = (rows["changed"] & int(Changed.WIDTH)) != 0
+    return np.asarray((misplaced & (moved | ~unplaced)) | (widened & ~wide))
+
+
+@cache
+def _same_fields(mine: np.dtype[np.void], wanted: np.dtype[np.void]) -> bool:
+    """Tell whether rows have the same fields, of the same types, wherever they lie."""
+    names = wanted.names or ()
+    return mine.names == names and all(mine[name] == wanted[name] for name in names)

@@ -1,0 +1,1 @@
+"""Small helps that know no door: words, keywords, lazy names."""

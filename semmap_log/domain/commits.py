@@ -1,0 +1,108 @@
+"""The plain nouns of a commit: events that become visible together, and what was said of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from semmap_log.domain.keywords import knows_its_keywords
+from semmap_log.errors import InvalidEventError
+
+
+class Durability(IntEnum):
+    """What a writer promises of a commit when `append` returns."""
+
+    EVENT = 0
+    """It survives a power cut: synced before `append` returns."""
+    BATCH = 1
+    """It survives a power cut soon: synced with others, after so many events or so long."""
+    FLUSH = 2
+    """It survives the end of the process, however it ends, but not a power cut."""
+    NONE = 3
+    """It waits in memory until there is much to write, or somebody calls `sync` or `close`."""
+
+    @classmethod
+    def parse(cls, text: str | Durability) -> Durability:
+        """Return the level of that name.
+
+        Raises:
+            InvalidEventError: There is none.
+        """
+        if isinstance(text, cls):
+            return text
+        try:
+            return cls[str(text).upper()]
+        except KeyError:
+            names = ", ".join(level.name.lower() for level in cls)
+            raise InvalidEventError("durability", f"one of {names}", text) from None
+
+
+NO_CONTENT = bytes(16)
+"""Digest of a command that was not given by a caller, and so will not come again."""
+
+
+@knows_its_keywords
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Who did it, with what, why; empty texts say nothing."""
+
+    actor: str = ""
+    source: str = ""
+    """Which sensor, robot or file."""
+    reason: str = ""
+    correlation: str = ""
+    """What it belongs to: a goal, a ticket, a round."""
+    salt: bytes = field(default=b"", repr=False, compare=False)
+    """16 random bytes, so that a redacted note cannot be guessed from its digest."""
+
+    def __post_init__(self) -> None:
+        for name in ("actor", "source", "reason", "correlation"):
+            check_text(f"Note.{name}", getattr(self, name))
+
+    def __bool__(self) -> bool:
+        return bool(self.actor or self.source or self.reason or self.correlation)
+
+
+def check_text(where: str, text: str) -> None:
+    """Return if a text can be stored.
+
+    Raises:
+        InvalidEventError: It is no text, or one that UTF-8 or a ROS string cannot hold.
+    """
+    if not isinstance(text, str):
+        raise InvalidEventError(where, "a text", text)
+    if "\0" in text:
+        raise InvalidEventError(where, "text without NUL characters", text)
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise InvalidEventError(where, "text that UTF-8 can hold", text) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Commit:
+    """A commit as the log holds it."""
+
+    first_event: int
+    count: int
+    recorded_ns: int
+    """Log time of its first record: when it is known, by the log's strictly increasing time."""
+    closed_ns: int
+    """Log time of its Commit record, the last of it."""
+    command_id: bytes
+    wall_clock_ns: int
+    monotonic_clock_ns: int
+    boot_id: bytes
+    previous_hash: bytes
+    hash: bytes
+    durability: Durability = Durability.EVENT
+    durable_before: int = 0
+    """Events below this number were known to be on the disk when this commit was written."""
+    content: bytes = NO_CONTENT
+    """Digest of what the command asked for; zeros where its id was drawn for it."""
+    note: Note = Note()
+
+    @property
+    def last_event(self) -> int:
+        """Number of its last event."""
+        return self.first_event + self.count - 1

@@ -1,0 +1,693 @@
+"""A door map's log, as a program uses it: ask it about any moment, add to it, one commit at a time.
+
+with sl.create("office", tz="Europe/Vienna") as log:
+    door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", actor="survey")
+    log.observe(door, "open", accuracy=0.9)
+
+sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable, Collection, Iterable, Iterator
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, TypeVar
+
+from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.doors import DoorId, DoorMap
+from semmap_log.domain.events import (
+    KINDS,
+    DoorAdded,
+    DoorAnnotated,
+    Event,
+    FloorMap,
+    is_whole_number,
+)
+from semmap_log.domain.keywords import knows_its_keywords
+from semmap_log.domain.moments import INSTANTS, Moment, parse_moment, parse_range, refuse_reversed
+from semmap_log.door_log.commands import resolve_door
+from semmap_log.door_log.door_labels import labels_ever
+from semmap_log.door_log.removed_doors import (
+    ID_PREFIX,
+    removed_called,
+    several_removed,
+    told_removed,
+)
+from semmap_log.errors import MomentError, UnknownDoorError
+from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
+from semmap_log.folding.live_fold import LiveState, fold_live
+from semmap_log.folding.replay import Scope, replay, visible_batches
+from semmap_log.log.folder import LogFolder
+from semmap_log.log.header import LogInfo
+from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
+from semmap_log.log.pages import Page
+from semmap_log.log.reading.change_finder import ChangeFinder
+from semmap_log.log.reading.commit_finder import CommitFinder
+from semmap_log.log.reading.following import FollowedCommit, follow
+from semmap_log.log.reading.progress import Progress
+from semmap_log.log.reading.reader import LogReader
+from semmap_log.log.reading.segment_scan import Segment
+from semmap_log.log.reading.window import Window
+from semmap_log.projections.diff import Diff, diff
+from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.history import HistoryEntry, history
+from semmap_log.projections.levels import resolve_level
+from semmap_log.projections.projection import Projection
+from semmap_log.projections.retraction import Retractions
+from semmap_log.projections.timeline import Timeline, timelines
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+Time = int | str | datetime | Moment | None
+"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
+datetime (a naive one is in the log's zone), or what `moment` made of one."""
+
+S = TypeVar("S")
+
+
+@knows_its_keywords
+class DoorLog:
+    """A log that is read: as it was when it was opened, or last refreshed."""
+
+    def __init__(self, path: str | Path | LogFolder) -> None:
+        """Open a log for reading; needs no lock, no write access and no free space.
+
+        A log in a zip file is unpacked among the machine's temporary files for as long as it is
+        read.
+
+        A relative path is that of the moment: `os.chdir` leads nobody to another log.
+
+        Raises:
+            NotALogError: There is no log at that path.
+            CorruptLogError: It is damaged.
+        """
+        self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        self.path = self._reader.log_folder.given
+        self._refreshing = threading.Lock()
+        self._end_ns: int | None = None
+
+    @property
+    def info(self) -> LogInfo:
+        """Log id, zone, building and robot: fixed, so that asking costs nothing."""
+        return self._reader.info
+
+    @property
+    def reader(self) -> LogReader:
+        """The bytes underneath: segments, pages, commits."""
+        return self._reader
+
+    def refresh(self) -> None:
+        """Take in what was written since the log was opened."""
+        with self._refreshing:  # or a slow thread would put back what a fast one has seen pass
+            self._reader = self._reader.refreshed()
+            self._end_ns = None
+
+    def replay(
+        self,
+        at: Time = None,
+        known_at: Time = None,
+        event: int | None = None,
+        *,
+        progress: Progress | None = None,
+    ) -> DoorMap:
+        """Return the door map at a moment; without arguments: now.
+
+        Args:
+            at: What was true then, with all that is known today.
+            known_at: Only what had been recorded by then, whole commits.
+            event: Only what has a number up to that.
+            progress: Told how far the reading is.
+
+        Raises:
+            MomentError: A time cannot be read.
+            LogError: There is no event of that number.
+        """
+        scope = self.scope(at, known_at, event)
+        state = replay(self.reader, scope, progress=progress)
+        return state.door_map(at_ns=scope.at_ns, known_at_ns=scope.known_at_ns)
+
+    def fold(
+        self,
+        projection: Projection[S],
+        at: Time = None,
+        known_at: Time = None,
+        event: int | None = None,
+        *,
+        checkpoint: str | Path | None = None,
+        save_every_s: float = SAVE_EVERY_S,
+        progress: Progress | None = None,
+    ) -> S:
+        """Return the state that a projection of yours makes of the events up to a moment.
+
+        Args:
+            projection: A class with `initial()` and `apply(state, batch)`: see `Projection`.
+            at: What was true then, with all that is known today.
+            known_at: Only what had been recorded by then, whole commits.
+            event: Only what has a number up to that.
+            checkpoint: A file to go on from, and to save to: see `semmap_log.folding.checkpoint`.
+            save_every_s: How often it is saved at most, before the end.
+            progress: Told how far the reading is.
+
+        Raises:
+            CheckpointError: The file is of something else, or the state cannot be stored in one.
+            OutputError: It cannot be written.
+        """
+        return fold(
+            self.reader,
+            projection,
+            self.scope(at, known_at, event),
+            checkpoint=None if checkpoint is None else Path(checkpoint),
+            save_every_s=save_every_s,
+            progress=progress,
+        )
+
+    def fold_part(self, projection: Projection[S], first: int, last: int) -> S:
+        """Return the state that a part of the log makes: events `first` to `last`, inclusive.
+
+        Retractions count as they are known now. Where the projection can `merge`, the states of
+        parts, made by as many processes, make that of the whole log.
+        """
+        return fold_part(self.reader, projection, first, last)
+
+    def fold_live(
+        self,
+        projection: Projection[S],
+        *,
+        checkpoint: str | Path | None = None,
+        save_every_s: float = SAVE_EVERY_S,
+        poll_s: float = 0.1,
+        stop: Callable[[], bool] | None = None,
+    ) -> Iterator[LiveState[S]]:
+        """Yield a projection's state now, then after each commit, or those that came together.
+
+        It goes on where `follow` does; a retraction of what was taken in folds the log anew. What
+        this object answers stays as it was opened.
+
+        Args:
+            projection: As for `fold`.
+            checkpoint: A file to go on from, and to save to.
+            save_every_s: How often it is saved at most, before the end.
+            poll_s: How long to wait before looking again.
+            stop: Asked before each look; once it says yes, what is there then is the end.
+
+        Raises:
+            CheckpointError: The file is of something else, or the state cannot be stored in one.
+            OutputError: It cannot be written.
+            CorruptLogError: The log is damaged, or was exchanged for another state of itself.
+            LogError: Another log lies there now.
+        """
+        return fold_live(
+            LogReader(self._reader.log_folder),
+            projection,
+            checkpoint=None if checkpoint is None else Path(checkpoint),
+            save_every_s=save_every_s,
+            poll_s=poll_s,
+            stop=stop,
+        )
+
+    def batches(
+        self,
+        since: Time = None,
+        until: Time = None,
+        *,
+        recorded: bool = False,
+        doors: Collection[DoorId | str] | None = None,
+        kinds: Collection[type[Event]] | None = None,
+        retracted: bool = False,
+        progress: Progress | None = None,
+    ) -> Iterator[EventBatch]:
+        """Yield events as numpy columns, numbers ascending, about a MiB of the log at a time.
+
+        Args:
+            since: From then on (happened time).
+            until: Before then.
+            recorded: The range is of recorded time.
+            doors: Only events about these doors: ids, names, or level/names.
+            kinds: Only these kinds.
+            retracted: Retracted events, too.
+            progress: Told how far the reading is.
+
+        Raises:
+            UnknownDoorError: No door has such a name, or ever had.
+        """
+        reader = self.reader
+        ids = None if doors is None else self._ids_ever(doors)
+        window = self.window(since, until, recorded=recorded, kinds=kinds)
+        known = reader.retractions()
+        retractions = Retractions() if retracted else known
+        for batch in reader.batches(window, progress=progress):
+            chosen = about(retractions.visible(batch), ids)
+            if len(chosen):
+                yield chosen
+
+    def window(
+        self,
+        since: Time = None,
+        until: Time = None,
+        *,
+        recorded: bool = False,
+        kinds: Collection[type[Event]] | None = None,
+    ) -> Window:
+        """Return the bounds that these moments mean; `event:12` bounds the numbers.
+
+        The number after the log's last event is taken, too: a range can begin or end there.
+
+        Args:
+            since: From then on.
+            until: Before then.
+            recorded: The range is of recorded time.
+            kinds: Only these kinds.
+
+        Raises:
+            MomentError: A time cannot be read.
+            LogError: There is no event of that number.
+        """
+        first, last = self.moment(since), self.moment(until)
+        for bound in (first, last):
+            self._check_is_there(bound.event, behind_the_last=1)
+        return Window(
+            happened_from_ns=None if recorded else first.ns,
+            happened_before_ns=None if recorded else last.ns,
+            recorded_from_ns=first.ns if recorded else None,
+            recorded_before_ns=last.ns if recorded else None,
+            first_event=first.event,
+            before_event=last.event,
+            kinds=EVENT_BITS if kinds is None else bits_of_kinds(kinds),
+        )
+
+    def commits(self) -> Iterator[Commit]:
+        """Yield all commits, in order, with their notes."""
+        return self.reader.commits()
+
+    def follow(
+        self,
+        after: int | None = None,
+        *,
+        poll_s: float = 0.1,
+        stop: Callable[[], bool] | None = None,
+        with_newer: bool = False,
+    ) -> Iterator[FollowedCommit]:
+        """Yield commits as they are written, each with its events: no gap, no repeat.
+
+        It goes on over new segments, recoveries, compactions and other writers, and while nobody
+        writes; commits come when they are whole. What this object answers stays as it was opened.
+
+        Args:
+            after: Number of the last event that is known already; -1: from the log's beginning;
+                None: from its end, as it was opened.
+            poll_s: How long to wait before looking again.
+            stop: Asked before each look; once it says yes, what is there then is the end.
+            with_newer: Yield events of kinds that a later version has added, too.
+
+        Raises:
+            NewerLogError: A commit has an event of such a kind that may change others.
+            CorruptLogError: The log is damaged, or was exchanged for another state of itself.
+            LogError: Another log lies there now.
+        """
+        if after is None:
+            after = self.reader.last_event()
+        reader = LogReader(self._reader.log_folder)
+        return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
+
+    def event(self, number: int) -> RecordedEvent:
+        """Return the event of that number.
+
+        Raises:
+            LogError: There is none.
+        """
+        return self.reader.event(number)
+
+    def history(
+        self,
+        door: DoorId | str | None = None,
+        since: Time = None,
+        until: Time = None,
+        *,
+        recorded: bool = False,
+        kinds: Collection[type[Event]] | None = None,
+    ) -> Iterator[HistoryEntry]:
+        """Yield events with who did it and why, retracted ones marked; since <= happened < until.
+
+        Those of kinds that a later version has added are of the class `UnknownEvent`. What they
+        may have changed of others (a door's state, or that an event counts) is not told.
+
+        Args:
+            door: Only events about it (its id, name, or level/name), and those unknown here;
+                default: all events.
+            since: From then on.
+            until: Before then.
+            recorded: The range is of recorded time.
+            kinds: Only these kinds.
+        """
+        window = self.window(since, until, recorded=recorded, kinds=kinds)
+        return self._entries(window, None if door is None else self._ids_ever([door]))
+
+    def entry(self, number: int) -> HistoryEntry:
+        """Return one event with who did it and why.
+
+        Raises:
+            LogError: There is no such event.
+        """
+        for entry in self._entries(Window(first_event=number, before_event=number + 1)):
+            return entry
+        raise self.reader.no_event(number)
+
+    def diff(self, first: Time, second: Time) -> Diff:
+        """Return what is different at the second moment, and the events that did it.
+
+        The events are those with first < happened <= second, retracted ones left out.
+
+        Raises:
+            MomentError: The first comes after the second.
+        """
+        start, end = self.moment(first), self.moment(second)
+        if _comes_after(start, end):
+            raise MomentError("the first moment lies after the second; swap them.")
+        before, after = self.replay(at=start), self.replay(at=end)
+        entries = self._entries(_between(start, end), with_newer=False)
+        return diff(before, after, [entry for entry in entries if not entry.retracted])
+
+    def _entries(
+        self,
+        window: Window,
+        doors: Collection[DoorId] | None = None,
+        *,
+        with_newer: bool = True,
+    ) -> Iterator[HistoryEntry]:
+        """Yield the events of a window with who and why, retracted ones marked."""
+        reader = self.reader
+        finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
+
+        def look_at(segment: Segment, page: Page) -> None:
+            finder.look_at(segment, page)
+            changes.look_at(segment, page)
+
+        found = reader.batches(window, on_page=look_at, with_newer=with_newer)
+        batches = (about(batch, doors, with_newer=with_newer) for batch in found)
+        retractions = reader.retractions(with_newer=with_newer)
+        return history(batches, finder.commit_at, retractions, changes.changes_in)
+
+    def timeline(
+        self,
+        door: DoorId | str,
+        at: Time = None,
+        known_at: Time = None,
+        *,
+        since: Time = None,
+        until: Time = None,
+        progress: Progress | None = None,
+    ) -> Timeline:
+        """Return when a door was in which state, as numpy columns; empty while it was not there.
+
+        At each time t of an interval, `replay(at=t, known_at=known_at)` shows its state. The last
+        interval ends at the moment asked for, else at the log's end.
+
+        Args:
+            door: Its id, name, or level/name; a removed one, too.
+            at: What was true up to then, with all that is known today.
+            known_at: Only what had been recorded by then, whole commits.
+            since: Only from then on: an interval is cut there.
+            until: Only before then.
+            progress: Told how far the reading is.
+
+        Raises:
+            UnknownDoorError: There is no such door, and never was.
+            MomentError: `since` comes after `until`.
+        """
+        (door_id,) = self._ids_ever([door])
+        found = self.timelines([door_id], at, known_at, since=since, until=until, progress=progress)
+        if door_id not in found:
+            self.resolve_ever(door_id)
+            return Timeline.empty(door_id)
+        return found[door_id]
+
+    def timelines(
+        self,
+        doors: Collection[DoorId | str] | None = None,
+        at: Time = None,
+        known_at: Time = None,
+        *,
+        since: Time = None,
+        until: Time = None,
+        progress: Progress | None = None,
+    ) -> dict[DoorId, Timeline]:
+        """Return when doors were in which state, ids ascending; `timeline` of many in one reading.
+
+        Args:
+            doors: Only these: ids, names, or level/names; None: all that were ever added.
+            at: As for `timeline`, like the rest.
+            known_at: Only what had been recorded by then, whole commits.
+            since: Only from then on: an interval is cut there.
+            until: Only before then.
+            progress: Told how far the reading is.
+
+        Raises:
+            MomentError: `since` comes after `until`.
+        """
+        scope = self.scope(at, known_at)
+        since_ns, until_ns = self.instant(since), self.instant(until)
+        refuse_reversed(since_ns, until_ns)
+        asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
+        batches = visible_batches(self.reader, scope, progress=progress)
+        ids = None if doors is None else self._ids_ever(doors)
+        found = timelines(batches, ids, end_ns=asked_ns)
+        return {i: each.between(since_ns, until_ns) for i, each in found.items()}
+
+    def instant(self, time: Time) -> int | None:
+        """Return a time in nanoseconds; of an event, the time from which it counts."""
+        moment = self.moment(time)
+        if moment.event is None:
+            return moment.ns
+        event = self.event(moment.event)
+        return min(event.happened_ns, event.recorded_ns)
+
+    def floor_map(self, level: int | str | None = None, at: Time = None) -> FloorMap | None:
+        """Return a level's floor plan; None if it has none.
+
+        Args:
+            level: Its number or name; None: the only one.
+            at: What was true then.
+
+        Raises:
+            UnknownLevelError: There is no such level, or there are several and none is told.
+        """
+        doors = self.replay(at=at)
+        return self.floor_of(doors, resolve_level(level, doors))
+
+    def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
+        """Return the floor plan that a level has in a door map of this log; None: it has none."""
+        known = doors.levels.get(level)
+        if known is None or known.floor_map_event is None:
+            return None
+        event = self.event(known.floor_map_event).event
+        assert isinstance(event, FloorMap)
+        return event
+
+    def end_ns(self) -> int:
+        """Return the log's end: the latest happened time in it; 0 for a log without events."""
+        if self._end_ns is None:
+            self._end_ns = replay(self.reader, with_newer=True).latest_happened_ns
+        return self._end_ns
+
+    def resolve(self, door: str | int) -> DoorId:
+        """Return the door of that id, name, or level/name, as of now.
+
+        Raises:
+            UnknownDoorError: None, or more than one.
+        """
+        return self.resolve_in(door, self.scope())
+
+    def resolve_in(self, door: str | int, scope: Scope, door_map: DoorMap | None = None) -> DoorId:
+        """Return the same, as of a moment.
+
+        Args:
+            door: Id, name, or level/name.
+            scope: The moment.
+            door_map: The doors then, where they are known already.
+
+        Raises:
+            UnknownDoorError: None, more than one, or one that was removed by then.
+        """
+        if door_map is None:
+            door_map = replay(self.reader, scope).door_map()
+        try:
+            return resolve_door(door, door_map)
+        except UnknownDoorError:
+            state = replay(self.reader, scope)
+            removed = removed_called(door, state)
+            if not removed:
+                raise
+            raise UnknownDoorError(told_removed(removed, state)) from None
+
+    def door_names(self) -> dict[DoorId, str]:
+        """Return the latest name of every door that has one, removed doors too.
+
+        As far as this program knows, where a later one has written to the log.
+        """
+        return replay(self.reader, with_newer=True).names()
+
+    def door_labels(self) -> dict[DoorId, str]:
+        """Return the same for messages: level/name where several doors bear the name."""
+        return labels_ever(replay(self.reader, with_newer=True))
+
+    def resolve_ever(self, door: str | int) -> DoorId:
+        """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
+
+        Raises:
+            UnknownDoorError: There is none, and never was.
+        """
+        state = replay(self.reader, with_newer=True)
+        try:
+            return resolve_door(door, state.door_map())
+        except UnknownDoorError:
+            removed = removed_called(door, state)
+            if len(removed) > 1:
+                raise UnknownDoorError(several_removed(door, removed)) from None
+            if removed:
+                return removed[0]
+            for ever in (state, self._ever_said()):
+                names = ever.names()
+                for door_id in map(DoorId, sorted(ever.used_door_ids)):
+                    called = (str(door_id), f"{ID_PREFIX}{door_id}", names.get(door_id))
+                    is_meant = str(door) in called
+                    if is_meant and not state.is_present(door_id):
+                        return door_id
+            raise
+
+    def _ids_ever(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
+        """Return the ids of doors; a name is looked up, those of doors that are gone, too."""
+        return [
+            DoorId(int(door))
+            if not isinstance(door, str) and is_whole_number(door)
+            else self.resolve_ever(door)
+            for door in doors
+        ]
+
+    def _ever_said(self) -> DoorMapState:
+        """Return all doors and names that ever were, as if nothing had been retracted."""
+        state = DoorMapState()
+        for batch in self.reader.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorAnnotated]))):
+            state.apply(batch)
+        return state
+
+    def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
+        """Return what a time means in this log.
+
+        Args:
+            time: A moment in any of its forms.
+            now_ns: What `now` is, and `2h ago` counts from; default: the log's end.
+
+        Raises:
+            MomentError: It cannot be read.
+        """
+        if time is None:
+            return Moment()
+        if isinstance(time, Moment):
+            return time
+        if isinstance(time, datetime):
+            time = time.isoformat()
+        if isinstance(time, str):
+            end_ns = 0 if _is_absolute(time) else self.end_ns() if now_ns is None else now_ns
+            return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
+        if not is_whole_number(time):
+            raise MomentError(
+                f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
+                f"datetime; got {time!r}."
+            )
+        return Moment(ns=int(time))
+
+    def span(self, text: str) -> tuple[Moment, Moment]:
+        """Return the two moments of `T1..T2`.
+
+        Raises:
+            MomentError: It is not two moments, the earlier first.
+        """
+        return parse_range(text, tz=self.info.timezone, end_ns=self.end_ns())
+
+    def scope(self, at: Time = None, known_at: Time = None, event: int | None = None) -> Scope:
+        """Return the bounds that these moments mean; `event:12` bounds the numbers.
+
+        Raises:
+            MomentError: A time cannot be read, or is not one.
+            LogError: There is no event of that number.
+        """
+        happened, known = self.moment(at), self.moment(known_at)
+        if event is not None and (not is_whole_number(event) or event < 0):
+            raise MomentError(f"event {event!r}: expected a whole number, from 0 on.")
+        numbers = [n for n in (event, happened.event, known.event) if n is not None]
+        for number in numbers:
+            self._check_is_there(number)
+        return Scope(happened.ns, known.ns, min(numbers, default=None))
+
+    def _check_is_there(self, event: int | None, *, behind_the_last: int = 0) -> None:
+        """Return if the log has the event of that number: behind the end nothing is known.
+
+        Args:
+            event: Its number; None: nothing is asked.
+            behind_the_last: So many numbers after the last event's are taken, too.
+
+        Raises:
+            LogError: It has none; the message names the last.
+        """
+        if event is not None and event > self.reader.last_event() + behind_the_last:
+            raise self.reader.no_event(event)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Nothing to let go of: the files are mapped, and unmapped with the object."""
+
+
+def _is_absolute(time: str) -> bool:
+    """Tell whether a text names a moment without reference to another: the usual, cheap case."""
+    return bool(re.match(r"\s*(\d{4}-|@|event:)", time))
+
+
+def _comes_after(one: Moment, other: Moment) -> bool:
+    if one.ns is not None and other.ns is not None:
+        return one.ns > other.ns
+    return one.event is not None and other.event is not None and one.event > other.event
+
+
+def _between(first: Moment, second: Moment) -> Window:
+    """Return what comes after the first moment, up to and with the second."""
+    return Window(
+        happened_from_ns=_next(first.ns),
+        happened_before_ns=_next(second.ns),
+        first_event=_next(first.event),
+        before_event=_next(second.event),
+    )
+
+
+def _next(number: int | None) -> int | None:
+    return None if number is None else number + 1
+
+
+def about(
+    batch: EventBatch, doors: Collection[DoorId] | None, *, with_newer: bool = False
+) -> EventBatch:
+    """Return the events of a batch that are about some doors; None: all.
+
+    Args:
+        batch: The events.
+        doors: The doors.
+        with_newer: And those of kinds unknown here, which may be about any.
+    """
+    if doors is None:
+        return batch
+    chosen = batch.of_doors(doors)
+    if with_newer:
+        chosen |= batch.kind > len(KINDS)
+    return batch.select(chosen)

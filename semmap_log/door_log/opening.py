@@ -1,0 +1,130 @@
+"""How a log is made and opened."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from semmap_log.domain.commits import Durability, check_text
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.domain.moments import zone
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log.clock import Clock, SystemClock
+from semmap_log.log.commit_records import Entropy
+from semmap_log.log.header import LogInfo
+from semmap_log.log.writing.durability import Promise
+from semmap_log.log.writing.writer import Surroundings
+from semmap_log.log.writing.writer_opening import create_log, open_for_append
+
+_LOCALTIME = Path("/etc/localtime")
+
+
+@knows_keywords
+def create(
+    path: str | Path,
+    *,
+    tz: str | None = None,
+    building: str = "",
+    robot: str = "",
+    durability: Durability | str = Durability.EVENT,
+    batch_events: int = Promise.batch_events,
+    batch_s: float = Promise.batch_s,
+    compact: bool = True,
+    clock: Clock | None = None,
+    entropy: Entropy = os.urandom,
+) -> DoorLogWriter:
+    """Make a new log and open it for writing.
+
+    Args:
+        path: A folder that does not exist, or is empty.
+        tz: IANA zone in which times without an offset are read and shown; default: the machine's.
+        building: Its name.
+        robot: The robot's name.
+        durability: What is promised of an append when it returns: `event` (it survives a power
+            cut), `batch` (soon it does), `flush` (the end of the process) or `none`.
+        batch_events: `batch`: so many events at most are not yet synced.
+        batch_s: `batch`: after so many seconds at most they are.
+        compact: Put full segments into large compressed chunks, in a background thread.
+        clock: Where times come from; default: the machine.
+        entropy: Where ids come from; seed it to get the same bytes again.
+
+    Raises:
+        LogExistsError: There is something there already.
+        MomentError: No such zone.
+        InvalidEventError: No such durability.
+    """
+    promise = Promise.of(durability, batch_events, batch_s)
+    timezone = machine_zone() if tz is None else tz
+    zone(timezone)
+    check_text("building", building)
+    check_text("robot", robot)
+    info = LogInfo(entropy(16).hex(), timezone, building, robot)
+    surroundings = Surroundings(promise, clock or SystemClock(), entropy, compact)
+    return DoorLogWriter(create_log(Path(path), info, surroundings))
+
+
+@knows_keywords
+def append(
+    path: str | Path,
+    *,
+    durability: Durability | str = Durability.EVENT,
+    batch_events: int = Promise.batch_events,
+    batch_s: float = Promise.batch_s,
+    compact: bool = True,
+    clock: Clock | None = None,
+    entropy: Entropy = os.urandom,
+) -> DoorLogWriter:
+    """Open a log for writing; what a crash left unfinished is put in order first.
+
+    Args:
+        path: The log's folder.
+        durability: What is promised of an append when it returns: `event` (it survives a power
+            cut), `batch` (soon it does), `flush` (the end of the process) or `none`.
+        batch_events: `batch`: so many events at most are not yet synced.
+        batch_s: `batch`: after so many seconds at most they are.
+        compact: Put full segments into large compressed chunks, in a background thread.
+        clock: Where times come from; default: the machine.
+        entropy: Where ids come from; seed it to get the same bytes again.
+
+    Raises:
+        NotALogError: There is none at that path.
+        LogLockedError: Another process is writing.
+        LogAccessError: It is on a read-only place.
+        InvalidEventError: No such durability.
+    """
+    promise = Promise.of(durability, batch_events, batch_s)
+    return DoorLogWriter(
+        open_for_append(Path(path), Surroundings(promise, clock or SystemClock(), entropy, compact))
+    )
+
+
+@knows_keywords
+def read(path: str | Path) -> DoorLog:
+    """Open a log for reading.
+
+    Args:
+        path: Its folder, or a zip file with one log in it.
+
+    Raises:
+        NotALogError: There is none at that path.
+    """
+    return DoorLog(path)
+
+
+def machine_zone() -> str:
+    """Return the machine's IANA zone; UTC where it does not say."""
+    named = os.environ.get("TZ", "").lstrip(":")
+    try:
+        target = str(_LOCALTIME.readlink())
+    except OSError:
+        target = ""
+    linked = target.partition("zoneinfo/")[2]
+    for name in (named, linked):
+        if name:
+            try:
+                zone(name)
+            except ValueError:
+                continue
+            return name
+    return "UTC"

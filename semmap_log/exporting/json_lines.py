@@ -1,0 +1,80 @@
+"""A log's events as JSON lines, with all that `import` needs to make the same log of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import Retracted
+from semmap_log.folding.replay import Scope
+from semmap_log.formats.event_json import line_to_json
+from semmap_log.log.reading.commit_finder import CommitFinder
+from semmap_log.log.reading.progress import Progress
+from semmap_log.log.reading.reader import LogReader, OnPage
+from semmap_log.log.reading.window import Window
+
+
+@dataclass(slots=True)
+class WrittenLines:
+    """How much was written."""
+
+    events: int = 0
+    retracted: int = 0
+    """So many of them were taken back, by what is known in the scope."""
+
+
+def write_event_lines(
+    reader: LogReader, path: Path, scope: Scope, *, progress: Progress | None = None
+) -> WrittenLines:
+    """Write the events of a scope, numbers ascending, retracted ones marked.
+
+    A retraction counts whenever it happened, as it does for every question about the scope. The
+    first line also tells the log's time zone.
+
+    Args:
+        reader: The log.
+        path: The file.
+        scope: Which events.
+        progress: Told how far the reading is.
+    """
+    finder = CommitFinder(reader)
+    limit = scope.limit(reader)
+    retractions = reader.retractions(limit=limit)
+    written, zone = WrittenLines(), {"timezone": reader.info.timezone}
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        for batch in _batches(reader, scope.at_ns, limit, progress, finder.look_at):
+            hidden = retractions.hidden(batch).tolist()
+            for recorded, retracted in zip(batch, hidden, strict=True):
+                commit = finder.commit_at(recorded.number)
+                shown = line_to_json(recorded, commit, retracted=retracted)
+                file.write(_line(zone | shown))
+                zone = {}
+            written.events += len(batch)
+            written.retracted += sum(hidden)
+    return written
+
+
+def _batches(
+    reader: LogReader,
+    at_ns: int | None,
+    limit: int | None,
+    progress: Progress | None,
+    on_page: OnPage,
+) -> Iterator[EventBatch]:
+    if limit is not None and limit < 0:
+        return
+    window = Window.up_to(at_ns=None, event=limit)
+    for batch in reader.batches(window, progress=progress, on_page=on_page):
+        chosen = batch
+        if at_ns is not None:
+            chosen = batch.select((batch.folds_ns <= at_ns) | (batch.kind == Retracted.kind))
+        if len(chosen):
+            yield chosen
+
+
+def _line(shown: dict[str, Any]) -> str:
+    return json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n"

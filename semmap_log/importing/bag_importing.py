@@ -1,0 +1,155 @@
+"""What a bag means for a log as it stands: its messages, read as a mapping says, as events."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from semmap_log.domain.events import Event, FloorMap
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.errors import FormatError
+from semmap_log.formats.bag_reading import BagChannel, BagReader, open_bag
+from semmap_log.formats.import_plan import ImportPlan
+from semmap_log.formats.ros_types import short_name
+from semmap_log.log.reading.progress import Progress
+from semmap_log.ros_mapping.complaints import Complaints
+from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.topic_rules import RosMapping
+from semmap_log.ros_mapping.translator import Translator
+
+MOST_KEPT = 200_000
+"""Of more events none is kept in memory: their bag is read twice."""
+
+CELLS_AN_EVENT = 256
+"""So many cells of a floor plan count as an event of those that are kept."""
+
+TOLD_EVERY = 1000
+"""Messages between two words of progress."""
+
+
+def plan_bag(
+    path: Path, log: DoorLog, mapping: RosMapping, *, progress: Progress | None = None
+) -> ImportPlan:
+    """Return the events of a bag, in the order in which the bag has their messages.
+
+    Args:
+        path: The bag.
+        log: What its messages are compared with, as it stands.
+        mapping: How its topics are read.
+        progress: Told (messages read, messages in all).
+
+    Raises:
+        FormatError: The bag cannot be read, or has no topic that is read.
+        CommandError: A level that is not there, or that has to be named.
+    """
+    passage = _Passage(path, Known.of(log), mapping, progress)
+    kept: list[Event] | None = []
+    weight = count = 0
+    for event in passage.events():
+        count += 1
+        weight += event.cells.size // CELLS_AN_EVENT if isinstance(event, FloorMap) else 1
+        if kept is not None:
+            kept.append(event)
+            if weight > MOST_KEPT:
+                kept = None
+    events = _BagEvents(path, log, mapping, count) if kept is None else kept
+    return ImportPlan(
+        events,
+        count=count,
+        summary=passage.summary(count),
+        left_out=passage.left_out,
+        warnings=(*passage.complaints.lines(), *passage.notes()),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _BagEvents:
+    """The events of a bag that was gone through before, read anew: they are many."""
+
+    path: Path
+    log: DoorLog
+    mapping: RosMapping
+    count: int
+
+    def __iter__(self) -> Iterator[Event]:
+        count = 0
+        for event in _Passage(self.path, Known.of(self.log), self.mapping, None).events():
+            count += 1
+            yield event
+        if count != self.count:
+            raise FormatError(self.path, "it changed while it was imported; import it again")
+
+
+@dataclass(slots=True)
+class _Passage:
+    """One going through a bag."""
+
+    path: Path
+    known: Known
+    mapping: RosMapping
+    progress: Progress | None
+    complaints: Complaints = field(default_factory=Complaints)
+    left_out: tuple[str, ...] = ()
+    messages: int = 0
+    actors: int = 0
+    made: dict[str, int] = field(default_factory=dict)
+    """Kind of event -> how many there are."""
+
+    def events(self) -> Iterator[Event]:
+        translator = Translator(self.mapping, self.known, self.complaints)
+        with open_bag(self.path) as bag:
+            channels = self._read_channels(bag, translator)
+            in_all = bag.count(channels)
+            for message in bag.messages(channels):
+                self.messages += 1
+                if self.progress is not None and self.messages % TOLD_EVERY == 0:
+                    self.progress(self.messages, max(in_all, self.messages))
+                channel = message.channel
+                made = translator.take(
+                    channel.topic, channel.message_type, message.data, message.at_ns
+                )
+                self.actors += bool(made.actor)
+                for event in made.events:
+                    kind = type(event).__name__
+                    self.made[kind] = self.made.get(kind, 0) + 1
+                    yield event
+
+    def summary(self, count: int) -> tuple[str, ...]:
+        made = ", ".join(f"{name} {n:,}" for name, n in sorted(self.made.items()))
+        said = f"messages: {self.messages:,}, events: {count:,}"
+        return (said, *([made] if made else []))
+
+    def notes(self) -> tuple[str, ...]:
+        if not self.actors:
+            return ()
+        return (f"messages that say who: {self.actors:,}; an import is one commit, with one note",)
+
+    def _read_channels(self, bag: BagReader, translator: Translator) -> Collection[BagChannel]:
+        """Have the translator read what the mapping names, and note the rest.
+
+        Raises:
+            FormatError: There is nothing to read.
+        """
+        chosen: list[BagChannel] = []
+        others: set[str] = set()
+        for channel in bag.channels:
+            topic, ros_type = channel.topic, channel.message_type.name
+            rule = self.mapping.rule(topic, ros_type)
+            if rule is None:
+                others.add(f"{topic} ({short_name(ros_type)})")
+            else:
+                if not any(each.topic == topic for each in chosen):
+                    translator.read_topic(topic, rule)
+                chosen.append(channel)
+        if not chosen:
+            there = ", ".join(sorted(others)[:MOST_TOPICS]) or "nothing"
+            raise FormatError(
+                self.path, f"no topic that the mapping reads; there is: {there}; name what is "
+                "meant in a mapping file (--mapping)",
+            )  # fmt: skip
+        self.left_out = tuple(sorted(others))
+        return chosen
+
+
+MOST_TOPICS = 20

@@ -1,0 +1,343 @@
+"""Foreign files into a log: each whole or not at all, and only once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.costmap.map_rules import RulesName
+from semmap_log.domain.commits import NO_CONTENT, Note
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import DoorAdded, Event, FloorMap
+from semmap_log.domain.keywords import knows_its_keywords, knows_keywords
+from semmap_log.domain.moments import format_local
+from semmap_log.door_log.backdating import backdated, early_events
+from semmap_log.door_log.command_content import are_same
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.errors import CommandError, FormatError
+from semmap_log.formats.bag_reading import READABLE_BAGS, files_of, is_bag
+from semmap_log.formats.building import read_building
+from semmap_log.formats.door_csv import read_door_csv
+from semmap_log.formats.door_table import DoorTable, TableDoor
+from semmap_log.formats.foreign_file import open_regular
+from semmap_log.formats.import_plan import ImportPlan, Present, plan_doors
+from semmap_log.formats.importing_lines import plan_event_lines
+from semmap_log.formats.importing_sightings import plan_sightings
+from semmap_log.formats.line_commits import LineOptions
+from semmap_log.formats.map_server import DEFAULT_RULES, is_map, picture_of, read_map
+from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.importing.bag_importing import plan_bag
+from semmap_log.importing.line_importing import StoredCommits, append_lines
+from semmap_log.log.disk import utf8_name
+from semmap_log.log.reading.progress import Progress
+from semmap_log.projections.levels import resolve_level
+from semmap_log.ros_mapping.mapping_file import read_mapping
+from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
+
+READABLE = (
+    "*.building.yaml (Open-RMF), .yaml (the thesis's, or a map_server map), .csv, .csv.gz, .jsonl, "
+    f".jsonl.gz, {READABLE_BAGS}"
+)
+
+TOLD_EVERY = 1000
+"""Events between two words of progress, or a whole batch of them."""
+
+
+@knows_its_keywords
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """How a file is to be taken."""
+
+    level: str | None = None
+    """Building: only this level. Other files: the level of their doors, or of the map; None: the
+    only one."""
+    windows: Path | None = None
+    """CSV: when the states are known at all."""
+    tz: str | None = None
+    """CSV, JSON lines: zone of times without an offset; None: the log's."""
+    update: bool = False
+    renumber: bool = False
+    at_ns: int | None = None
+    """When it happened, where the file does not say; None: when it is recorded."""
+    since_ns: int | None = None
+    """Doors of a building or a door database: from when on they are there, also those that the log
+    has from a later time on; None: new ones from `at_ns`."""
+    mapping: Path | None = None
+    """Bags: how their topics are read; None: the well-known ones."""
+    map_rules: RulesName | None = None
+    """Maps: the server whose cells the picture's pixels become; None: nav2."""
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What became of a file."""
+
+    plan: ImportPlan
+    first_event: int | None
+    """None: nothing was written, since the log holds all of it."""
+    known_before: bool = False
+    """This very file was imported before."""
+
+
+@knows_keywords
+def import_file(
+    log: DoorLogWriter,
+    path: Path,
+    options: ImportOptions = ImportOptions(),
+    *,
+    note: Note = Note(),
+    progress: Progress | None = None,
+) -> Imported:
+    """Import a file as one commit; JSON lines that a log wrote, as the commits they were there.
+
+    Args:
+        log: Where to.
+        path: Its name tells its format.
+        options: How to take it.
+        note: Who and why; the source is the file's name unless given.
+        progress: Told (events written, events in all); of a bag first (messages read, in all).
+
+    Raises:
+        FormatError: The file cannot be read, or is of no known format.
+        CommandError: The map forbids it.
+    """
+    if options.mapping is not None and not is_bag(path):
+        raise CommandError(f"{path}: a mapping (--mapping) says how bags are read; this is none.")
+    if options.map_rules is not None and not is_map(path):
+        raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
+    is_lines = tells_event_lines(path)
+    plan_of = None if is_lines else _planner(path, progress)
+    if options.since_ns is not None and plan_of not in (_plan_building, plan_thesis_yaml):
+        raise CommandError(
+            f"{path}: its events say when they were; --since and --since-ever are about the doors "
+            "of a building or a door database. For doors that are there, give no file."
+        )
+    command_id = None
+    if is_lines or not (options.update or options.renumber):
+        command_id = command_id_of(path, options)
+        known = log.find_command(command_id)
+        if known is not None:
+            return Imported(ImportPlan((), 0), None, known_before=True)
+    if not note.source:
+        note = replace(note, source=utf8_name(path))
+    if plan_of is None:
+        assert command_id is not None
+        zone = log.info.timezone if options.tz is None else options.tz
+        taken = LineOptions(zone, command_id, note, log.info.timezone, options.at_ns)
+        return _import_lines(log, path, taken, progress)
+    plan = plan_of(log, path, options)
+    if options.since_ns is not None:
+        plan = _with_backdated(log, plan, options.since_ns)
+    if plan.count == 0:
+        return Imported(plan, None)
+    appended = log.append(
+        _told(plan.events, plan.count, progress),
+        note=note,
+        command_id=command_id,
+        content=command_id or NO_CONTENT,
+    )
+    return Imported(plan, appended.commit.last_event - plan.count + 1)
+
+
+@knows_keywords
+def backdate(
+    log: DoorLogWriter, since_ns: int, *, note: Note = Note(), command_id: bytes | None = None
+) -> Imported:
+    """Say that doors of which something is told before they were added were there by then.
+
+    Args:
+        log: The log.
+        since_ns: From when on they are there.
+        note: Who and why.
+        command_id: 16 bytes: the same command, sent again, is stored once.
+    """
+    plan = _backdating(log, early_events(log.reader).counts, since_ns)
+    if plan.count == 0:
+        return Imported(plan, None)
+    appended = log.append(plan.events, note=note, command_id=command_id)
+    return Imported(plan, appended.commit.last_event - plan.count + 1)
+
+
+def _with_backdated(log: DoorLogWriter, plan: ImportPlan, since_ns: int) -> ImportPlan:
+    """Return a plan, and before it that the doors which are there were there by an earlier time."""
+    earlier = _backdating(log, plan.there, since_ns)
+    return replace(
+        plan,
+        events=[*earlier.events, *plan.events],
+        count=earlier.count + plan.count,
+        summary=(*plan.summary, *earlier.summary) if earlier.count else plan.summary,
+    )
+
+
+def _backdating(log: DoorLogWriter, doors: Collection[DoorId], since_ns: int) -> ImportPlan:
+    events = backdated(log.reader, doors, since_ns)
+    moved = sum(isinstance(event, DoorAdded) for event in events)
+    since = format_local(since_ns, log.info.timezone)
+    said = (f"doors: {moved} that the log has, there since {since}",) if moved else ()
+    return ImportPlan(events, len(events), summary=said)
+
+
+Planner = Callable[[DoorLogWriter, Path, ImportOptions], ImportPlan]
+
+
+def plan_bag_import(
+    log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None
+) -> ImportPlan:
+    """Return what a bag would bring; nothing is written.
+
+    Raises:
+        FormatError: The bag or the mapping cannot be read.
+        CommandError: The map forbids it; or an option says what of a bag only a mapping can.
+    """
+    if replace(options, tz=None, mapping=None) != ImportOptions():
+        raise CommandError(
+            f"{path}: a bag's messages say when they were, and a mapping says how they are read; "
+            "leave out --level, --windows, --at, --update, --renumber."
+        )
+    mapping = WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
+    return plan_bag(path, log, mapping, progress=progress)
+
+
+def tells_event_lines(path: Path) -> bool:
+    """Tell whether a name is that of a file of JSON lines."""
+    return path.name.lower().removesuffix(".gz").endswith((".jsonl", ".ndjson"))
+
+
+def _planner(path: Path, progress: Progress | None) -> Planner:
+    if is_bag(path):
+        return lambda log, path, options: plan_bag_import(log, path, options, progress)
+    name = path.name.lower().removesuffix(".gz")
+    if name.endswith((".building.yaml", ".building.yml")):
+        return _plan_building
+    if name.endswith((".yaml", ".yml")):
+        return _plan_map if is_map(path) else plan_thesis_yaml
+    if name.endswith(".csv"):
+        return _plan_csv
+    raise FormatError(path, f"its name tells no format that can be imported; known are {READABLE}.")
+
+
+def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    table = read_building(path, level=options.level)
+    return _plan_table(_present(log), table, options)
+
+
+def _plan_map(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    """Return the floor plan that a map is, unless the level has it already."""
+    level = log.level_meant(options.level)
+    found = read_map(path, level=level, rules=options.map_rules or DEFAULT_RULES)
+    there = log.floor_of(log.door_map(), level)
+    if there is not None and are_same([found], [there]):
+        return ImportPlan((), 0)
+    height, width = found.cells.shape
+    name = log.door_map().level_name(level)
+    said = f"floor plan of level {name}: {width} x {height} cells of {found.resolution:.3g} m"
+    return ImportPlan((replace(found, happened_ns=options.at_ns),), 1, summary=(said,))
+
+
+def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    """Return what a thesis's YAML means for a log as it stands.
+
+    Raises:
+        FormatError: It cannot be read.
+        CommandError: The map forbids it.
+    """
+    table = read_thesis_yaml(path)
+    door_map = log.state.door_map()
+
+    present = _present(log)
+
+    def level_of(door: TableDoor) -> int:  # the format has no levels: a known door stays on its own
+        assert door.door_id is not None  # the format's keys
+        known = door_map.doors.get(door.door_id)
+        removed = present.removed.get(door.door_id)
+        if known is None and removed is not None and options.update:
+            known = removed.door
+        return known.level if known else resolve_level(options.level, door_map)
+
+    placed = tuple(replace(door, level=level_of(door)) for door in table.doors)
+    return _plan_table(present, replace(table, doors=placed), options)
+
+
+def _plan_table(present: Present, table: DoorTable, options: ImportOptions) -> ImportPlan:
+    return plan_doors(
+        table,
+        present,
+        update=options.update,
+        renumber=options.renumber,
+        at_ns=options.at_ns,
+        since_ns=options.since_ns,
+    )
+
+
+def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+    zone = log.info.timezone if options.tz is None else options.tz
+    sightings = read_door_csv(path, windows=options.windows, tz=zone)
+    door_map = log.state.door_map()
+    level = None if options.level is None else resolve_level(options.level, door_map)
+    return plan_sightings(sightings, _present(log), level=level, renumber=options.renumber)
+
+
+def _import_lines(
+    log: DoorLogWriter, path: Path, options: LineOptions, progress: Progress | None
+) -> Imported:
+    lines = plan_event_lines(path, _present(log), options, StoredCommits(log), now_ns=log.now_ns())
+    plan = ImportPlan(
+        (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings
+    )
+    return Imported(plan, append_lines(log, lines, progress))
+
+
+def _present(log: DoorLogWriter) -> Present:
+    """Return what the log holds, as the planners need it."""
+    door_map = log.state.door_map()
+    maps = {}
+    for number, level in door_map.levels.items():
+        if level.floor_map_event is not None:
+            event = log.event(level.floor_map_event).event
+            assert isinstance(event, FloorMap)
+            maps[number] = event
+    used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
+    removed = {i: found for i in used if (found := log.state.removed_door(i))}
+    next_event = log.state.event + 1
+    return Present(door_map, used, maps, removed, next_event, log.roster, log.path)
+
+
+def command_id_of(path: Path, options: ImportOptions) -> bytes:
+    """Return the id of an import's commit: the same for the same bytes taken in the same way."""
+    since = "" if options.since_ns is None else f" since {options.since_ns}"
+    how = f"import {options.level} {options.tz} {options.at_ns}{since}"
+    whole = hashlib.sha256(how.encode())
+    if options.map_rules is not None:
+        whole.update(options.map_rules.encode())
+    picture = picture_of(path) if is_map(path) else None
+    if picture is not None and not picture.is_file():
+        picture = None  # who reads the map says so
+    for file in (path, options.windows, options.mapping, picture):
+        for part in [] if file is None else files_of(file):
+            whole.update(_digest(part))
+    return whole.digest()[:16]
+
+
+def _digest(path: Path) -> bytes:
+    digest = hashlib.sha256()
+    with open_regular(path) as file:
+        while block := file.read(2**20):
+            digest.update(block)
+    return digest.digest()
+
+
+def _told(
+    events: Iterable[Event | EventBatch], count: int, progress: Progress | None
+) -> Iterator[Event | EventBatch]:
+    """Pass the events on, and tell how many there were."""
+    done = told = 0
+    for event in events:
+        yield event
+        done += len(event) if isinstance(event, EventBatch) else 1
+        if progress is not None and done - told >= TOLD_EVERY:
+            told = done
+            progress(done, count)

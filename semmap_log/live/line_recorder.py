@@ -1,0 +1,248 @@
+"""Events as JSON lines from a pipe, a file or a keyboard, each appended as one commit.
+
+Lines that are waiting already share one sync; robot poses join the commit of the next line, or
+are written after a second. Every line is answered once it is stored as the log's durability
+promises, or once it is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+from semmap_log.domain.commits import NO_CONTENT, Commit, Durability
+from semmap_log.domain.events import Retracted, RobotPose
+from semmap_log.door_log.appendable_log import POSES_WAIT_S, Appended
+from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.errors import CommandError, CommandReusedError, FormatError, SemmapError
+from semmap_log.formats.event_json import means_same
+from semmap_log.formats.event_json_reader import (
+    DoorLookup,
+    ParsedLine,
+    command_id_of,
+    parse_event_line,
+)
+from semmap_log.formats.strict_json import load_object
+
+READ_BYTES = 2**16
+MAX_LINE_BYTES = 2**23
+POLL_S = 0.2
+"""How soon a request to stop is noticed while nothing comes in."""
+
+
+@dataclass(frozen=True, slots=True)
+class LineAnswer:
+    """What became of a line."""
+
+    line: int
+    """1-based."""
+    event: int | None = None
+    """Its event's number; None: refused."""
+    error: str = ""
+
+
+@dataclass(slots=True)
+class LineRecorder:
+    """Records the lines of a file descriptor until its end, or until it is told to stop."""
+
+    log: DoorLogWriter
+    answer: Callable[[LineAnswer], None]
+    """Told of every line: as soon as it is stored as was promised, or refused."""
+    strict: bool = False
+    """Stop at the first bad line."""
+    recorded: int = 0
+    refused: int = 0
+    stopping: bool = False
+    """Set by a signal handler: finish what was read, then return."""
+    _waiting: list[LineAnswer] = field(default_factory=list)
+    _poses: list[tuple[int, RobotPose]] = field(default_factory=list)
+    _poses_since: float = 0.0
+    _waiting_since: float = 0.0
+    _line: int = 0
+
+    def run(self, fd: int) -> None:
+        """Record all lines of `fd`; on return everything is durable and answered.
+
+        Raises:
+            LogPoisonedError: A write failed; lines without an answer may or may not be stored.
+        """
+        for lines in _line_groups(fd, self._stop_or_wait, self._patience_s):
+            for text in lines:
+                self._line += 1
+                if text.strip() and not self._take(text):
+                    self._finish()
+                    return
+            if not self._may_wait():
+                self._settle()
+        self._finish()
+
+    def _finish(self) -> None:
+        self._write_poses()
+        self._settle()
+
+    def _stop_or_wait(self) -> bool:
+        """Tell whether to stop; called while nothing comes in, and between reads."""
+        if self._poses and time.monotonic() - self._poses_since >= POSES_WAIT_S:
+            self._write_poses()
+        if self._waiting and not self._may_wait():
+            self._settle()
+        return self.stopping
+
+    def _patience_s(self) -> float:
+        """Return how long nothing need be done while nothing comes in."""
+        return min(POLL_S, self.log.promise.batch_s) if self._waiting else POLL_S
+
+    def _may_wait(self) -> bool:
+        """Tell whether lines that are written may wait for more to share their sync: `batch`."""
+        promise = self.log.promise
+        return (
+            promise.level is Durability.BATCH
+            and len(self._waiting) < promise.batch_events
+            and time.monotonic() - self._waiting_since < promise.batch_s
+        )
+
+    def _take(self, text: bytes) -> bool:
+        """Record a line; return False if the run must end here."""
+        try:
+            if not self._is_answered(text):
+                parsed = self._parse(text)
+                if isinstance(parsed.event, RobotPose) and parsed.own_command_id is None:
+                    self._keep_pose(parsed.event)
+                else:
+                    self._append(parsed, text)
+        except (FormatError, CommandError) as error:
+            self.refused += 1
+            self.answer(LineAnswer(self._line, error=_without_place(error)))
+            return not self.strict
+        return True
+
+    def _is_answered(self, text: bytes) -> bool:
+        """Tell whether the line is a command that is stored already, and answer it then.
+
+        Its door may be gone by now, or its name mean another: so it is looked up before it is
+        understood.
+        """
+        if len(text) > MAX_LINE_BYTES:
+            raise CommandError(f"longer than {MAX_LINE_BYTES} bytes.")
+        command_id = command_id_of(text, path="line", line=self._line)
+        known = None if command_id is None else self.log.find_command(command_id)
+        if known is None:
+            return False
+        if known.content != _content(text) and not self._holds(known, text):
+            raise CommandReusedError(
+                f"command_id: stored already, as event {known.first_event}, for another line; "
+                "a new line wants a new id."
+            )
+        self._wait(LineAnswer(self._line, known.last_event))
+        return True
+
+    def _holds(self, known: Commit, text: bytes) -> bool:
+        """Tell whether a commit has the event of a line that a log wrote: `import` stored it."""
+        parsed = self._parse(text)
+        return parsed.is_exported and means_same(
+            parsed.event, self.log.event(known.last_event).event
+        )
+
+    def _parse(self, text: bytes) -> ParsedLine:
+        lookup = DoorLookup(
+            resolve=self.log.resolve,
+            next_id=lambda: self.log.roster.next_free_id,
+            level_of=self.log.level_of,
+            level=self.log.level_meant,
+        )
+        parsed = parse_event_line(
+            text, tz=self.log.info.timezone, lookup=lookup, path="line", line=self._line
+        )
+        if isinstance(parsed.event, Retracted) and parsed.number is not None:
+            raise CommandError(
+                "this retraction was exported: its numbers are those of another log; `import` "
+                "finds what they are here, and without its `event` they mean this log's."
+            )
+        if parsed.retracted:
+            raise CommandError(
+                "this event was taken back in the log that wrote the line; `import` keeps both, "
+                "the event and its retraction."
+            )
+        return parsed
+
+    def _keep_pose(self, pose: RobotPose) -> None:
+        if not self._poses:
+            self._poses_since = time.monotonic()
+        if pose.happened_ns is None:
+            pose = replace(pose, happened_ns=self.log.now_ns())
+        self._poses.append((self._line, pose))
+
+    def _append(self, parsed: ParsedLine, text: bytes) -> None:
+        events = [*(pose for _, pose in self._poses), parsed.event]
+        command_id = parsed.own_command_id
+        content = _content(text) if command_id else NO_CONTENT
+        appended = self.log.append(
+            events, note=parsed.note, command_id=command_id, content=content, sync=False
+        )
+        self._answer_later(appended, [*(line for line, _ in self._poses), self._line])
+
+    def _write_poses(self) -> None:
+        if self._poses:
+            appended = self.log.append([pose for _, pose in self._poses], sync=False)
+            self._answer_later(appended, [line for line, _ in self._poses])
+
+    def _answer_later(self, appended: Appended, lines: list[int]) -> None:
+        first = appended.commit.last_event - len(lines) + 1
+        for i, line in enumerate(lines):
+            self._wait(LineAnswer(line, first + i))
+        self._poses = []
+
+    def _wait(self, answer: LineAnswer) -> None:
+        """Keep an answer until what it speaks of is stored as was promised."""
+        if not self._waiting:
+            self._waiting_since = time.monotonic()
+        self._waiting.append(answer)
+
+    def _settle(self) -> None:
+        """Sync once for all lines that wait, if that was promised, then answer them."""
+        if self._waiting:
+            if self.log.promise.level in (Durability.EVENT, Durability.BATCH):
+                self.log.sync()
+            for answer in self._waiting:
+                self.recorded += 1
+                self.answer(answer)
+            self._waiting = []
+
+
+def _line_groups(
+    fd: int, stop: Callable[[], bool], patience_s: Callable[[], float]
+) -> Iterator[list[bytes]]:
+    """Yield the lines that wait on `fd`, a group at a time, until its end or until told to stop."""
+    rest = b""
+    while not stop():
+        ready, _, _ = select.select([fd], [], [], patience_s())
+        if not ready:
+            continue
+        data = os.read(fd, READ_BYTES)
+        if not data:
+            break
+        *lines, rest = (rest + data).split(b"\n")
+        rest = rest[: MAX_LINE_BYTES + 1]  # too long already: it is refused once its end is seen
+        if lines:
+            yield lines
+    else:
+        return  # told to stop: a line that has begun is not a line
+    if rest:
+        yield [rest]
+
+
+def _content(text: bytes) -> bytes:
+    """Return the digest of what a line says, however it is spaced and ordered."""
+    return content_of("line", json.dumps(load_object(text), sort_keys=True))
+
+
+def _without_place(error: SemmapError) -> str:
+    """Return an error's text without the `line:7:` that the answer says already."""
+    text = str(error)
+    place, colon, rest = text.partition(": ")
+    return rest if colon and place.startswith("line:") else text

@@ -1,0 +1,147 @@
+"""Where the robot is, by poses in the map's frame or by TF: kept when it moved, at sightings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from semmap_log.domain.events import Event, RobotPose
+from semmap_log.formats.problems import shown
+from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, yaw_of
+from semmap_log.ros_mapping.topic_rules import ReadPose, ReadTransforms
+from semmap_log.ros_mapping.transforms import TransformTree
+
+
+@dataclass(slots=True)
+class PoseFilter:
+    """The filter of poses; one robot's."""
+
+    moved_m: float
+    turned_rad: float
+    _kept: RobotPose | None = None
+    _latest: RobotPose | None = None
+
+    def take(self, pose: RobotPose) -> Iterator[Event]:
+        """Yield the pose if the robot has moved since the last one that was kept."""
+        self._latest = pose
+        if self._kept is None or self._has_moved(self._kept, pose):
+            self._kept = pose
+            yield pose
+
+    def at_sighting(self) -> Iterator[Event]:
+        """Yield where the robot was last, unless that was kept already."""
+        if self._latest is not None and not _is_same_place(self._latest, self._kept):
+            self._kept = self._latest
+            yield self._latest
+
+    def _has_moved(self, kept: RobotPose, pose: RobotPose) -> bool:
+        turned = abs(math.remainder(pose.theta - kept.theta, math.tau))
+        return (
+            pose.level != kept.level
+            or math.hypot(pose.x - kept.x, pose.y - kept.y) >= self.moved_m
+            or turned >= self.turned_rad
+        )
+
+
+def _is_same_place(pose: RobotPose, other: RobotPose | None) -> bool:
+    places = [(each.level, each.x, each.y, each.theta) for each in (pose, other) if each]
+    return len(places) == 2 and places[0] == places[1]
+
+
+class Poses:
+    """Reads PoseStamped and PoseWithCovarianceStamped."""
+
+    def __init__(self, topic: str, rule: ReadPose, context: Context, track: PoseFilter) -> None:
+        self._topic = topic
+        self._level = context.level(rule.level)
+        self._context = context
+        self._track = track
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return the pose, if the robot has moved."""
+        header = got.message.header
+        if header.frame_id.removeprefix("/") != self._context.mapping.map_frame:
+            self._context.complaints.add(
+                self._topic,
+                f"a pose in another frame than {self._context.mapping.map_frame}; passed over",
+                shown(header.frame_id),
+            )
+            return
+        covered = hasattr(got.message.pose, "covariance")
+        pose = got.message.pose.pose if covered else got.message.pose
+        sd_xy, sd_theta = _deviations(got.message.pose.covariance) if covered else (math.nan,) * 2
+        yield from self._track.take(
+            RobotPose(
+                level=self._level,
+                x=pose.position.x,
+                y=pose.position.y,
+                theta=yaw_of(pose.orientation),
+                sd_xy=sd_xy,
+                sd_theta=sd_theta,
+                happened_ns=self._context.happened_ns(got, header.stamp),
+            )
+        )
+
+    def actor(self, _got: TopicMessage) -> str:
+        """Return nobody."""
+        return ""
+
+
+class Transforms:
+    """Reads tf2_msgs/TFMessage: the robot is where the chain from map to it says."""
+
+    def __init__(
+        self, rule: ReadTransforms, context: Context, track: PoseFilter, tree: TransformTree
+    ) -> None:
+        self._level = context.level(rule.level)
+        self._context = context
+        self._track = track
+        self._tree = tree
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return the pose, if the robot has moved."""
+        mapping = self._context.mapping
+        is_static = got.topic.endswith("tf_static")
+        changed = {
+            self._tree.take(each, got.received_ns, is_static=is_static)
+            for each in got.message.transforms
+        }
+        chain = self._tree.chain(mapping.map_frame, mapping.robot_frame)
+        if chain is None or changed.isdisjoint(chain):
+            return
+        if (late_s := self._tree.late_s(chain)) > MOST_LATE_S:
+            self._context.complaints.add(
+                got.topic, "transforms that are not of the same time; no pose", f"{late_s:.1f} s"
+            )
+            return
+        x, y, theta = self._tree.pose(chain)
+        yield from self._track.take(
+            RobotPose(
+                level=self._level, x=x, y=y, theta=theta,
+                happened_ns=self._context.happened_ns(got, self._tree.stamp(chain)),
+            )
+        )  # fmt: skip
+
+    def actor(self, _got: TopicMessage) -> str:
+        """Return nobody."""
+        return ""
+
+
+MOST_LATE_S = 10.0
+"""A link of the chain that came so long before the others is one that nobody sends any more."""
+
+
+def _deviations(covariance: Any) -> tuple[float, float]:
+    """Return the standard deviations in the plane and around z; NaN where none is given.
+
+    The covariance is of x, y, z and rotations about X, Y, Z, row by row: 6 x 6. All zeros are what
+    a publisher sends that knows none.
+    """
+    x, y, theta = (float(covariance[i]) for i in (0, 7, 35))
+    in_plane = (x + y) / 2
+    return (
+        math.sqrt(in_plane) if 0 < in_plane < math.inf else math.nan,
+        math.sqrt(theta) if 0 < theta < math.inf else math.nan,
+    )

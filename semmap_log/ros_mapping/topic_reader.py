@@ -1,0 +1,146 @@
+"""What readers of messages share: what they look at, what they make, how they look doors up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from semmap_log.domain.doors import DoorId, DoorMap
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event
+from semmap_log.errors import UnknownDoorError, UnknownLevelError
+from semmap_log.formats.problems import shown
+from semmap_log.projections.levels import resolve_level
+from semmap_log.ros_mapping.complaints import Complaints
+from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.stamps import happened_ns
+from semmap_log.ros_mapping.topic_rules import RosMapping, Unknown
+
+
+@dataclass(frozen=True, slots=True)
+class TopicMessage:
+    """A message that was decoded."""
+
+    topic: str
+    message: Any
+    received_ns: int
+    """When it came: by the bag, or by the node's clock."""
+
+
+@dataclass(slots=True)
+class Context:
+    """What the readers of all topics have in common."""
+
+    mapping: RosMapping
+    known: Known
+    complaints: Complaints
+    _begun: DoorMap = field(init=False)
+    """The map when the reading began."""
+
+    def __post_init__(self) -> None:
+        self._begun = self.known.door_map()
+
+    def level(self, text: str | None) -> int:
+        """Return the level of that number or name; None: the one that is meant where none is told.
+
+        Of the levels that the log had when the reading began: which topic is seen first does not
+        count.
+
+        Raises:
+            UnknownLevelError: There is none, or there are several.
+        """
+        return resolve_level(text, self._begun)
+
+    def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int | None:
+        """Return when what a message tells happened: see `stamps`."""
+        return happened_ns(stamp, got.received_ns, within_s=self.mapping.stamps_within_s)
+
+
+class TopicReader(Protocol):
+    """Makes events of the messages of a topic.
+
+    They are taken in by `Context.known` before the next of them is asked for. Whatever a message
+    lacks may raise: AttributeError and the like are complained about by who calls.
+    """
+
+    def events(self, got: TopicMessage) -> Iterable[Event]:
+        """Return what a message says, as events."""
+
+    def actor(self, got: TopicMessage) -> str:
+        """Return who did it, where the message tells."""
+
+
+class DoorsByName:
+    """Finds the door that a message names, or makes one."""
+
+    def __init__(self, topic: str, context: Context, unknown: Unknown, level: str | None) -> None:
+        self._topic = topic
+        self._context = context
+        self._unknown = unknown
+        self._level = context.level(level)
+
+    def find(
+        self, name: str, happened_ns: int | None, *, or_id: bool = True
+    ) -> tuple[DoorId | None, list[Event]]:
+        """Return the door, and the events that make it where it is new; None: passed over.
+
+        Args:
+            name: As the mapping has it, or the message.
+            happened_ns: When a new door came to be.
+            or_id: The name can be an id of ours: the mapping says it.
+        """
+        known, complaints = self._context.known, self._context.complaints
+        try:
+            door_id = known.called(name, or_id=or_id)
+        except UnknownDoorError as error:
+            complaints.add(self._topic, "a name that is not clear; passed over", f"{name} {error}")
+            return None, []
+        if door_id is not None or self._unknown == "ignore":
+            return door_id, []
+        if self._unknown == "error":
+            complaints.add(self._topic, "an unknown door; passed over", shown(name))
+            return None, []
+        level, plain = self._placed(name)
+        new = known.next_id
+        return new, [
+            DoorAdded(door_id=new, level=level, happened_ns=happened_ns),
+            DoorAnnotated(door_id=new, key="name", value=plain, happened_ns=happened_ns),
+        ]
+
+    def _placed(self, name: str) -> tuple[int, str]:
+        """Return level and name of a new door: the level is told where it is one that is known."""
+        level, _, plain = name.partition("/")
+        if level and plain:
+            with suppress(UnknownLevelError):
+                return self._context.level(level), plain
+        return self._level, name
+
+
+def field_of(message: Any, path: str) -> Any:
+    """Return the field at a path with dots.
+
+    Raises:
+        AttributeError: There is none.
+    """
+    for name in path.split("."):
+        message = getattr(message, name)
+    return message
+
+
+def yaw_of(orientation: Any) -> float:
+    """Return the angle around z of a quaternion, radians.
+
+    Raises:
+        ValueError: It is no rotation: its length is not 1, as of one that was never set.
+    """
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if not abs(length - 1) < LENGTH_OFF:  # NaN, too
+        raise ValueError(f"an orientation of length {length:g}, which is no rotation")
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+LENGTH_OFF = 0.01
+"""tf2 takes no quaternion whose length is further from 1."""

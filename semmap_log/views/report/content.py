@@ -1,0 +1,176 @@
+"""A log as one page: everything in it, nothing around it, the same bytes for the same log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from semmap_log.domain.doors import DoorId, DoorMap, DoorState
+from semmap_log.domain.moments import zone
+from semmap_log.door_log.summary import summarize
+from semmap_log.folding.replay import Scope, replay
+from semmap_log.log.disk import utf8_name
+from semmap_log.projections.levels import levels_of
+from semmap_log.views.excerpt.shown_levels import home_of_0
+from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.how_to_begin import how_to_begin
+from semmap_log.views.label_places import without_level
+from semmap_log.views.palette import DEFAULT, Palette
+from semmap_log.views.report.believed import beliefs_of
+from semmap_log.views.report.door_stories import (
+    DoorStory,
+    bring_home,
+    brought_by,
+    coded_life,
+    coded_states,
+    placed_on,
+    stories,
+)
+from semmap_log.views.report.gathering import Gathered, gather
+from semmap_log.views.report.last_changes import changes_of
+from semmap_log.views.report.log_health import health_of
+from semmap_log.views.report.page import filled, hex_of
+from semmap_log.views.report.patrols import rounds_of
+from semmap_log.views.report.plans import shown_levels
+from semmap_log.views.report.track import track_of
+from semmap_log.views.week_shades import shade
+from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
+
+if TYPE_CHECKING:
+    from semmap_log.door_log.door_log import DoorLog, Time
+
+BESIDE_MS = 8 * DAY_MS
+"""The week of a moment reaches so far beyond the first and the last one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A page, and what is on it."""
+
+    html: str
+    doors: int
+    events: int
+
+
+def report(
+    log: DoorLog,
+    *,
+    since: Time = None,
+    until: Time = None,
+    doors: Collection[DoorId] | None = None,
+    tz: str | None = None,
+    palette: Palette = DEFAULT,
+    progress: Callable[[int, int], None] | None = None,
+) -> Report:
+    """Return a self-contained page of a log: floor plan over time, lanes, weeks, tables, health.
+
+    At each whole millisecond T that its slider can show, the doors are those of `log.replay(at=T)`.
+
+    Args:
+        log: The log.
+        since: From then on (happened time); the state before it opens the page.
+        until: Before then.
+        doors: Only these doors; the robot and its rounds stay.
+        tz: IANA zone of all times; None: the log's.
+        palette: Colours of the states.
+        progress: Told how far the reading is: (bytes done, bytes in all).
+
+    Raises:
+        MomentError: A time or the zone cannot be read, or `since` comes after `until`.
+    """
+    place = log.info.timezone if tz is None else tz
+    zone(place)
+    excerpt = Excerpt.of(log, since, until, doors)
+    data = report_data(excerpt, place, progress)
+    said = [data["log"]["name"], data["log"]["building"]]
+    title = " · ".join(part for part in said if part)
+    html = filled(data, title=f"{title}: door report", palette=palette)
+    return Report(html, len(data["doors"]), data["events"])
+
+
+def report_data(
+    excerpt: Excerpt,
+    tz: str,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]:
+    """Return all that the page shows, as JSON holds it.
+
+    Times are milliseconds after `begin` (which is since the Unix epoch), where nothing else is
+    said; lengths metres, frame `map`.
+    """
+    log = excerpt.log
+    now = log.replay(at=excerpt.last_ns())
+    found = gather(excerpt, progress)
+    span = _span(excerpt, found)
+    rest = brought_by(found, excerpt.before().doors, excerpt.since_ns or 0)
+    home = home_of_0(levels_of(now).keys() | placed_on(rest))
+    bring_home(rest, found.poses, home)
+    told = stories(found, rest, excerpt.before().doors)
+    states, lag_ms = coded_states(told, span)
+    beliefs = beliefs_of(excerpt, tz, {story.door_id for story in told})
+    levels = shown_levels(excerpt, now, told, found.poses, home)
+    said = _annotations(excerpt, now)
+    track = track_of(found.poses, span)
+    return {
+        "log": _log(log, tz),
+        "begin": span.begin_ms,
+        "end": span.end_ms - span.begin_ms,
+        "offsets": zone_offsets(span.widened(BESIDE_MS), tz),
+        "events": found.events,
+        "isEmpty": found.events == 0 and not told,
+        "howToBegin": how_to_begin(log),
+        "states": [state.name for state in DoorState],
+        "seenWithin": lag_ms,
+        "levels": levels,
+        "doors": [
+            _door(story, said.get(story.door_id, {}), levels)
+            | coded_life(story, span) | coded | beliefs.get(story.door_id, {})
+            for story, coded in zip(told, states, strict=True)
+        ],
+        "track": track.runs,
+        "trackWithin": round(track.within_m, 2),
+        "rounds": rounds_of(log, span),
+        "changes": changes_of(log, found.told, told, span),
+        "health": health_of(summarize(log.reader), tz),
+        "shades": [hex_of(shade(percent / 100)) for percent in range(101)],
+    }  # fmt: skip
+
+
+def _span(excerpt: Excerpt, found: Gathered) -> Span:
+    """Return what the slider goes over: never beyond `until`, and never nothing."""
+    begin_ns = excerpt.since_ns if excerpt.since_ns is not None else found.first_ns or 0
+    end_ms = first_ms(found.last_ns if found.last_ns is not None else begin_ns)
+    if (last_ns := excerpt.last_ns()) is not None:
+        end_ms = min(end_ms, last_ns // MS_NS)
+    begin_ms = first_ms(begin_ns)
+    return Span(begin_ms, max(begin_ms, end_ms))
+
+
+def _log(log: DoorLog, tz: str) -> dict[str, Any]:
+    info = log.info
+    return {
+        "name": utf8_name(log.path.resolve()),
+        "building": info.building,
+        "robot": info.robot,
+        "tz": tz,
+        "id": info.log_id,
+    }
+
+
+def _annotations(excerpt: Excerpt, now: DoorMap) -> dict[DoorId, dict[str, str]]:
+    """Return what is said of the doors when the page ends; of removed ones only the name."""
+    names = replay(excerpt.log.reader, Scope(at_ns=excerpt.last_ns())).names()
+    said = {door_id: {"name": name} for door_id, name in names.items()}
+    return said | {door_id: dict(door.annotations) for door_id, door in now.doors.items()}
+
+
+def _door(story: DoorStory, said: dict[str, str], levels: list[dict[str, Any]]) -> dict[str, Any]:
+    name = said.get("name") or f"door {story.door_id}"
+    level = next((lv["name"] for lv in levels if lv["level"] == story.last_level), "")
+    return {
+        "id": int(story.door_id),
+        "name": name,
+        "short": without_level(name, level),
+        "said": [[key, value] for key, value in sorted(said.items()) if key != "name"],
+    }

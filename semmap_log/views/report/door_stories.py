@@ -1,0 +1,227 @@
+"""What became of each door, coded so that a page can hold a week of hundreds of them.
+
+States are never thinned: at each whole millisecond the page tells what a replay does. Sightings
+that only repeat a state move nothing but `last seen`; of very many, some are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.events import DoorAdded
+from semmap_log.domain.meaning import Changed, Presence
+from semmap_log.projections.door_changes import (
+    STATE_CHANGE,
+    Changes,
+    Stamp,
+    known_states,
+    of_presence,
+)
+from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
+from semmap_log.views.excerpt.door_rows import ALWAYS, NEVER, Edge, Life, by_door, opening_changes
+from semmap_log.views.report.gathering import STAMP, Gathered, Rows
+from semmap_log.views.zone_times import MS_NS, Span
+
+MOST_STATES = 100_000
+"""Of more sightings than that, in all, repeats are left out."""
+SHORTEST_STEP_MS = 60_000
+
+
+@dataclass(frozen=True, slots=True)
+class DoorStory:
+    """A door that is in the map at some time of the page."""
+
+    door_id: DoorId
+    life: Life
+    states: Rows
+    """Rows of `STATE_CHANGE` while it was in the map, in the order in which they count."""
+    picture: DoorPicture
+    """Its places, and the probabilities that were set."""
+
+    @property
+    def changes(self) -> Rows:
+        """Rows of `STAMP`: the events that told of another state than the one before."""
+        rows = self.states[1:][np.diff(self.states["state"].astype(np.int16)) != 0]
+        stamps = np.empty(len(rows), STAMP)
+        stamps["folds_ns"], stamps["number"] = rows["folds_ns"], rows["number"]
+        return stamps
+
+    @property
+    def last_level(self) -> int:
+        """The level it was put on last."""
+        places = self.picture.placements
+        return int(places["level"][-1]) if len(places) else 0
+
+
+def brought_by(found: Gathered, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
+    """Return what brings, places or removes doors, also those that are there when it begins.
+
+    Args:
+        found: The events.
+        before: The doors just before the first of them.
+        since_ns: When that is.
+    """
+    opening = opening_changes(before.values(), Edge(since_ns, -1, -1))
+    return np.concatenate([opening, found.rest])
+
+
+def placed_on(rest: Changes) -> set[int]:
+    """Return the levels on which doors get a place."""
+    sets_pose = (rest["sets"] & int(Changed.POSE)) != 0
+    return set(np.unique(rest["level"][sets_pose & np.isfinite(rest["x"])]).tolist())
+
+
+def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
+    """Put what is said of level 0 where that is shown: see `excerpt.levels`."""
+    for rows in (rest, poses):
+        rows["level"][rows["level"] == 0] = home or 0
+
+
+def stories(found: Gathered, rest: Changes, before: Mapping[DoorId, Door]) -> list[DoorStory]:
+    """Return the doors that are in the map at some time, ids ascending.
+
+    Args:
+        found: The events.
+        rest: What brings, places or removes doors: `brought_by`.
+        before: The doors just before the first of them.
+    """
+    told = [
+        _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
+        for mine in by_door(rest)
+    ]
+    return [story for story in told if story is not None]
+
+
+def _story(before: Door | None, rest: Changes, states: Rows) -> DoorStory | None:
+    """Return one door's story; None: it never was in the map.
+
+    Args:
+        before: As it was when the page begins; None: not there by then.
+        rest: Its rows.
+        states: Those of all doors.
+    """
+    life = _life(rest)
+    if life.added == NEVER:
+        return None
+    door_id = int(rest["door_id"][0])
+    first, behind = np.searchsorted(states["door_id"], [door_id, door_id + 1]).tolist()
+    said = np.concatenate([_opening_state(before), states[first:behind]])
+    # What is known of a door that was there when the page begins was told before it begins.
+    born = ALWAYS if life.added[1] < 0 else life.added
+    return DoorStory(
+        DoorId(door_id),
+        life,
+        said[Life(born, life.removed).covers(said)],
+        DoorFold().take(rest),
+    )
+
+
+def _life(changes: Changes) -> Life:
+    added, removed = (
+        _first_stamp(changes[of_presence(changes, presence)])
+        for presence in (Presence.COMES, Presence.GOES)
+    )
+    # A removal before the adding was of no door.
+    return Life(added, removed if removed > added else NEVER)
+
+
+def _first_stamp(rows: Changes) -> Stamp:
+    return (int(rows["folds_ns"][0]), int(rows["number"][0])) if len(rows) else NEVER
+
+
+def _opening_state(before: Door | None) -> Rows:
+    """Return the row that tells of the state in which a door was when the page begins."""
+    if before is None:
+        return np.empty(0, STATE_CHANGE)
+    seen_ns = before.last_seen_ns or 0
+    row = (before.door_id, seen_ns, -1, DoorAdded.kind, int(before.state))
+    return np.array([row], STATE_CHANGE)
+
+
+def coded_states(told: list[DoorStory], span: Span) -> tuple[Iterator[dict[str, Any]], int]:
+    """Return each door's states as `t` and `s`, and by how much `last seen` may lag, milliseconds.
+
+    `t` are the times in milliseconds, of the first after the page's begin, of the others after the
+    one before; `s` the states, a digit each.
+    """
+    times = [_counting_ms(story.states, span) for story in told]
+    held = [np.append(t[1:] != t[:-1], True)[: len(t)] for t in times]
+    times = [t[kept] for t, kept in zip(times, held, strict=True)]
+    states = [
+        known_states(story.states["state"][kept]) for story, kept in zip(told, held, strict=True)
+    ]
+    step_ms = _step_ms(times, states)
+    thinned = (
+        (t[kept], s[kept])
+        for t, s in zip(times, states, strict=True)
+        for kept in [_kept(t, s, step_ms)]
+    )
+    return ({"t": _deltas(t), "s": "".join(map(str, s.tolist()))} for t, s in thinned), step_ms
+
+
+def _counting_ms(rows: Rows, span: Span) -> Rows:
+    milliseconds: Rows = -(-rows["folds_ns"] // MS_NS) - span.begin_ms
+    return milliseconds
+
+
+def _step_ms(times: list[Rows], states: list[Rows]) -> int:
+    """Return the least step at which what is kept is not too much; 0: all is kept."""
+    if sum(map(len, times)) <= MOST_STATES:
+        return 0
+    changes = sum(int(np.count_nonzero(np.diff(s))) for s in states)
+    step_ms = SHORTEST_STEP_MS
+    while step_ms < 2**40 and changes + MOST_STATES < sum(
+        int(np.count_nonzero(_kept(t, s, step_ms))) for t, s in zip(times, states, strict=True)
+    ):
+        step_ms *= 2
+    return step_ms
+
+
+def _kept(times: Rows, states: Rows, step_ms: int) -> Rows:
+    """Tell what stays: each change, the last state, and of repeats the first in each step."""
+    kept = np.ones(len(times), np.bool_)
+    if step_ms and len(times):
+        steps = times // step_ms
+        kept[1:] = (steps[1:] != steps[:-1]) | (states[1:] != states[:-1])
+        kept[-1] = True
+    return kept
+
+
+def _deltas(times: Rows) -> list[int]:
+    deltas: list[int] = np.diff(times, prepend=0).tolist()
+    return deltas
+
+
+def coded_life(story: DoorStory, span: Span) -> dict[str, Any]:
+    """Return when a door came and went, where it was, and the probabilities that were set."""
+    removed = story.life.removed
+    return {
+        "added": span.since_begin(story.life.added[0]),
+        "removed": None if removed == NEVER else span.since_begin(removed[0]),
+        "places": [_place(row, span) for row in story.picture.placements],
+        "probs": [
+            [span.since_begin(int(row["folds_ns"])),
+             _number(row["prob_open"], 6), _number(row["prob_closed"], 6)]
+            for row in story.picture.probabilities
+        ],
+    }  # fmt: skip
+
+
+def _place(row: Any, span: Span) -> list[Any]:
+    """Return [from when, level, x and y of its start, of its end]; nothing behind: unplaced."""
+    since, level = span.since_begin(int(row["folds_ns"])), int(row["level"])
+    x, y, theta, width = (float(row[name]) for name in ("x", "y", "theta", "width"))
+    ends = (x, y, x + width * math.cos(theta), y + width * math.sin(theta))
+    if not all(map(math.isfinite, ends)):
+        return [since, level]
+    return [since, level, *(_number(value, 3) for value in ends)]
+
+
+def _number(value: float, digits: int) -> float | None:
+    return None if math.isnan(value) else round(float(value), digits)

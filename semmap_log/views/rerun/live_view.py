@@ -1,0 +1,213 @@
+"""A log in a viewer while another process writes to it: first its history, then what comes.
+
+A commit that fits into what is shown (a sighting, a pose, a belief) becomes some more rows. One
+that changes what had been written already (it is late, takes something back, adds, names, moves or
+removes a door) cannot be taken out of a viewer: the history is written anew, as another recording,
+which takes the first one's place. So what is shown is always what `save_rrd` would write.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.doors import DoorId
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.log.reading.following import FollowedCommit
+from semmap_log.log.reading.progress import Progress
+from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.palette import DEFAULT, Palette
+from semmap_log.views.rerun.belief_curves import BeliefsShown, beliefs_to_show
+from semmap_log.views.rerun.blueprint import layout
+from semmap_log.views.rerun.contents import RecordingContents
+from semmap_log.views.rerun.file import Converter, open_recording
+from semmap_log.views.rerun.fitting import fits, with_room
+from semmap_log.views.rerun.process import ViewerError
+from semmap_log.views.rerun.round_lanes import round_lanes
+from semmap_log.views.rerun.scene import Scene
+
+POLL_S = 0.1
+SEND_S = 60.0
+"""What has not arrived by then will not: the viewer has gone, or is stuck."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What of a log is shown, and how."""
+
+    since: Time = None
+    """From then on; None: from the log's start."""
+    doors: Collection[DoorId] | None = None
+    """Only these; None: all."""
+    palette: Palette = DEFAULT
+    costmap: bool = True
+    """With the costmap's door layer."""
+    beliefs: bool = True
+    """With what could be believed when the following began."""
+
+
+def follow_in_viewer(
+    log: DoorLog,
+    url: str,
+    shown: Shown = Shown(),
+    *,
+    stop: Callable[[], bool],
+    forget: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Send a log to a viewer, then each commit as it comes, until told to stop.
+
+    Args:
+        log: The log; it is refreshed.
+        url: The viewer's address.
+        shown: What of it, and how.
+        stop: Asked some ten times a second.
+        forget: Told the id of a recording that another one has replaced.
+        progress: Told how far the first reading is.
+
+    Raises:
+        CorruptLogError: The log is damaged, or was exchanged for another state of itself.
+        LogError: Another log lies there now.
+        ViewerError: The viewer takes nothing more.
+    """
+    source = _Source(Excerpt.of(log, shown.since, None, shown.doors), shown)
+    replaced: str | None = None
+    for turn in count():
+        log.refresh()
+        survey = _survey(source.excerpt)
+        scene = survey.scene() if turn == 0 else with_room(survey.scene())
+        source.learn(scene)
+        recording_id = log.info.log_id if turn == 0 else f"{log.info.log_id}-{turn}"
+        with open_recording(recording_id) as recording:
+            tail = _Tail(source, survey, scene, recording)
+            tail.begin(url, progress if turn == 0 else None)
+            if replaced is not None and forget is not None:
+                forget(replaced)
+            tail.go_on(stop)
+        if not tail.is_outdated:
+            return
+        replaced = recording_id
+
+
+@dataclass(slots=True)
+class _Source:
+    """What all recordings of one following show."""
+
+    excerpt: Excerpt
+    shown: Shown
+    beliefs: BeliefsShown | None = None
+    has_learnt: bool = False
+
+    def learn(self, scene: Scene) -> None:
+        """Find out what can be believed: once, for it takes seconds."""
+        if self.shown.beliefs and not self.has_learnt:
+            self.beliefs = beliefs_to_show(self.excerpt, scene, self.shown.doors)
+        self.has_learnt = True
+
+    def beliefs_in(self, scene: Scene) -> BeliefsShown | None:
+        """Return the beliefs about doors that are still there to be shown."""
+        if self.beliefs is None:
+            return None
+        return BeliefsShown(
+            {door: points for door, points in self.beliefs.curves.items() if door in scene.doors},
+            [week for week in self.beliefs.weeks if week.door.door_id in scene.doors],
+        )
+
+
+class _Tail:
+    """One recording that goes on, as long as what comes fits into it."""
+
+    def __init__(
+        self, source: _Source, survey: RecordingContents, scene: Scene, recording: Any
+    ) -> None:
+        self.is_outdated = False
+        """Something came that does not fit."""
+        self._source, self._survey, self._scene = source, survey, scene
+        self._recording = recording
+        self._commits = _Commits(source.excerpt.log.commits())
+        self._waiting: list[FollowedCommit] = []
+
+    def begin(self, url: str, progress: Progress | None) -> None:
+        """Send the history."""
+        shown, excerpt = self._source.shown, self._source.excerpt
+        beliefs = self._source.beliefs_in(self._scene)
+        rounds = round_lanes(excerpt, self._scene)
+        blueprint = layout(
+            self._scene, shown.palette,
+            chosen=None if shown.doors is None else list(shown.doors),
+            level=self._scene.robot_level, costmap=shown.costmap, beliefs=beliefs, goes_on=True,
+            rounds=rounds, tz=excerpt.log.info.timezone,
+        )  # fmt: skip
+        self._recording.connect_grpc(url)
+        self._recording.send_blueprint(blueprint)
+        self._converter = Converter(
+            self._recording, excerpt, self._scene, self._commits, palette=shown.palette,
+            costmap=shown.costmap, beliefs=beliefs, rounds=rounds,
+        )  # fmt: skip
+        for batch in excerpt.batches(progress):
+            self._converter.take(batch)
+        self._converter.finish()
+        _deliver(self._recording)
+
+    def go_on(self, stop: Callable[[], bool]) -> None:
+        """Send what comes, until told to stop, or something comes that does not fit."""
+        log = self._source.excerpt.log
+        for followed in log.follow(poll_s=POLL_S, stop=lambda: stop() or self._is_over()):
+            self._waiting.append(followed)
+
+    def _is_over(self) -> bool:
+        """Send what came since the last look; tell whether some of it does not fit."""
+        commits, self._waiting = self._waiting, []
+        if commits and not self.is_outdated:
+            self.is_outdated = not self._send(commits)
+        return self.is_outdated
+
+    def _send(self, commits: Sequence[FollowedCommit]) -> bool:
+        """Send the commits, if all of them fit; return whether they do."""
+        batches = [
+            part for each in commits if len(part := self._source.excerpt.part_of(each.batch))
+        ]
+        if not all(fits(batch, self._survey, self._scene) for batch in batches):
+            return False
+        self._commits.coming.extend(each.commit for each in commits)
+        for batch in batches:
+            self._converter.take(batch)
+        self._converter.flush()
+        _deliver(self._recording)
+        return True
+
+
+@dataclass(slots=True)
+class _Commits:
+    """The commits of a log, and behind them those that come."""
+
+    known: Iterator[Commit]
+    coming: deque[Commit] = field(default_factory=deque)
+
+    def __iter__(self) -> Iterator[Commit]:
+        yield from self.known
+        while True:  # who asks has an event at hand, whose commit has come, too
+            yield self.coming.popleft()
+
+
+def _deliver(recording: Any) -> None:
+    """Return once all that was written is in the viewer.
+
+    Raises:
+        ViewerError: It does not take it.
+    """
+    try:
+        recording.flush(timeout_sec=SEND_S)
+    except (RuntimeError, TimeoutError) as error:
+        raise ViewerError(f"The rerun viewer takes nothing more: {error}.") from None
+
+
+def _survey(excerpt: Excerpt) -> RecordingContents:
+    survey = RecordingContents(excerpt)
+    for batch in excerpt.read():
+        survey.take(batch)
+    return survey

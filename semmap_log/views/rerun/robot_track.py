@@ -1,0 +1,154 @@
+"""The robot into a rerun recording: an arrow where it is, and its track behind it.
+
+In a long recording poses that hardly differ from the ones before are left out: see `thinning`.
+Along `recorded` poses that were taken back stay where they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import RobotPose
+from semmap_log.views.palette import Palette, packed
+from semmap_log.views.rerun.rerun_sdk import rr
+from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter
+from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
+from semmap_log.views.rerun.thinning import is_long, telling_poses
+
+GAP_NS = 600 * 10**9
+"""A robot unseen for longer did not drive the straight line between the two poses."""
+
+ARROW_SHARE = 0.03
+"""Length of the arrow, as a share of the level's longer side."""
+SHORTEST_ARROW_M = 0.6
+
+POSE = np.dtype([
+    ("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"),
+    ("level", "u2"), ("x", "f8"), ("y", "f8"), ("theta", "f8"),
+    ("from_level", "i4"), ("from_ns", "i8"), ("from_x", "f8"), ("from_y", "f8"),
+])  # fmt: skip
+"""A pose, and the one before it; `from_level` is -1 for the first."""
+
+Poses = NDArray[np.void]
+
+
+class RobotWriter:
+    """Lets poses wait until they make a good chunk, then writes them."""
+
+    def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
+        self._writer = writer
+        self._home_of_0 = scene.home_of_0 or 0
+        self._levels = [level for level in scene.levels.values() if level.has_robot]
+        self._waiting: list[Poses] = []
+        self._rows_waiting = 0
+        self._last = np.zeros(1, POSE)
+        self._last["level"] = 0
+        self._has_last = False
+        self._thins = is_long(scene)
+        self.left_out = 0
+        """Poses so far that are not drawn: others stand in their place."""
+        for level in self._levels:
+            self._write_style(level, palette)
+
+    def take(self, batch: EventBatch) -> None:
+        """Take the poses of the next batch, in order of their numbers."""
+        if RobotPose in batch:
+            poses = _poses_of(batch)
+            poses["level"][poses["level"] == 0] = self._home_of_0
+            self._waiting.append(poses)
+            self._rows_waiting += len(self._waiting[-1])
+        if self._rows_waiting >= MOST_ROWS:
+            self.finish()
+
+    def finish(self) -> None:
+        """Write what still waits."""
+        if not self._waiting:
+            return
+        poses = np.concatenate(self._waiting)
+        self._waiting, self._rows_waiting = [], 0
+        if self._thins:
+            telling = telling_poses(*(poses[n] for n in ("x", "y", "theta", "level", "folds_ns")))
+            self.left_out += int(np.count_nonzero(~telling))
+            poses = poses[telling]
+        self._link(poses)
+        for level in self._levels:
+            self._write_level(level, poses)
+
+    def _link(self, poses: Poses) -> None:
+        """Fill in where each pose came from."""
+        before = np.concatenate([self._last, poses[:-1]])
+        poses["from_level"], poses["from_ns"] = before["level"], before["folds_ns"]
+        poses["from_x"], poses["from_y"] = before["x"], before["y"]
+        if not self._has_last:
+            poses["from_level"][0] = -1
+        self._last, self._has_last = poses[-1:].copy(), True
+
+    def _write_style(self, level: SceneLevel, palette: Palette) -> None:
+        self._writer.static(
+            _pose_path(level),
+            rr.Arrows2D.from_fields(
+                colors=packed(palette.robot), radii=rr.Radius.ui_points(3.0), draw_order=8.0
+            ),
+        )
+        self._writer.static(
+            track_path(level),
+            rr.LineStrips2D.from_fields(
+                colors=packed(palette.robot, 0x70), radii=rr.Radius.ui_points(1.0), draw_order=5.0
+            ),
+        )
+
+    def _write_level(self, level: SceneLevel, poses: Poses) -> None:
+        arrow_m = max(SHORTEST_ARROW_M, ARROW_SHARE * level.bounds.longest_side_m)
+        here, came_from_here = (poses[name] == level.level for name in ("level", "from_level"))
+
+        def arrows(part: Poses) -> Sequence[Any]:
+            return _arrows(part, part["level"] == level.level, arrow_m)
+
+        self._writer.events(_pose_path(level), poses[here | came_from_here], arrows)
+        apart_ns = poses["folds_ns"] - poses["from_ns"]
+        drove = here & came_from_here & (apart_ns >= 0) & (apart_ns <= GAP_NS)
+        self._writer.events(track_path(level), poses[drove], _segments)
+
+
+def track_path(level: SceneLevel) -> EntityPath:
+    """Return the entity of the robot's track on a level."""
+    return (*level.path, "robot", "track")
+
+
+def _pose_path(level: SceneLevel) -> EntityPath:
+    return (*level.path, "robot", "pose")
+
+
+def _poses_of(batch: EventBatch) -> Poses:
+    where, rows = batch.where(RobotPose), batch[RobotPose]
+    poses = np.zeros(len(where), POSE)
+    poses["number"] = batch.number[where]
+    poses["folds_ns"] = batch.folds_ns[where]
+    poses["recorded_ns"] = batch.recorded_ns[where]
+    for name in ("level", "x", "y", "theta"):
+        poses[name] = rows[name]
+    return poses
+
+
+def _arrows(poses: Poses, shows: NDArray[np.bool_], length_m: float) -> Sequence[Any]:
+    """Return an arrow for each row that shows one; the others take it away."""
+    shown = poses[shows]
+    heading = np.stack([np.cos(shown["theta"]), np.sin(shown["theta"])], -1) * length_m
+    # The arrow stands on the robot, not before it.
+    origins = np.stack([shown["x"], shown["y"]], -1) - heading / 2
+    with np.errstate(over="ignore"):  # as in `strips_of`
+        columns = rr.Arrows2D.columns(
+            origins=origins.astype(np.float32), vectors=heading.astype(np.float32)
+        )
+    return list(columns.partition(shows.astype(np.uint32)))
+
+
+def _segments(poses: Poses) -> Sequence[Any]:
+    ends = [np.stack([poses[f"{side}x"], poses[f"{side}y"]], -1) for side in ("from_", "")]
+    with np.errstate(over="ignore"):
+        return list(rr.LineStrips2D.columns(strips=np.stack(ends, 1).astype(np.float32)))
