@@ -94,7 +94,7 @@ VERIFIED = (
           "test_closed_mark"),
     guard("the hash where closed.json ends, verified", "Verifier._commit",
           "self._marked = commit.hash", "", "test_closed_mark"),
-    guard("closed.json is read before the files are listed, verified", "folder.arrange",
+    guard("closed.json is read before the files are listed, verified", "folder_files.arrange",
           "found.mark = _mark(found)\n"
           "found.listed = frozenset(listed_names(_bag_metadata_of(path)))\n"
           "try:\n"

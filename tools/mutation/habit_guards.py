@@ -5,7 +5,7 @@ from __future__ import annotations
 from mutation.mutant import guard
 
 HABITS = (
-    guard("cells of a line are plain", "columns.line_of",
+    guard("cells of a line are plain", "column_table.line_of",
           "(plain_cell(cell) for cell in cells)", "cells", "test_pipes"),
     guard("columns yield where it is narrow", "ColumnTable._fitting",
           "del needs[place]", "", "test_pipes"),

@@ -40,7 +40,7 @@ LEVELS = (
     guard("levels: a costmap of the level with doors", "level_shown",
           "placed.pop() if len(placed) == 1 else resolve_level(None, door_map)",
           "resolve_level(None, door_map)", "test_levels"),
-    guard("levels: level 0 is shown on the only level", "levels.home_of_0",
+    guard("levels: level 0 is shown on the only level", "shown_levels.home_of_0",
           "there.pop() if len(there) == 1 else None", "0", "test_levels_shown"),
     guard("levels: a robot's level without doors is not in front", "_plans",
           "wanted if wanted.doors or not busiest.doors else busiest", "wanted",
