@@ -138,8 +138,8 @@ class DoorClient:
         doors = self.doors()
         if door_id not in doors:
             raise UnknownDoorError(
-                f"door {door_id}: expected one of {counted(len(doors), 'door')} on "
-                f"{DOOR_DB.name}, to complete its place from."
+                f"door {door_id}: expected a door of {DOOR_DB.name}, to complete its place from; "
+                f"{counted(len(doors), 'door')} there."
             )
         return doors[door_id]
 

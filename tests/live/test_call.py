@@ -104,7 +104,7 @@ def test_what_cannot_be_is_told(site: Site) -> None:
     assert [1] * 3 == [each.process.returncode for each in (strange, nobody, vague)]
     assert "AddDoor is not semmap-log's" in vague.errors  # it would keep a NaN
     assert "expected --prob-open and --prob-closed, got none" in vague.errors
-    assert "door 77: expected one of the" in strange.errors
+    assert "door 77: expected a door of" in strange.errors
     assert "no action server /nobody/remove answered within 0.5 s" in nobody.errors
 
 

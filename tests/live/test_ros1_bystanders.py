@@ -61,7 +61,7 @@ def launched(ros1: RosWorld, tmp_path_factory: pytest.TempPathFactory) -> Iterat
                      "SEMMAP_LOG": str(command)},
     )  # fmt: skip
     with roslaunch:
-        roslaunch.wait_for("/doors serves .*: 1 doors")
+        roslaunch.wait_for("/doors serves .*: 1 door[.]")
         yield Launched(ros1, folder / "office", roslaunch)
         assert 0 == roslaunch.stop()
 
