@@ -14,7 +14,7 @@ from semmap_log.errors import MissingExtraError
 from semmap_log.exporting.log_files import export
 from tests.batches import batch_of
 
-NEEDS_IT = ("sdk", "schema", "table", "history_table", "parquet", "intervals")
+NEEDS_IT = ("arrow_sdk", "schema", "table", "history_table", "parquet", "intervals")
 INSTALL = r"pip install 'semmap-log\[arrow\]'"
 
 

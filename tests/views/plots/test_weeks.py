@@ -116,7 +116,7 @@ def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
     As if it had never been installed.
     """
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for name in ("sdk", "weeks"):
+    for name in ("matplotlib_sdk", "typical_weeks"):
         monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[plots\]'"):

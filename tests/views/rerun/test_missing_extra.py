@@ -10,7 +10,8 @@ import pytest
 from semmap_log.errors import MissingExtraError
 from tests.views.rerun.some_logs import small_log
 
-EDGE = ("sdk", "rows", "robot", "blueprint", "file", "doors", "events", "floor", "live")
+EDGE = ("rerun_sdk", "rows", "robot_track", "blueprint", "file", "door_entities", "event_markers",
+        "floor", "live_view")  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
