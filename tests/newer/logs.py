@@ -26,7 +26,7 @@ UNKNOWN = 3
 
 WRITE = """
 import os, sys, semmap_log as sl
-from semmap_log import events
+from semmap_log.domain import events
 path, kind, is_closed = sys.argv[1], sys.argv[2], sys.argv[3] == "closed"
 log = sl.create(path, tz="Europe/Vienna", robot="tug1")
 door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", name="front", actor="ada")
