@@ -80,14 +80,14 @@ def _bytes_of_commits(path: Path, commits: int, per_commit: int) -> list[bytes]:
 
 
 def _new_log(path: Path) -> sl.DoorLogWriter:
-    """Make a log that has the doors which `sightings` sees."""
+    """Make a log that has the doors which `sightings` sees, from before the first of these on."""
     import semmap_log as sl
     from semmap_log.domain.doors import DoorId
     from semmap_log.domain.events import DoorAdded
 
     log = sl.create(path, tz="UTC")
     doors = range(1, 101)
-    log.append([DoorAdded(door_id=DoorId(door), x=1.0, y=1.0, theta=0.0, width=0.9)
+    log.append([DoorAdded(door_id=DoorId(door), x=1.0, y=1.0, theta=0.0, width=0.9, happened_ns=0)
                 for door in doors])  # fmt: skip
     return log
 
