@@ -9,6 +9,6 @@ run           all of it
 """
 
 from semmap_log.log.salvage.recovering import Recovered, recover, recover_into
-from semmap_log.log.salvage.recovery_plan import Loss, RecoveryPlan, survey
+from semmap_log.log.salvage.recovery_plan import Loss, RecoveryPlan, plan_recovery
 
-__all__ = ["Loss", "Recovered", "RecoveryPlan", "recover", "recover_into", "survey"]
+__all__ = ["Loss", "Recovered", "RecoveryPlan", "recover", "recover_into", "plan_recovery"]

@@ -20,7 +20,7 @@ from semmap_log.log.newer import Newer, is_later_kind
 from semmap_log.log.segment import Head, channel_record
 from semmap_log.log.verification.file_bytes import FileBytes
 from semmap_log.log.verification.pieces import Piece, examine, find_piece
-from semmap_log.log.walking import ChunkDamage
+from semmap_log.log.record_scan import ChunkDamage
 from semmap_log.messages import layout
 
 _NUMBERED = struct.Struct("<BQH")
