@@ -14,20 +14,7 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
-    Changed,
-    DoorAdded,
-    DoorAnnotated,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorRequested,
-    DoorUpdated,
-    Event,
-    PatrolStarted,
-    Retracted,
-    RobotPose,
-)
+from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, PatrolStarted, Retracted, RobotPose
 from semmap_log.door_log.appendable_log import Events
 from semmap_log.errors import (
     CommandReusedError,
@@ -153,7 +140,7 @@ def test_chunks_are_cut_at_the_same_places(
     A commit of many chunks, here small ones.
     """
     allowed = [e for e in events if not isinstance(e, (DoorAdded, DoorRemoved, Retracted))]
-    from semmap_log.log import commit_records as commits
+    from semmap_log.store import commit_records as commits
 
     folder = tmp_path_factory.mktemp("chunks")
     with pytest.MonkeyPatch.context() as patch:

@@ -104,7 +104,7 @@ LOG_ORDER = ["", "reading", "compaction", "writing", "verification", "salvage"]
 
 
 def _room_in_log(module: str) -> str:
-    """Return the room of `semmap_log.log.<room>.<file>`; "" for a file in `log` itself."""
+    """Return the room of `semmap_log.store.<room>.<file>`; "" for a file in `log` itself."""
     name = module.split(".")[2] if module.count(".") > 1 else ""
     return name if name in LOG_ORDER else ""
 
@@ -127,7 +127,7 @@ def test_inside_the_log_imports_point_one_way_too(path: Path) -> None:
     wrong = [
         f"line {line}: {name}"
         for line, name in _imports(path)
-        if name.startswith("semmap_log.log") and _room_in_log(name) not in may_use
+        if name.startswith("semmap_log.store") and _room_in_log(name) not in may_use
     ]
 
     assert [] == wrong

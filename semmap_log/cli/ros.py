@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from semmap_log.formats.ros_types import RosVersion
+    from semmap_log.formats.ros.ros_types import RosVersion
     from semmap_log.live.ros_node import RosNode
 
 VERBS = ("serve", "record", "play", "call")

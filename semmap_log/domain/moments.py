@@ -14,7 +14,8 @@ from decimal import Decimal
 from functools import lru_cache
 from zoneinfo import ZoneInfo
 
-from semmap_log.domain.events import MAX_EVENT, MAX_TIME_NS
+from semmap_log.domain.events import MAX_EVENT
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.errors import MomentError
 
 SECOND_NS = 1_000_000_000

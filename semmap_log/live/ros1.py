@@ -14,8 +14,8 @@ from types import ModuleType
 from typing import Any
 
 from semmap_log.errors import RosError
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion, long_name
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import RosVersion, long_name
 from semmap_log.live.ros1_actions import caller_of, given_id, patient_server_class
 from semmap_log.live.ros1_links import (
     make_each_link_once,
@@ -25,17 +25,7 @@ from semmap_log.live.ros1_links import (
 )
 from semmap_log.live.ros1_messages import message_module
 from semmap_log.live.ros1_topics import Ros1Publisher, is_sending, stay_known
-from semmap_log.live.ros_node import (
-    GOALS_AT_ONCE,
-    TICK_S,
-    Goal,
-    GoalAnswer,
-    Outcome,
-    Publisher,
-    Received,
-    Values,
-    outcome_of,
-)
+from semmap_log.live.ros_node import GOALS_AT_ONCE, TICK_S, Goal, GoalAnswer, Outcome, Publisher, Received, Values, outcome_of
 
 SENT_WITHIN_S = 5.0
 """How long what was published last may take to leave."""

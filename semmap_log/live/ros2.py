@@ -9,25 +9,15 @@ from contextlib import suppress
 from typing import Any
 
 from semmap_log.errors import RosError
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import RosVersion
 from semmap_log.live.ros2_actions import action_class, callers_of, patient_server_class
 from semmap_log.live.ros2_topics import (
     MatchedReader,
     Ros2Publisher,
     message_class,
 )
-from semmap_log.live.ros_node import (
-    GOALS_AT_ONCE,
-    TICK_S,
-    Goal,
-    GoalAnswer,
-    Outcome,
-    Publisher,
-    Received,
-    Values,
-    outcome_of,
-)
+from semmap_log.live.ros_node import GOALS_AT_ONCE, TICK_S, Goal, GoalAnswer, Outcome, Publisher, Received, Values, outcome_of
 
 LOOK_S = 0.1
 """How often it is looked who publishes what we want; rosbag2's recorder does it so, too."""

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import RosVersion
 
 GOALS_AT_ONCE = 8
 """Goals that run at the same time share the syncs of their commits."""

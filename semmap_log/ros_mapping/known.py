@@ -8,20 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
-from semmap_log.domain.events import (
-    DoorAnnotated,
-    DoorEvent,
-    Event,
-    FloorMap,
-    PatrolFinished,
-    PatrolStarted,
-)
+from semmap_log.domain.events import DoorAnnotated, DoorEvent, Event, FloorMap, PatrolFinished, PatrolStarted
 from semmap_log.domain.meaning import Presence
 from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import UnknownDoorError
 from semmap_log.folding.replay import replay
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.folds.door_map import DoorMapState
 
 
 class Known:

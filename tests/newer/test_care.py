@@ -9,11 +9,11 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import NewerLogError
-from semmap_log.log.compaction import compact
-from semmap_log.log.records import MESSAGE
-from semmap_log.log.salvage import recover, plan_recovery
-from semmap_log.log.verification import verify
-from tests.log.logs import digest_of_records, segment_files
+from semmap_log.store.compaction import compact
+from semmap_log.store.records import MESSAGE
+from semmap_log.store.salvage import recover, plan_recovery
+from semmap_log.store.verification import verify
+from tests.store.logs import digest_of_records, segment_files
 from tests.newer.logs import UNKNOWN, NewerLogs
 
 STRENGTH = b"\0\0\0\0\0\0\x08@"

@@ -20,21 +20,7 @@ import numpy as np
 
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
-    Changed,
-    DoorAdded,
-    DoorAnnotated,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    LevelAdded,
-    LogExported,
-    PatrolStarted,
-    Retracted,
-)
+from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolStarted, Retracted
 from semmap_log.messages import encode
 
 START_NS = 1_772_400_000 * 10**9
@@ -47,7 +33,7 @@ SMALL_LIMITS = {
     "KEYFRAME_EVERY_BYTES": 1000,
     "KEYFRAME_RARITY": 0,
 }
-"""Names in the rooms of semmap_log.log; a commit of a hundred events is three chunks.
+"""Names in the rooms of semmap_log.store; a commit of a hundred events is three chunks.
 
 Keyframes stand within segments, and in the middle of long commits.
 """
