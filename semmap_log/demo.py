@@ -11,8 +11,7 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
-from semmap_log.common.command_lines import command_line
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import command_line, counted
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorMap
@@ -23,9 +22,9 @@ from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.log_files import export
 from semmap_log.folding.replay import Scope
+from semmap_log.folds.history import HistoryEntry
 from semmap_log.formats.json.event_json import event_to_json
 from semmap_log.live.line_recorder import LineAnswer, LineRecorder
-from semmap_log.folds.history import HistoryEntry
 
 RECORDING = "office"
 MOST_WAIT_S = 10.0

@@ -8,7 +8,24 @@ import numpy as np
 from hypothesis import strategies as st
 
 from semmap_log.domain.doors import MAX_DOOR_ID, MAX_LEVEL, DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolFinished, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.domain.meaning import ALL_CHANGED
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)

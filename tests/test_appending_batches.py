@@ -14,7 +14,20 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.door_log.appendable_log import Events
 from semmap_log.errors import (
     CommandReusedError,

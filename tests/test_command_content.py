@@ -10,7 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, Event, FloorMap, RobotPose
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    Event,
+    FloorMap,
+    RobotPose,
+)
 from semmap_log.door_log.command_content import are_same
 from semmap_log.errors import CommandReusedError, UnexpectedEventError
 from semmap_log.messages import decode, encode

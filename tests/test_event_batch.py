@@ -14,7 +14,18 @@ from hypothesis import strategies as st
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.batches.event_columns import check_rows, event_of_row
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import KINDS, Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRequested, DoorUpdated, Event, PatrolStarted
+from semmap_log.domain.events import (
+    KINDS,
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    PatrolStarted,
+)
 from semmap_log.errors import InvalidEventError
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 from tests.strategies import events, same

@@ -18,12 +18,20 @@ import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, DoorState, is_given
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorUpdated, FloorMap, LevelAdded, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorUpdated,
+    FloorMap,
+    LevelAdded,
+    RobotPose,
+)
 from semmap_log.errors import InvalidEventError, LevelNameWarning, UnknownLevelError
-from semmap_log.importing.importing import ImportOptions, import_file
-from semmap_log.live.line_recorder import LineAnswer, LineRecorder
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.levels import level_shown, levels_of, resolve_level
+from semmap_log.importing.importing import ImportOptions, import_file
+from semmap_log.live.line_recorder import LineAnswer, LineRecorder
 
 PLACE = {"x": 1.0, "y": 2.0, "theta": 0.0, "width": 0.9}
 POSE = {"x": 1.0, "y": 2.0, "theta": 0.0}

@@ -15,13 +15,25 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.domain.doors import DoorId, DoorMap, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, PatrolStarted, Retracted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    PatrolStarted,
+    Retracted,
+)
 from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.door_log.commands import Gatekeeper
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.folding.replay import visible_batches
-from semmap_log.store.keyframes import decode, encode
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.store.keyframes import decode, encode
 from tests.conftest import SteadyClock
 from tests.folds.dictionary_model import ALL, Told, model
 

@@ -9,7 +9,14 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorObserved, DoorUpdated, LevelAdded, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorObserved,
+    DoorUpdated,
+    LevelAdded,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.door_log.retracting import newly_hidden
 from semmap_log.errors import (
     CommandError,

@@ -14,10 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, DoorState, is_given
-from semmap_log.domain.events import KINDS, MAX_EVENT, NO_LEVEL, DoorAdded, DoorUpdated, Event, Retracted, defaults_of
-from semmap_log.io.clock import MAX_TIME_NS
+from semmap_log.domain.events import (
+    KINDS,
+    MAX_EVENT,
+    NO_LEVEL,
+    DoorAdded,
+    DoorUpdated,
+    Event,
+    Retracted,
+    defaults_of,
+)
 from semmap_log.domain.meaning import ALL_CHANGED, Changed
 from semmap_log.errors import InvalidEventError
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 
 Rows = NDArray[np.void]

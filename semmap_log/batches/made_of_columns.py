@@ -7,7 +7,20 @@ from typing import TYPE_CHECKING, overload
 
 from numpy.typing import ArrayLike
 
-from semmap_log.domain.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, PatrolFinished, PatrolStarted, Retracted, RobotPose, field_names
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+    field_names,
+)
 from semmap_log.domain.keywords import unknown_keyword
 
 if TYPE_CHECKING:

@@ -157,7 +157,10 @@ def _numbers_from(log: DoorLog, source: str) -> NDArray[np.int64]:
 
 
 def _calibrated(
-    times_ns: Times, reads_open: NDArray[np.bool_], sensor: NDArray[np.uint32], truth: StateIntervals
+    times_ns: Times,
+    reads_open: NDArray[np.bool_],
+    sensor: NDArray[np.uint32],
+    truth: StateIntervals,
 ) -> DoorCalibration:
     known = truth.known_at(times_ns)
     stretch = np.searchsorted(truth.start_ns, times_ns[known], "right") - 1

@@ -44,7 +44,9 @@ class WeekPattern:
 
     def taken(self, cells: Any) -> WeekPattern:
         """Return some of the cells, in the shape of that index."""
-        return WeekPattern(self.p_open[cells], self.low[cells], self.high[cells], self.is_known[cells])
+        return WeekPattern(
+            self.p_open[cells], self.low[cells], self.high[cells], self.is_known[cells]
+        )
 
     def averaged(self, axis: int) -> WeekPattern:
         """Return the means over an axis: of what is known, or of all where nothing is.

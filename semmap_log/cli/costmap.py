@@ -27,7 +27,7 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.costmaps import Costmap, CostmapOptions
@@ -149,8 +149,8 @@ def run(
     from semmap_log.costmaps import CostmapOptions, costmap_at
     from semmap_log.exporting.costmap_files import write_costmap
     from semmap_log.formats.bags.bag_writing import tells_a_bag
-    from semmap_log.formats.json.costmap_json import costmap_to_json
     from semmap_log.formats.files.map_server import read_map
+    from semmap_log.formats.json.costmap_json import costmap_to_json
 
     refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
                resolution=resolution, every=every)  # fmt: skip

@@ -29,7 +29,7 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.domain.doors import DoorId
@@ -283,9 +283,9 @@ def _follow(
     opened: DoorLog, looks: dict[str, Any], *, web: bool, theme: ThemeName | None, browser: bool
 ) -> None:
     os.environ.setdefault("RUST_LOG", SDK_SAYS)
+    from semmap_log.errors import ViewerError
     from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
     from semmap_log.views.rerun.process import RerunProcess
-    from semmap_log.errors import ViewerError
     from semmap_log.views.rerun.viewer import window
     from semmap_log.views.rerun.web import web_viewer
 

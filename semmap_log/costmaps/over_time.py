@@ -20,7 +20,15 @@ from semmap_log.costmaps.level_costmap import (
     level_drawn,
 )
 from semmap_log.domain.doors import DoorMap
-from semmap_log.domain.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, FloorMap, Retracted
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    FloorMap,
+    Retracted,
+)
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.folding.replay import Scope, replay

@@ -14,16 +14,26 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.batches.event_batch import RecordedEvent
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorUpdated, Event, FloorMap, LevelAdded, Retracted, defaults_of
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    Retracted,
+    defaults_of,
+)
 from semmap_log.domain.meaning import PART_OF, PLACING, changed
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
-from semmap_log.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 
 
 def early_events(reader: LogReader) -> EarlyEvents:

@@ -14,11 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given, next_door_id
-from semmap_log.domain.events import KINDS, NO_LEVEL, DoorAdded, DoorAnnotated, DoorEvent, DoorRemoved, DoorUpdated, Event, FloorMap, LevelAdded, PatrolFinished, PatrolStarted, Retracted, RobotPose, UnknownEvent, is_whole_number
-from semmap_log.io.clock import MAX_TIME_NS
+from semmap_log.domain.events import (
+    KINDS,
+    NO_LEVEL,
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+    UnknownEvent,
+    is_whole_number,
+)
 from semmap_log.domain.meaning import PLACING, Changed, Presence
 from semmap_log.door_log.removed_doors import ID_PREFIX, told_absent, told_door, which_id
 from semmap_log.errors import (
@@ -29,10 +45,11 @@ from semmap_log.errors import (
     UnknownDoorError,
     UnknownLevelError,
 )
-from semmap_log.messages import OBJECT_KINDS
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 from semmap_log.folds.levels import level_called, only_level, told
+from semmap_log.io.clock import MAX_TIME_NS
+from semmap_log.messages import OBJECT_KINDS
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypedDict, TypeVar
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import NAN, DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, PatrolFinished, PatrolStarted, Retracted, is_whole_number
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    is_whole_number,
+)
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import INSTANTS

@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Durability
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.backdating import early_events, remedy
 from semmap_log.door_log.door_labels import labels_of
-from semmap_log.store.header import LogInfo
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.early_events import EarlyEvents
 from semmap_log.io.progress import Progress
+from semmap_log.store.clock_check import ClockCheck, SuspectCommit
+from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.state import keyframe_at
-from semmap_log.store.clock_check import ClockCheck, SuspectCommit
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.early_events import EarlyEvents
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,9 @@ from semmap_log.folding.position import (
     hiding,
     retractions_behind,
 )
+from semmap_log.folds.projection import Projection
 from semmap_log.io.progress import Progress
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.folds.projection import Projection
 
 S = TypeVar("S")
 

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import Door, DoorId, DoorMap, Level, RemovedDoor
-from semmap_log.domain.events import ADDING_KINDS, DoorAnnotated, DoorEvent, Event, FloorMap, LevelAdded
+from semmap_log.domain.events import (
+    ADDING_KINDS,
+    DoorAnnotated,
+    DoorEvent,
+    Event,
+    FloorMap,
+    LevelAdded,
+)
 from semmap_log.domain.meaning import FIELDS, REGISTERS, Presence
 from semmap_log.folds.annotations import Annotations, Stamp
 from semmap_log.folds.doors_present import DoorsPresent

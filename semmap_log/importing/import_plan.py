@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.doors import (
     Door,
     DoorId,
@@ -24,7 +24,15 @@ from semmap_log.domain.doors import (
     next_door_id,
     reduced,
 )
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorUpdated, Event, FloorMap, LevelAdded, Retracted
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    Retracted,
+)
 from semmap_log.domain.meaning import PLACING, changed
 from semmap_log.door_log.backdating import added_since
 from semmap_log.door_log.commands import Roster

@@ -9,18 +9,27 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
-from semmap_log.domain.events import DoorAdded, DoorRemoved, DoorUpdated, Event, FloorMap, LevelAdded, Retracted, RobotPose
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.door_log.commands import Gatekeeper, Roster
 from semmap_log.errors import CommandError
+from semmap_log.folds.retraction import Retractions, in_ranges
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import ParsedLine
 from semmap_log.importing.import_plan import Present
 from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
 from semmap_log.importing.line_reading import LineReader
-from semmap_log.folds.retraction import Retractions, in_ranges
 
 MOST_KEPT = 100_000
 """Of more lines none is kept in memory: their file is read twice."""

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorUpdated
 from semmap_log.domain.meaning import Changed
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
-from semmap_log.formats.files.csv_sightings import Rows, Sightings
-from semmap_log.importing.import_plan import ImportPlan, Present
-from semmap_log.formats.parsing.problems import shown
 from semmap_log.folds.levels import resolve_level
+from semmap_log.formats.files.csv_sightings import Rows, Sightings
+from semmap_log.formats.parsing.problems import shown
+from semmap_log.importing.import_plan import ImportPlan, Present
 
 
 def plan_sightings(

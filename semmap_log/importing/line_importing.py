@@ -12,8 +12,8 @@ from semmap_log.errors import FormatError
 from semmap_log.importing.importing_lines import LinesPlan
 from semmap_log.importing.line_commits import PlannedCommit, PlannedEvent
 from semmap_log.importing.line_numbers import NumberMap
-from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.io.progress import Progress
+from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.window import Window
 
 TOLD_EVERY = 1000

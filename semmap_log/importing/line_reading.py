@@ -9,12 +9,12 @@ from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorUpdated, LevelAdded
 from semmap_log.domain.meaning import Changed
 from semmap_log.errors import FormatError, UnknownDoorError
+from semmap_log.folds.levels import level_called, levels_of
 from semmap_log.formats.json.event_json_reader import DoorLookup, ParsedLine, parse_event_line
 from semmap_log.formats.parsing.foreign_file import text_lines
-from semmap_log.importing.import_plan import Present
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_json import MOST_LINE_BYTES
-from semmap_log.folds.levels import level_called, levels_of
+from semmap_log.importing.import_plan import Present
 
 
 class LineReader:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 

@@ -25,7 +25,17 @@ from semmap_log.live.ros1_links import (
 )
 from semmap_log.live.ros1_messages import message_module
 from semmap_log.live.ros1_topics import Ros1Publisher, is_sending, stay_known
-from semmap_log.live.ros_node import GOALS_AT_ONCE, TICK_S, Goal, GoalAnswer, Outcome, Publisher, Received, Values, outcome_of
+from semmap_log.live.ros_node import (
+    GOALS_AT_ONCE,
+    TICK_S,
+    Goal,
+    GoalAnswer,
+    Outcome,
+    Publisher,
+    Received,
+    Values,
+    outcome_of,
+)
 
 SENT_WITHIN_S = 5.0
 """How long what was published last may take to leave."""

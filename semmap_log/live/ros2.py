@@ -17,7 +17,17 @@ from semmap_log.live.ros2_topics import (
     Ros2Publisher,
     message_class,
 )
-from semmap_log.live.ros_node import GOALS_AT_ONCE, TICK_S, Goal, GoalAnswer, Outcome, Publisher, Received, Values, outcome_of
+from semmap_log.live.ros_node import (
+    GOALS_AT_ONCE,
+    TICK_S,
+    Goal,
+    GoalAnswer,
+    Outcome,
+    Publisher,
+    Received,
+    Values,
+    outcome_of,
+)
 
 LOOK_S = 0.1
 """How often it is looked who publishes what we want; rosbag2's recorder does it so, too."""

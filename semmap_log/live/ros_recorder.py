@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from semmap_log.batches.event_batch import one_by_one
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Durability, Note
 from semmap_log.domain.events import Event
 from semmap_log.door_log.door_log import DoorLog
@@ -24,8 +24,8 @@ from semmap_log.errors import CommandError, RosError
 from semmap_log.formats.ros.ros_decoding import MessageType
 from semmap_log.formats.ros.ros_types import RosVersion, short_name
 from semmap_log.live.ros_node import Received, RosNode
-from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import EXPECTED_TOPICS, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Translator
 

@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 
 from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import KINDS, DoorAnnotated, Event, FloorMap, LevelAdded, LogExported, event_of
+from semmap_log.domain.events import (
+    KINDS,
+    DoorAnnotated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    event_of,
+)
 from semmap_log.messages.layout import Layout, layout
 from semmap_log.messages.typestore import OCCUPANCY_GRID, deserialize, serialize, type_name
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
-from semmap_log.probabilities.estimator import Estimator, IncrementalModel, LearntModel, BatchModel
+from semmap_log.probabilities.estimator import BatchModel, Estimator, IncrementalModel, LearntModel
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 from semmap_log.probabilities.forecast import Forecast

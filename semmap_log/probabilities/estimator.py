@@ -46,7 +46,9 @@ class BatchModel(Protocol):
 class IncrementalModel(Protocol):
     """What was learnt, where some of it holds when evidence comes in: what is older than that."""
 
-    def continued(self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int) -> LearntModel:
+    def continued(
+        self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int
+    ) -> LearntModel:
         """Return what more evidence teaches: the same as if it were learnt from the beginning.
 
         Args:

@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
-from semmap_log.domain.events import DoorAnnotated, DoorEvent, Event, FloorMap, PatrolFinished, PatrolStarted
+from semmap_log.domain.events import (
+    DoorAnnotated,
+    DoorEvent,
+    Event,
+    FloorMap,
+    PatrolFinished,
+    PatrolStarted,
+)
 from semmap_log.domain.meaning import Presence
 from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.door_log.door_log import DoorLog

@@ -12,11 +12,18 @@ from pathlib import Path
 
 from mcap.records import Statistics
 
+from semmap_log.messages import type_hash
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME, FLOOR_MAP_CHANNEL, FORMAT_MINOR, floor_map_topic, offered_qos, topics
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    FLOOR_MAP_CHANNEL,
+    FORMAT_MINOR,
+    floor_map_topic,
+    offered_qos,
+    topics,
+)
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import NOTHING_NEWER, Newer, is_later_kind
-from semmap_log.messages import type_hash
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,12 @@ from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
 from semmap_log.store import records as mcap
-from semmap_log.store.form import COMPRESS_FROM_BYTES, FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL, ZSTD_LEVEL
+from semmap_log.store.form import (
+    COMPRESS_FROM_BYTES,
+    FLOOR_MAP_CHANNEL,
+    LAST_EVENT_CHANNEL,
+    ZSTD_LEVEL,
+)
 from semmap_log.store.record_scan import ChunkDamage, heads_of
 
 _BODY = struct.Struct("<QQQI")

@@ -18,10 +18,10 @@ import numpy as np
 from mcap.records import Attachment
 from numpy.typing import NDArray
 
+from semmap_log.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL
-from semmap_log.messages import layout
 
 COMMAND_ID_BYTES = 16
 MEDIA_TYPE = "application/octet-stream"

@@ -16,11 +16,6 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.domain.events import DoorAnnotated, Event, FloorMap
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.store import records as mcap
-from semmap_log.store.batch_records import Start, block_of, is_columns, record_size, sizes_of
-from semmap_log.store.chunks import BuiltChunk
-from semmap_log.store.chunk_builder import ChunkBuilder, wider
-from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, NOTE_CHANNEL
 from semmap_log.messages import (
     CDR_HEADER,
     OBJECT_KINDS,
@@ -31,6 +26,11 @@ from semmap_log.messages import (
     serialize,
     type_name,
 )
+from semmap_log.store import records as mcap
+from semmap_log.store.batch_records import Start, block_of, is_columns, record_size, sizes_of
+from semmap_log.store.chunk_builder import ChunkBuilder, wider
+from semmap_log.store.chunks import BuiltChunk
+from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, NOTE_CHANNEL
 
 NO_HASH = bytes(32)
 """What the first commit of a log has as its predecessor's hash."""

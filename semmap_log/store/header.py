@@ -12,7 +12,13 @@ import numpy as np
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from semmap_log.store.form import DIGEST_KEY, FORMAT_MINOR, FORMAT_VERSION, INDEX_METADATA, LOG_METADATA
+from semmap_log.store.form import (
+    DIGEST_KEY,
+    FORMAT_MINOR,
+    FORMAT_VERSION,
+    INDEX_METADATA,
+    LOG_METADATA,
+)
 from semmap_log.store.newer import NOTHING_NEWER, Newer
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from semmap_log.folds.door_map import STATE_VERSION, DoorMapState
+from semmap_log.messages import read_in_place, serialize, type_name
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.form import KEYFRAME_CHANNEL
-from semmap_log.messages import read_in_place, serialize, type_name
-from semmap_log.folds.door_map import STATE_VERSION, DoorMapState
 
 _LIST_TYPES = {
     "annotation_door_id": "u4", "annotation_happened_ns": "i8", "annotation_event": "i8",

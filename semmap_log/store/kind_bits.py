@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.events import KINDS, Event
-from semmap_log.store.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kind_of_channel
+from semmap_log.store.form import (
+    COMMIT_CHANNEL,
+    FLOOR_MAP_CHANNEL,
+    KEYFRAME_CHANNEL,
+    NOTE_CHANNEL,
+    kind_of_channel,
+)
 
 UNKNOWN_BIT = 1 << 27
 """Kinds of events that a later version has added."""

@@ -14,15 +14,10 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, SourcesOf
 from semmap_log.batches.event_columns import LazyColumns
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit, Durability, Note
 from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap, UnknownEvent, unknown_kind
 from semmap_log.errors import CorruptLogError
-from semmap_log.store import records as mcap
-from semmap_log.store.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kind_of_channel
-from semmap_log.store.kind_bits import UNKNOWN_BIT, bits_of_channels, kinds_of_bits
-from semmap_log.store.newer import name_of
-from semmap_log.store.record_scan import ChunkDamage, ScannedRecords, gather, heads_of, walk
 from semmap_log.messages import (
     OBJECT_KINDS,
     decode,
@@ -31,6 +26,17 @@ from semmap_log.messages import (
     layout,
     type_name,
 )
+from semmap_log.store import records as mcap
+from semmap_log.store.form import (
+    COMMIT_CHANNEL,
+    FLOOR_MAP_CHANNEL,
+    KEYFRAME_CHANNEL,
+    NOTE_CHANNEL,
+    kind_of_channel,
+)
+from semmap_log.store.kind_bits import UNKNOWN_BIT, bits_of_channels, kinds_of_bits
+from semmap_log.store.newer import name_of
+from semmap_log.store.record_scan import ChunkDamage, ScannedRecords, gather, heads_of, walk
 
 _KIND_OF_CHANNEL = np.full(2**16, FloorMap.kind, np.uint8)
 """Of each channel there can be; those behind the first floor map's carry floor maps, too."""

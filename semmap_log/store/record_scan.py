@@ -9,8 +9,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.store import records as mcap
 from semmap_log.messages import CDR_HEADER
+from semmap_log.store import records as mcap
 
 
 class ChunkDamage(Exception):  # noqa: N818  # translated into CorruptLogError, which knows the file

@@ -28,15 +28,29 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from semmap_log.io.disk import write_all
+from semmap_log.messages import schema_text, type_hash
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.chunks import BuiltChunk, ChunkFacts
 from semmap_log.store.command_index import WrittenCommits, attachment
-from semmap_log.io.disk import write_all
 from semmap_log.store.folder import LogFolder, Version, version_of
-from semmap_log.store.form import CHANGES_KEY, COMMIT_CHANNEL, FORMAT_MINOR, INDEX_METADATA, LIBRARY, LOG_METADATA, NOTHING, PROFILE, Topic, count_events, floor_map_topic, offered_qos, topics
+from semmap_log.store.form import (
+    CHANGES_KEY,
+    COMMIT_CHANNEL,
+    FORMAT_MINOR,
+    INDEX_METADATA,
+    LIBRARY,
+    LOG_METADATA,
+    NOTHING,
+    PROFILE,
+    Topic,
+    count_events,
+    floor_map_topic,
+    offered_qos,
+    topics,
+)
 from semmap_log.store.header import SegmentHeader, index_metadata
-from semmap_log.messages import schema_text, type_hash
 
 
 def channel_record(topic: Topic) -> Channel:

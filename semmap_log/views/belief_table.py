@@ -19,7 +19,7 @@ from semmap_log.views.belief_words import (
     short_number,
     with_interval,
 )
-from semmap_log.views.column_table import CellValue, Cell, ColumnTable, TableColumn
+from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS, age
 

@@ -8,7 +8,25 @@ from typing import cast
 from typing_extensions import assert_never
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import AnyEvent, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolFinished, PatrolStarted, Retracted, RobotPose, UnknownEvent
+from semmap_log.domain.events import (
+    AnyEvent,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+    UnknownEvent,
+)
 from semmap_log.domain.meaning import PARTS, Changed
 
 

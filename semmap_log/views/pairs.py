@@ -8,8 +8,8 @@ from rich.console import RenderableType
 
 from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
 from semmap_log.views.column_table import (
-    CellValue,
     Cell,
+    CellValue,
     ColumnTable,
     TableColumn,
     drawn_cell,

@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.domain.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.domain.meaning import PART_OF
 from semmap_log.domain.moments import format_local, format_short
 from semmap_log.folds.levels import levels_of
 from semmap_log.views.column_table import (
-    CellValue,
     Cell,
+    CellValue,
     ColumnTable,
     TableColumn,
     TextPicture,
@@ -34,9 +34,9 @@ from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
     from semmap_log.door_log.summary import LogSummary
-    from semmap_log.store.clock_check import SuspectCommit
     from semmap_log.folds.diff import Diff, FieldChange
     from semmap_log.folds.history import HistoryEntry
+    from semmap_log.store.clock_check import SuspectCommit
 
 ABSENT = "-"
 """Stands for what is not known or was not given."""
@@ -231,7 +231,9 @@ def summary_table(summary: LogSummary) -> RenderableType:
     events = f"{summary.events:,} in {counted(summary.commits, 'commit')}"
     add_pair(table, "events", CellValue(events, str(summary.events)))
     for kind, count in summary.counts.items():
-        add_pair(table, "", CellValue(f"{count:>9,} {kind}", str(count)), told_name=f"events: {kind}")
+        add_pair(
+            table, "", CellValue(f"{count:>9,} {kind}", str(count)), told_name=f"events: {kind}"
+        )
     for name, span in (("happened", summary.happened_ns), ("recorded", summary.recorded_ns)):
         if span is not None:
             add_pair(table, name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
@@ -289,7 +291,9 @@ def _history_page(
         is_same_commit = before and entry.command_id == before.command_id
         table.add(
             str(entry.number),
-            CellValue(clock if is_same_day else f"{day}\n{clock}", format_local(entry.happened_ns, tz)),
+            CellValue(
+                clock if is_same_day else f"{day}\n{clock}", format_local(entry.happened_ns, tz)
+            ),
             format_local(entry.recorded_ns, tz),
             entry.kind,
             door_id,

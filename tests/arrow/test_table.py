@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from semmap_log.arrow.table_columns import CHANGED_NAMES, KIND_NAMES, STATE_NAMES
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorUpdated, Event, FloorMap, PatrolStarted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    PatrolStarted,
+)
 from semmap_log.messages import layout
 from tests.arrow.rows import row_of, rows_of
 from tests.batches import batch_of

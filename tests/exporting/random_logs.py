@@ -11,7 +11,25 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import NAN, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolFinished, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock

@@ -5,7 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event, Retracted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    Retracted,
+)
 
 Told = tuple[int, int, int, int, Event]
 """(event number, happened, recorded, recorded time of its commit, event)"""

@@ -17,11 +17,11 @@ import semmap_log as sl
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import KINDS, DoorAnnotated, DoorEvent, Retracted
 from semmap_log.domain.meaning import REGISTERS
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.history import HistoryEntry
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading import change_finder
 from semmap_log.store.reading.state import state_at
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.history import HistoryEntry
 from tests.store.reading.test_state import tiny_steps
 from tests.test_replay import random_log
 

@@ -20,8 +20,8 @@ from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated, Event, FloorMap, LevelAdded
 from semmap_log.door_log.commands import Gatekeeper
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.formats.json.door_json import diff_to_json, door_map_to_json
 from semmap_log.folds.diff import diff
+from semmap_log.formats.json.door_json import diff_to_json, door_map_to_json
 from tests.conftest import SteadyClock
 from tests.test_replay import START_NS, random_event
 

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorEvent, DoorObserved, DoorPassed, DoorUpdated, Event, PatrolStarted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorEvent,
+    DoorObserved,
+    DoorPassed,
+    DoorUpdated,
+    Event,
+    PatrolStarted,
+)
 from semmap_log.folds.door_map import DoorMapState
 from tests.strategies import events
 

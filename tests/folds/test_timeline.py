@@ -15,10 +15,19 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event, Retracted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    Retracted,
+)
 from semmap_log.errors import MomentError, UnknownDoorError
-from semmap_log.messages import layout
 from semmap_log.folds.timeline import Interval, Timeline, timeline
+from semmap_log.messages import layout
 from tests.batches import batch_of
 from tests.conftest import SteadyClock
 from tests.folds.dictionary_model import Told, model

@@ -16,13 +16,21 @@ from semmap_log.domain.doors import (
     Level,
     RemovedDoor,
 )
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorUpdated, FloorMap, LevelAdded, Retracted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorUpdated,
+    FloorMap,
+    LevelAdded,
+    Retracted,
+)
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.formats.files.building import read_building
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
-from semmap_log.importing.import_plan import Present, plan_doors
-from semmap_log.formats.parsing.strict_yaml import parse_yaml
 from semmap_log.formats.files.thesis_yaml import dump_thesis_yaml, parse_thesis_yaml
+from semmap_log.formats.parsing.strict_yaml import parse_yaml
+from semmap_log.importing.import_plan import Present, plan_doors
 
 FILE = Path("doors.yaml")
 

@@ -11,10 +11,10 @@ import semmap_log as sl
 from semmap_log.errors import NewerLogError
 from semmap_log.store.compaction import compact
 from semmap_log.store.records import MESSAGE
-from semmap_log.store.salvage import recover, plan_recovery
+from semmap_log.store.salvage import plan_recovery, recover
 from semmap_log.store.verification import verify
-from tests.store.logs import digest_of_records, segment_files
 from tests.newer.logs import UNKNOWN, NewerLogs
+from tests.store.logs import digest_of_records, segment_files
 
 STRENGTH = b"\0\0\0\0\0\0\x08@"
 """3.0, as it stands in the event of the unknown kind, and nowhere else."""

@@ -11,8 +11,8 @@ from typer.main import get_command
 from semmap_log.cli import main
 from semmap_log.cli.app import app
 from semmap_log.store.verification import verify
-from tests.store.logs import segment_files
 from tests.newer.logs import UNKNOWN, NewerLogs
+from tests.store.logs import segment_files
 
 LIST = {
     "history": ["LOG"],

@@ -7,9 +7,16 @@ import hashlib
 import pytest
 
 from semmap_log.domain.events import KINDS
-from semmap_log.store.form import COMMIT_CHANNEL, FORMAT_MINOR, FORMAT_VERSION, KINDS_OF_MINOR, LAST_EVENT_CHANNEL, topics
-from semmap_log.store.kind_bits import UNKNOWN_BIT
 from semmap_log.messages import schema_text
+from semmap_log.store.form import (
+    COMMIT_CHANNEL,
+    FORMAT_MINOR,
+    FORMAT_VERSION,
+    KINDS_OF_MINOR,
+    LAST_EVENT_CHANNEL,
+    topics,
+)
+from semmap_log.store.kind_bits import UNKNOWN_BIT
 
 KINDS_OF = {
     "3.0": {

@@ -9,7 +9,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+)
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 
 DAY_NS = 86_400 * 10**9

@@ -9,7 +9,15 @@ import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+)
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 from tests.batches import batch_of
 

@@ -21,8 +21,8 @@ from semmap_log.formats.ros.ros_types import (
     RosVersion,
     ros_types,
 )
-from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import Reading, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Made, Translator
 

@@ -13,7 +13,14 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, LevelAdded
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorRemoved,
+    DoorUpdated,
+    LevelAdded,
+)
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.topic_rules import ReadDoorMap, ReadSensor
 from tests.ros_mapping.robots import ENTRY, START, Listener, Robot, S

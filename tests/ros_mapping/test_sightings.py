@@ -10,7 +10,16 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, DoorRequested, Event, FloorMap, LevelAdded, RobotPose
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorRequested,
+    Event,
+    FloorMap,
+    LevelAdded,
+    RobotPose,
+)
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.topic_rules import (
     Accuracy,

@@ -20,7 +20,9 @@ from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorObserved
 from semmap_log.errors import CorruptLogError, LogPoisonedError
+from semmap_log.folds.door_map import DoorMapState
 from semmap_log.formats.files.floor_plan import MOST_CELLS
+from semmap_log.messages import layout
 from semmap_log.store import keyframes
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import (
@@ -48,11 +50,9 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import last_commit
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.reading.segment_set import check_follows
+from semmap_log.store.record_scan import ChunkDamage, scan_by_index, walk
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.record_scan import ChunkDamage, walk, scan_by_index
 from semmap_log.store.writing.durability import SharedSync
-from semmap_log.messages import layout
-from semmap_log.folds.door_map import DoorMapState
 
 HEADER = SegmentHeader(LogInfo("ab" * 16, "UTC"), 0, 0, NO_HASH)
 STAMP = Stamp(0, 1000, NO_HASH, bytes(16), 1000, 0, bytes(16))

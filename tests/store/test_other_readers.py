@@ -19,7 +19,24 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolFinished, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from semmap_log.domain.events import KINDS, DoorEvent, Event
+from semmap_log.messages import OBJECT_KINDS, fixed_layout
 from semmap_log.store import records as mcap
 from semmap_log.store.record_scan import HEAD_DTYPE, heads_of, walk
-from semmap_log.messages import OBJECT_KINDS, fixed_layout
 
 
 @pytest.mark.parametrize("payload", [b"", b"\0\1\0\0\7\0"])

@@ -19,6 +19,7 @@ import semmap_log as sl
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.formats.files.map_server_out import write_map
 from semmap_log.io.disk import (
+    TEMPORARY_SUFFIX,
     NotOursError,
     left_by_killed,
     output_errors,
@@ -29,7 +30,6 @@ from semmap_log.io.disk import (
 )
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import BAG_METADATA_NAME, MOST_NAME_BYTES
-from semmap_log.io.disk import TEMPORARY_SUFFIX
 from tests.folding.projections import Numbers
 
 THREADS, ROUNDS = 6, 15

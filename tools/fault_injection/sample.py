@@ -23,7 +23,16 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from semmap_log.domain.commits import Commit, Note
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, Event, FloorMap, LevelAdded, LogExported, Retracted, RobotPose
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorObserved,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    Retracted,
+    RobotPose,
+)
 
 NAME = "log"
 COMMITS_A_SEGMENT = 5

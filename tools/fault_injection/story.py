@@ -20,7 +20,21 @@ import numpy as np
 
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolStarted, Retracted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolStarted,
+    Retracted,
+)
 from semmap_log.messages import encode
 
 START_NS = 1_772_400_000 * 10**9

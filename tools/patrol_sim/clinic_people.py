@@ -10,7 +10,15 @@ from dataclasses import dataclass
 from patrol_sim.journal import Journal
 from patrol_sim.world import World
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorRemoved, DoorUpdated, Event
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+)
 
 MINUTE_NS = 60 * 10**9
 MANAGER, NURSE = "facility manager", "ward nurse"

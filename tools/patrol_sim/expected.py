@@ -15,7 +15,17 @@ from typing import Any
 
 from patrol_sim.journal import Entry
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event, Retracted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    Retracted,
+)
 
 State = dict[str, Any]
 """A door in the form of `replay --json`."""

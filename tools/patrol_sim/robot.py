@@ -13,7 +13,14 @@ from patrol_sim.routes import Crossing, FloorRoutes, Point
 from patrol_sim.sensor import Sensor
 from patrol_sim.world import World
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorPassed, DoorRequested, Event, PatrolFinished, PatrolStarted, RobotPose
+from semmap_log.domain.events import (
+    DoorPassed,
+    DoorRequested,
+    Event,
+    PatrolFinished,
+    PatrolStarted,
+    RobotPose,
+)
 
 SPEED_M_S = 0.7
 TURN_RAD_S = 1.0

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Literal
 
 from semmap_log.errors import FormatError
-from semmap_log.formats.bags.bag_reading import metadata_file
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage, BagReader
-from semmap_log.formats.parsing.foreign_file import MIB, read_capped
+from semmap_log.formats.bags.bag_reading import metadata_file
 from semmap_log.formats.bags.mcap_reading import McapBag
 from semmap_log.formats.bags.packed_bags import PackedMessages, unpacked_files
-from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.bags.rosbags_reading import open_with_rosbags
+from semmap_log.formats.parsing.foreign_file import MIB, read_capped
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, parse_yaml
 from semmap_log.formats.parsing.strict_yaml import Sequence as YamlList
 

@@ -10,11 +10,10 @@ from struct import Struct, unpack_from
 from typing import Any, BinaryIO
 from zlib import crc32
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage
 from semmap_log.formats.bags.damage import reason_of
-from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.bags.mcap_records import (
     FRAME,
     MESSAGE,
@@ -25,6 +24,7 @@ from semmap_log.formats.bags.mcap_records import (
     read_summary,
     records,
 )
+from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.ros.ros_decoding import DefinitionForm, MessageType
 from semmap_log.formats.ros.ros_types import RosVersion, long_name

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage, BagReader
-from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.bags.unpacking import MOST_RATIO, PIECE_BYTES, unpack
+from semmap_log.formats.parsing.foreign_file import open_regular
 
 FREE_FILE_BYTES = 2**30
 """A packed file may hold so much, or a thousand times its own bytes."""

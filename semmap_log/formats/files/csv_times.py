@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.domain.moments import SECOND_NS, both_instants, wall_offsets_s
 from semmap_log.errors import MomentError
 from semmap_log.formats.parsing.text_column import TextColumn, number_at
+from semmap_log.io.clock import MAX_TIME_NS
 
 DAY_S = 86_400
 LAST_S = MAX_TIME_NS // SECOND_NS - 1

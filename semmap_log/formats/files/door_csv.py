@@ -20,9 +20,9 @@ from semmap_log.domain.moments import format_wall, zone
 from semmap_log.formats.files.csv_blocks import Columns, CsvBlocks
 from semmap_log.formats.files.csv_rows import Row
 from semmap_log.formats.files.csv_sightings import Sighting, SightingColumns, Sightings
-from semmap_log.formats.parsing.csv_text import harmless, is_written_otherwise, meant
 from semmap_log.formats.files.csv_times import instants_in, instants_of
 from semmap_log.formats.files.csv_windows import KnownTimes, KnownWindow, read_windows
+from semmap_log.formats.parsing.csv_text import harmless, is_written_otherwise, meant
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.text_column import TextCodes, TextColumn, decimals_in
 

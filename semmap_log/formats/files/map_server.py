@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from semmap_log.costmap.map_rules import MODES, MapRules, Mode, RulesName
 from semmap_log.domain.events import FloorMap
 from semmap_log.errors import FormatError
-from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.files.map_picture import DecodedPicture, read_picture
+from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.parsing.problems import Problems
 from semmap_log.formats.parsing.strict_yaml import Mapping, Scalar, load_yaml
 from semmap_log.formats.parsing.yaml_values import Fields, mapping_of

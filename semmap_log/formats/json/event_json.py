@@ -24,7 +24,14 @@ from numpy.typing import NDArray
 from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.commits import NO_CONTENT, Commit
 from semmap_log.domain.doors import DoorState, is_given
-from semmap_log.domain.events import DoorObserved, DoorUpdated, Event, FloorMap, UnknownEvent, field_names
+from semmap_log.domain.events import (
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    UnknownEvent,
+    field_names,
+)
 from semmap_log.domain.meaning import PARTS
 from semmap_log.domain.moments import format_utc
 

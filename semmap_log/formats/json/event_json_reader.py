@@ -12,7 +12,18 @@ from typing import Any
 
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import NAN, DoorId, DoorState
-from semmap_log.domain.events import KIND_BY_NAME, MAX_EVENT, DoorAdded, DoorEvent, DoorObserved, DoorUpdated, Event, FloorMap, RobotPose, field_names
+from semmap_log.domain.events import (
+    KIND_BY_NAME,
+    MAX_EVENT,
+    DoorAdded,
+    DoorEvent,
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    RobotPose,
+    field_names,
+)
 from semmap_log.domain.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.domain.moments import parse_instant, zone
 from semmap_log.errors import FormatError, SemmapError

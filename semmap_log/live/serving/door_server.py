@@ -16,7 +16,14 @@ from typing import Any
 
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import Door, DoorId, DoorMap
-from semmap_log.domain.events import DoorAdded, DoorRemoved, DoorUpdated, Event, FloorMap, LogExported
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LogExported,
+)
 from semmap_log.domain.meaning import Changed
 from semmap_log.door_log.command_content import content_of
 from semmap_log.door_log.door_log_writer import DoorLogWriter
@@ -28,10 +35,10 @@ from semmap_log.errors import (
     SemmapError,
     UnknownDoorError,
 )
+from semmap_log.folds.levels import resolve_level
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_goals import AddAsk, Ask, RemoveAsk, SaveAsk, UpdateAsk, read_goal
 from semmap_log.live.serving.saving import DoorSaver
-from semmap_log.folds.levels import resolve_level
 
 ACTIONS = ("AddDoor", "UpdateDoor", "RemoveDoor", "SaveDoorDB")
 

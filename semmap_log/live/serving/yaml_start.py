@@ -8,16 +8,15 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import DoorRemoved, Event, LogExported
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
-from semmap_log.importing.import_plan import differences
 from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.importing.import_plan import differences
 from semmap_log.importing.importing import (
     ImportOptions,
     command_id_of,

@@ -15,11 +15,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of
-from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, training_set, looks
+from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, looks, training_set
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
 from semmap_log.probabilities.local_clock import LocalClock

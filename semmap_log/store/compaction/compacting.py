@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
+from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.compaction.merge import Step, plan, remove_merged
 from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
@@ -15,7 +16,6 @@ from semmap_log.store.compaction.repaging import Pause, no_pause
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import count_events
 from semmap_log.store.lock import WriterLock
-from semmap_log.io.progress import Progress
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
 from semmap_log.store.reading.segment_reading import statistics_of

@@ -8,13 +8,13 @@ import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.value_changes import Changes, changes_of
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.state import state_at
 from semmap_log.store.reading.window import Window
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.value_changes import Changes, changes_of
 
 FAR = 20_000
 """Events; a state further away is asked for anew rather than folded up to."""

@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
+from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import (
     FREE_CHUNK_BYTES,
@@ -26,7 +27,6 @@ from semmap_log.store.chunks import (
     read_chunk_head,
 )
 from semmap_log.store.kind_bits import bits_of_channels
-from semmap_log.io.byte_source import ByteSource
 from semmap_log.store.record_scan import ChunkDamage, gather
 
 ROW: np.dtype[np.void] = np.dtype(

@@ -12,8 +12,8 @@ from mcap.opcode import Opcode
 from mcap.records import Statistics
 
 from semmap_log.errors import CorruptLogError
-from semmap_log.store import records as mcap
 from semmap_log.io.byte_source import ByteSource, blocks
+from semmap_log.store import records as mcap
 from semmap_log.store.reading.chunk_table import LEAST_INDEX_BYTES, ChunkTable, rows_of_indexes
 from semmap_log.store.record_scan import ChunkDamage
 

@@ -15,12 +15,12 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
+from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import StoredChunk, read_chunk_head
 from semmap_log.store.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, INDEX_METADATA, floor_map_topic
 from semmap_log.store.pages import Page
-from semmap_log.io.byte_source import ByteSource
-from semmap_log.store.record_scan import ChunkDamage, ScannedRecords, heads_of, walk, scan_one
+from semmap_log.store.record_scan import ChunkDamage, ScannedRecords, heads_of, scan_one, walk
 
 SMALL_BYTES = 2**14
 """Smaller chunks are walked in Python; for larger ones numpy pays."""

@@ -18,9 +18,9 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from semmap_log.io.byte_source import ByteSource
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page
-from semmap_log.io.byte_source import ByteSource
 from semmap_log.store.reading.chunk_table import ROW, ChunkTable
 from semmap_log.store.reading.happened_spans import SPAN, spans_of_chunks
 from semmap_log.store.reading.invariants import Reading, ReadPosition

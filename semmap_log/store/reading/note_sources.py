@@ -10,14 +10,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
+from semmap_log.messages import CDR_HEADER, deserialize, type_name
 from semmap_log.store import records as mcap
 from semmap_log.store.form import NOTE_CHANNEL
 from semmap_log.store.pages import Page
 from semmap_log.store.record_scan import gather
-from semmap_log.messages import CDR_HEADER, deserialize, type_name
 
 NO_SOURCE = ""
 _SAID = len(CDR_HEADER) + 16

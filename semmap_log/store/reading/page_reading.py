@@ -161,7 +161,9 @@ TIMES_VIOLATION = "its head does not tell the least and greatest log time of its
 KINDS_MISFIT = "it holds other kinds of messages than the segment's summary says"
 
 
-def _violation(page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]) -> tuple[int, str] | None:
+def _violation(
+    page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]
+) -> tuple[int, str] | None:
     """Return the place of a chunk that is not what the table says, and what is wrong with it."""
     place = first_violation(page.heads["log_time"], ends, rows)
     if place is not None:

@@ -17,12 +17,13 @@ from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.folds.retraction import Retractions
+from semmap_log.io.progress import Progress
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.newer_events import NewerEvents, without_newer
-from semmap_log.io.progress import Progress
 from semmap_log.store.reading.read_progress import ReadProgress
 from semmap_log.store.reading.segment_folder import SegmentFolder
 from semmap_log.store.reading.segment_reading import (
@@ -35,7 +36,6 @@ from semmap_log.store.reading.segment_reading import (
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.reading.segment_set import check_adjoins, check_follows
 from semmap_log.store.reading.window import EVERYTHING, Window
-from semmap_log.folds.retraction import Retractions
 
 OnPage = Callable[[Segment, Page], None]
 """Called with the records in which the events of the next batch lie."""

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
+from semmap_log.io.prefetch import ahead
 from semmap_log.store.bag_metadata import ClosedSegment, tells_of_newer
 from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.form import CHUNK_BYTES, count_events
 from semmap_log.store.kind_bits import COMMIT_BIT, UNKNOWN_BIT
 from semmap_log.store.pages import Page
-from semmap_log.io.prefetch import ahead
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.note_sources import NoteSources
 from semmap_log.store.reading.page_reading import Unpacked, read_page, unpack

@@ -11,4 +11,4 @@ run           all of it
 from semmap_log.store.salvage.recovering import Recovered, recover, recover_into
 from semmap_log.store.salvage.recovery_plan import Loss, RecoveryPlan, plan_recovery
 
-__all__ = ["Loss", "Recovered", "RecoveryPlan", "recover", "recover_into", "plan_recovery"]
+__all__ = ["Loss", "Recovered", "RecoveryPlan", "plan_recovery", "recover", "recover_into"]

@@ -7,9 +7,10 @@ from collections.abc import Callable
 
 from semmap_log.domain.commits import Note
 from semmap_log.domain.events import LogExported
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.io.clock import Clock
 from semmap_log.store import keyframes
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
-from semmap_log.io.clock import Clock
 from semmap_log.store.closed_mark import ClosedMark, write_mark
 from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
@@ -19,7 +20,6 @@ from semmap_log.store.salvage.rewriting import Rewriter, chunks_of
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.verification import WholeCommit
 from semmap_log.store.writing.written_state import WrittenState
-from semmap_log.folds.door_map import DoorMapState
 
 ACTOR = "semmap-log recover"
 FORMAT = "semmap-log"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from semmap_log.domain.events import KINDS, DoorAdded, DoorEvent
 from semmap_log.errors import LogError, NewerLogError
+from semmap_log.messages import OBJECT_KINDS, decode, fixed_layout
 from semmap_log.store.form import kind_of_channel
 from semmap_log.store.header import LogInfo, SegmentHeader, with_all_of
 from semmap_log.store.records import MESSAGE
@@ -15,7 +16,6 @@ from semmap_log.store.salvage.rewriting import Rewriter
 from semmap_log.store.verification import Progress, Severity, Verification, Verifier, WholeCommit
 from semmap_log.store.verification.file_bytes import Vanished
 from semmap_log.store.zipped import refuse_zip
-from semmap_log.messages import OBJECT_KINDS, decode, fixed_layout
 
 
 @dataclass(frozen=True, slots=True)

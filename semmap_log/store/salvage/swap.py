@@ -19,12 +19,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError
-from semmap_log.io.disk import sync_folder
+from semmap_log.io.disk import TEMPORARY_SUFFIX, sync_folder
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, LOCK_NAME, RECOVERING_NAME, TORN_SUFFIX
-from semmap_log.io.disk import TEMPORARY_SUFFIX
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    CLOSED_MARK_NAME,
+    LOCK_NAME,
+    RECOVERING_NAME,
+    TORN_SUFFIX,
+)
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 

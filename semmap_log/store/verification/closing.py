@@ -23,17 +23,23 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from semmap_log.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.command_index import attachment, command_rows
-from semmap_log.store.form import COMMIT_CHANNEL, INDEX_METADATA, LOG_METADATA, count_events, floor_map_topic
+from semmap_log.store.form import (
+    COMMIT_CHANNEL,
+    INDEX_METADATA,
+    LOG_METADATA,
+    count_events,
+    floor_map_topic,
+)
 from semmap_log.store.header import LogInfo, SegmentHeader, head_in_index, read_index
 from semmap_log.store.segment import Head, attachment_index, channel_record
 from semmap_log.store.verification.file_bytes import FileBytes
 from semmap_log.store.verification.file_heads import FOOTER_BYTES, first_bytes
 from semmap_log.store.verification.pieces import Piece
 from semmap_log.store.verification.walk import Flaw, name_of_record
-from semmap_log.messages import layout
 
 SECTOR = 512
 MOST_UNKNOWN_CHUNKS = 2**16

@@ -15,8 +15,8 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from semmap_log.errors import LogAccessError, LogError, NewerLogError
-from semmap_log.store import records as mcap
 from semmap_log.io.file_calls import open_plainly
+from semmap_log.store import records as mcap
 from semmap_log.store.form import LIBRARY, LOG_METADATA, PROFILE, number_in, segment_name, stem_of
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.verification.file_bytes import FileBytes, Vanished

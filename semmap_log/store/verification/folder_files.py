@@ -6,13 +6,19 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError
+from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, RECOVERING_NAME, TORN_SUFFIX, number_in
-from semmap_log.io.disk import TEMPORARY_SUFFIX
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    CLOSED_MARK_NAME,
+    RECOVERING_NAME,
+    TORN_SUFFIX,
+    number_in,
+)
 from semmap_log.store.verification.file_heads import SegmentFile, look_at
 from semmap_log.store.verification.findings import Finding, Severity
 

@@ -13,15 +13,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit, Durability, Note
+from semmap_log.messages import deserialize, layout, type_name
 from semmap_log.store.commit_records import HASH_BYTES, NO_HASH, commit_hash
 from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kind_of_channel
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.verification.findings import Finding, Severity
 from semmap_log.store.verification.pieces import Message, Piece
-from semmap_log.messages import deserialize, layout, type_name
 
 Report = Callable[[Finding], None]
 _NO_NOTE = Note()

@@ -10,6 +10,8 @@ from pathlib import Path
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import SemmapError
+from semmap_log.folds.door_map import STATE_VERSION, DoorMapState
+from semmap_log.folds.retraction import Retractions
 from semmap_log.store import keyframes
 from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_CHANNEL
 from semmap_log.store.pages import Page
@@ -17,8 +19,6 @@ from semmap_log.store.records import MESSAGE
 from semmap_log.store.verification.findings import Finding, Severity
 from semmap_log.store.verification.hash_chain import Report
 from semmap_log.store.verification.pieces import Piece
-from semmap_log.folds.door_map import STATE_VERSION, DoorMapState
-from semmap_log.folds.retraction import Retractions
 
 
 @dataclass(frozen=True, slots=True)

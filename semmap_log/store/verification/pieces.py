@@ -18,8 +18,8 @@ from mcap.records import ChunkIndex
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL, ZSTD_LEVEL
-from semmap_log.store.verification.file_bytes import WINDOW_BYTES, FileBytes
 from semmap_log.store.record_scan import ChunkDamage
+from semmap_log.store.verification.file_bytes import WINDOW_BYTES, FileBytes
 
 Message = tuple[int, int, int, int, int, int]
 """Channel, sequence, log time, publish time, start and end in the chunk's records."""

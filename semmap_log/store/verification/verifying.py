@@ -10,15 +10,15 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
 from semmap_log.store.bag_metadata import ClosedSegment
+from semmap_log.store.clock_check import ClockCheck
 from semmap_log.store.commit_records import NO_HASH
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import NOTHING_NEWER, is_later_kind
 from semmap_log.store.newer import name_of as name_of_kind
-from semmap_log.store.clock_check import ClockCheck
 from semmap_log.store.verification.closing import (
     Contents,
     closing_flaws,

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from semmap_log.io.byte_source import blocks
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import TORN_SUFFIX
 from semmap_log.store.pages import Page
-from semmap_log.io.byte_source import blocks
 from semmap_log.store.reading.segment_reading import read_chunk
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.segment import SegmentWriter

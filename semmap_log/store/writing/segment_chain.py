@@ -20,7 +20,13 @@ from semmap_log.store.closed_mark import ClosedMark, read_mark, write_mark
 from semmap_log.store.compaction.background import BackgroundCompactor
 from semmap_log.store.compaction.rechunk import needs_compaction
 from semmap_log.store.folder import LogFolder, Version
-from semmap_log.store.form import CONTINUE_BELOW_BYTES, ROLL_AGE_NS, ROLL_BYTES, ROLL_COMMITS, segment_name
+from semmap_log.store.form import (
+    CONTINUE_BELOW_BYTES,
+    ROLL_AGE_NS,
+    ROLL_BYTES,
+    ROLL_COMMITS,
+    segment_name,
+)
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment

@@ -18,12 +18,12 @@ from mcap.opcode import Opcode
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import Commit, Note
 from semmap_log.domain.events import Event
+from semmap_log.messages import CDR_HEADER, OBJECT_KINDS, field_getter, fixed_layout
 from semmap_log.store import records as mcap
 from semmap_log.store.batch_records import Start, happened_times, is_columns, packed_rows, span_of
 from semmap_log.store.chunks import BuiltChunk, ChunkFacts
 from semmap_log.store.commit_records import Stamp, closing_record
 from semmap_log.store.form import COMMIT_CHANNEL, COMPRESS_FROM_BYTES
-from semmap_log.messages import CDR_HEADER, OBJECT_KINDS, field_getter, fixed_layout
 
 FEW = 8
 """Up to so many events are packed one by one; more are laid out with numpy."""

@@ -10,6 +10,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.domain.events import Event
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
+from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.clock import Clock, SystemClock, believable_ns
 from semmap_log.store.command_index import COMMAND_ID_BYTES
 from semmap_log.store.commit_records import NO_HASH, CommitBuilder, Entropy, Stamp
@@ -28,7 +29,6 @@ from semmap_log.store.writing.durability import (
 from semmap_log.store.writing.segment_chain import LogEnd, SegmentChain
 from semmap_log.store.writing.uniform_commit import uniform_commit
 from semmap_log.store.writing.written_state import WrittenState
-from semmap_log.folds.door_map import DoorMapState
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
-from semmap_log.store.commit_records import NO_HASH
-from semmap_log.store.compaction.merge import remove_merged
+from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.disk import sync_folder
 from semmap_log.io.file_calls import check_can_write
+from semmap_log.store.commit_records import NO_HASH
+from semmap_log.store.compaction.merge import remove_merged
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import has_name_of_file
 from semmap_log.store.header import LogInfo, SegmentHeader
@@ -19,9 +20,8 @@ from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
 from semmap_log.store.reading.state import state_at
-from semmap_log.store.writing.writer import LogWriter, Environment
+from semmap_log.store.writing.writer import Environment, LogWriter
 from semmap_log.store.zipped import refuse_zip
-from semmap_log.folds.door_map import DoorMapState
 
 
 def create_log(path: Path, info: LogInfo, environment: Environment = Environment()) -> LogWriter:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.events import Retracted
+from semmap_log.folds.door_map import DoorMapState
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY
@@ -16,7 +17,6 @@ from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.state import state_at
 from semmap_log.store.record_scan import ScannedRecords
-from semmap_log.folds.door_map import DoorMapState
 
 
 class WrittenState:
@@ -96,7 +96,9 @@ class WrittenState:
         self._needs_reading = needs_reading
 
 
-def _joined(records: Sequence[bytes], offsets: Sequence[NDArray[np.int64] | None]) -> ScannedRecords | None:
+def _joined(
+    records: Sequence[bytes], offsets: Sequence[NDArray[np.int64] | None]
+) -> ScannedRecords | None:
     """Return where each record begins once those of all chunks are joined; None: not known."""
     found, start = [], 0
     for its_records, its_offsets in zip(records, offsets, strict=True):

@@ -18,7 +18,14 @@ from semmap_log.domain.events import DoorAdded
 from semmap_log.domain.meaning import Changed, Presence
 from semmap_log.folds.door_changes import STATE_CHANGE, Changes, Stamp, known_states, of_presence
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
-from semmap_log.views.excerpt.door_rows import ALWAYS, NEVER, RecordingEdge, DoorLifetime, by_door, opening_changes
+from semmap_log.views.excerpt.door_rows import (
+    ALWAYS,
+    NEVER,
+    DoorLifetime,
+    RecordingEdge,
+    by_door,
+    opening_changes,
+)
 from semmap_log.views.report.page_events import STAMP, PageEvents, Rows
 from semmap_log.views.zone_times import MS_NS, Span
 
@@ -148,7 +155,8 @@ def coded_states(told: list[PageDoor], span: Span) -> tuple[Iterator[dict[str, A
     held = [np.append(t[1:] != t[:-1], True)[: len(t)] for t in times]
     times = [t[kept] for t, kept in zip(times, held, strict=True)]
     states = [
-        known_states(page_door.states["state"][kept]) for page_door, kept in zip(told, held, strict=True)
+        known_states(page_door.states["state"][kept])
+        for page_door, kept in zip(told, held, strict=True)
     ]
     step_ms = _step_ms(times, states)
     thinned = (

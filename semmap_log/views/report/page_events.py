@@ -13,7 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, FloorMap, LevelAdded, LogExported, Retracted, RobotPose
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.folds.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.excerpt.span import Excerpt

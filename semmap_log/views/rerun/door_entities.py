@@ -12,7 +12,12 @@ import numpy as np
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.folds.door_changes import CHANGE, Changes
-from semmap_log.views.excerpt.door_rows import RecordingEdge, by_door, opening_changes, sorted_by_stamp
+from semmap_log.views.excerpt.door_rows import (
+    RecordingEdge,
+    by_door,
+    opening_changes,
+    sorted_by_stamp,
+)
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.costmap_pictures import CostmapWriter

@@ -7,7 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, FloorMap, LevelAdded, PatrolFinished, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorRemoved,
+    DoorUpdated,
+    FloorMap,
+    LevelAdded,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.rerun.contents import RecordingContents
 from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel

@@ -91,7 +91,9 @@ class _Driving:
     said: dict[str, list[Value]] = field(default_factory=lambda: defaultdict(list))
     _rounds: dict[str, dict[int, Round]] = field(default_factory=lambda: defaultdict(dict))
 
-    def set(self, edge: RecordingEdge, patrol: int, driven: Round | None, robots: Iterable[str]) -> None:
+    def set(
+        self, edge: RecordingEdge, patrol: int, driven: Round | None, robots: Iterable[str]
+    ) -> None:
         """Let a round be driven from then on; None: no longer, or not at all.
 
         Args:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.events import FloorMap
 from semmap_log.views.bounds import Bounds
-from semmap_log.views.excerpt.door_rows import RecordingEdge, DoorLifetime
+from semmap_log.views.excerpt.door_rows import DoorLifetime, RecordingEdge
 from semmap_log.views.rerun.knowledge import KnownDoor
 
 EntityPath = tuple[str, ...]

@@ -15,8 +15,8 @@ from mcap.writer import CompressionType, IndexType
 
 import semmap_log as sl
 from semmap_log.errors import FormatError
-from semmap_log.formats.bags.bag_reading import is_bag, open_bag
 from semmap_log.formats.bags.bag_protocol import BagMessage
+from semmap_log.formats.bags.bag_reading import is_bag, open_bag
 from semmap_log.formats.ros.ros_decoding import MessageType, decode_message
 from semmap_log.formats.ros.ros_types import RosVersion
 from tests.formats.bags.bags_of_others import (

@@ -13,7 +13,15 @@ import numpy as np
 import pytest
 
 from semmap_log.domain.doors import NAN, DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+)
 from semmap_log.domain.moments import format_wall, parse_instant
 from semmap_log.errors import FormatError, MomentError
 from semmap_log.formats.files.door_csv import Sighting, dump_door_csv, read_door_csv, sighting_of

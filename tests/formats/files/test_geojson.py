@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from semmap_log.domain.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
-from semmap_log.formats.json.door_json import door_map_to_json
 from semmap_log.formats.files.geojson import dump_geojson
+from semmap_log.formats.json.door_json import door_map_to_json
 
 NOON_NS = 1_772_366_400 * 10**9
 

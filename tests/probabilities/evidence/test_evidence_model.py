@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event, PatrolStarted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    PatrolStarted,
+)
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence, EvidenceProjection
 from tests.batches import batch_of
 from tests.probabilities.slow_evidence import (

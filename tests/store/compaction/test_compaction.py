@@ -23,8 +23,8 @@ from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_reading import last_commit, page_at
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.record_scan import walk
+from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.store.logs import (

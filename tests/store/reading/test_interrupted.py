@@ -11,11 +11,11 @@ import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.retraction import Retractions
 from semmap_log.store.keyframes import encode
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.state import state_at
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.retraction import Retractions
 from tests.store.reading.test_state import START_NS, sightings, tiny_steps
 
 

@@ -20,8 +20,8 @@ from semmap_log.store.reading import segment_folder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import chunk_of, commit_of, pages_of
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.record_scan import walk
+from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.writing import segment_chain
 
 

@@ -18,8 +18,16 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, Event, LevelAdded, Retracted
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    Event,
+    LevelAdded,
+    Retracted,
+)
 from semmap_log.errors import CorruptLogError, KeyframeWarning, LogError
+from semmap_log.folds.door_map import DoorMapState
 from semmap_log.store import commit_records as commits
 from semmap_log.store import keyframes
 from semmap_log.store.compaction import compact, repaging
@@ -31,7 +39,6 @@ from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.store.reading.state import state_at
 from semmap_log.store.writing import segment_chain, written_state
-from semmap_log.folds.door_map import DoorMapState
 from tests.conftest import SteadyClock
 from tests.folds.dictionary_model import model
 from tests.test_replay import expected, plain, random_log

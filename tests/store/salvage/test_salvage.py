@@ -20,7 +20,7 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import RECOVERING_NAME
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.salvage import recover, recover_into, plan_recovery, swap
+from semmap_log.store.salvage import plan_recovery, recover, recover_into, swap
 from semmap_log.store.salvage.recovered_log import ACTOR
 from semmap_log.store.salvage.renumbering import Renumbering
 from semmap_log.store.verification import verify

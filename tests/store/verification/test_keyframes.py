@@ -10,8 +10,8 @@ import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, Retracted
-from semmap_log.store.verification import verify
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.store.verification import verify
 from tests.store.reading.test_state import START_NS, sightings, tiny_steps
 
 

@@ -21,8 +21,8 @@ from semmap_log.store.form import KEYFRAME_CHANNEL
 from semmap_log.store.kind_bits import KEYFRAME_BIT
 from semmap_log.store.reading.segment_reading import read_chunk
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.verification import Finding, Severity, Verification, verify
 from semmap_log.store.record_scan import frames
+from semmap_log.store.verification import Finding, Severity, Verification, verify
 from tests.store.eventful import contents, eventful_log, flip
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.domain.commits import Durability, Note
+from semmap_log.messages import OBJECT_KINDS
 from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.writing.uniform_commit import FEW, MOST, uniform_commit
-from semmap_log.messages import OBJECT_KINDS
 from tests.strategies import events, fixed_size
 
 hashes = st.binary(min_size=32, max_size=32)

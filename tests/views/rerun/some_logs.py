@@ -13,7 +13,22 @@ import numpy as np
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorUpdated, Event, FloorMap, LevelAdded, PatrolFinished, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.errors import SemmapError
 from tests.conftest import SteadyClock
 

@@ -9,7 +9,14 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorUpdated, Event, LevelAdded
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorUpdated,
+    Event,
+    LevelAdded,
+)
 from semmap_log.views.bounds import bounds_of_floor
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.contents import find_scene

@@ -19,7 +19,15 @@ from semmap_log.costmap.door_layer import drawn
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorRemoved, DoorUpdated, Event, Retracted
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    Retracted,
+)
 from semmap_log.folds.door_layer_fold import door_lines
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.costmap_pictures import shades_of_costs

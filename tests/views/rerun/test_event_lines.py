@@ -10,7 +10,25 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import KINDS, Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorPassed, DoorRemoved, DoorRequested, DoorUpdated, Event, FloorMap, LevelAdded, LogExported, PatrolFinished, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    KINDS,
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    LogExported,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.folds.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt

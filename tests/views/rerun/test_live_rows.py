@@ -16,7 +16,19 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorAnnotated, DoorObserved, DoorRemoved, DoorUpdated, Event, PatrolFinished, PatrolStarted, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.views.rerun import live_view as live
 from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
 from semmap_log.views.rerun.process import running

@@ -11,7 +11,14 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorUpdated, Retracted, RobotPose
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorObserved,
+    DoorUpdated,
+    Retracted,
+    RobotPose,
+)
 from semmap_log.views.rerun import thinning
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.thinning import LeftOut, telling_poses
