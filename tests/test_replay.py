@@ -29,7 +29,7 @@ from semmap_log.domain.events import (
     Retracted,
 )
 from semmap_log.domain.meaning import ALL_CHANGED
-from semmap_log.door_log.commands import Gatekeeper
+from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.folding.replay import visible_batches
 from semmap_log.log.keyframes import decode, encode
@@ -118,11 +118,11 @@ def random_log(path: Path, dice: random.Random, commits: int) -> list[Told]:
 def _allowed(log: sl.DoorLogWriter, dice: random.Random, count: int) -> Iterator[Event]:
     """Yield those of `count` random events that the map lets pass."""
     number = log.state.event + 1
-    gatekeeper = Gatekeeper(log.roster, number)
+    validator = Validator(log.door_index, number)
     for _ in range(count):
         try:
             event = random_event(dice, number, log._writer.clock.wall_ns())
-            gatekeeper.check(event)
+            validator.check(event)
         except (CommandError, InvalidEventError):
             continue
         yield event

@@ -21,10 +21,12 @@ from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.backdating import remedy
 from semmap_log.door_log.command_content import are_same
-from semmap_log.door_log.commands import Gatekeeper, Roster, resolve_door
+from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.door_labels import labels_ever
 from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_names import resolve_door
 from semmap_log.door_log.removed_doors import removed_called, several_removed
+from semmap_log.door_log.validator import Validator
 from semmap_log.errors import (
     CommandReusedError,
     EarlyEventsWarning,
@@ -111,7 +113,7 @@ class AppendableLog(DoorLog):
         self._early = EarlyEvents.none()
         """What was appended and had happened before its door was added."""
         self._early_told = 0
-        self._roster: Roster | None = None
+        self._index: DoorIndex | None = None
         self._named: DoorMap | None = None
         """A map as of some moment since which no name has changed."""
         self._taken_in = writer.next_event
@@ -140,16 +142,16 @@ class AppendableLog(DoorLog):
             return self._writer.state.door_map()
 
     @property
-    def roster(self) -> Roster:
+    def door_index(self) -> DoorIndex:
         """Which doors and levels there are after the last commit."""
         with self._mutex:
             self._take_in()
-            if self._roster is None:
-                self._roster = Roster.of(self._writer.state)
-                self._roster.log = self.path
+            if self._index is None:
+                self._index = DoorIndex.of(self._writer.state)
+                self._index.log = self.path
                 # Not of this log: what holds itself is let go of late.
-                self._roster.names = partial(_names_now, self._writer)
-            return self._roster
+                self._index.names = partial(_names_now, self._writer)
+            return self._index
 
     @property
     def promise(self) -> Promise:
@@ -347,7 +349,7 @@ class AppendableLog(DoorLog):
 
     def _resolve(self, door: str | int) -> DoorId:
         if not isinstance(door, str) and is_whole_number(door):
-            return DoorId(int(door))  # whether it is there, the gatekeeper says
+            return DoorId(int(door))  # whether it is there, the validator says
         with self._mutex:
             self._take_in()
             if self._named is None:
@@ -359,13 +361,13 @@ class AppendableLog(DoorLog):
                 if len(removed) > 1:
                     raise UnknownDoorError(several_removed(door, removed)) from None
                 if removed:
-                    return removed[0]  # that it was removed, the gatekeeper says
+                    return removed[0]  # that it was removed, the validator says
                 raise
 
     def level_meant(self, level: int | str | None) -> int:
-        """Return the level that a caller means, as of now: as `Roster.level_meant`."""
+        """Return the level that a caller means, as of now: as `DoorIndex.level_meant`."""
         with self._mutex:
-            return self.roster.level_meant(level)
+            return self.door_index.level_meant(level)
 
     def level_of(self, door: DoorId) -> int:
         """Return the level that a door is on; 0 for one that is not there."""
@@ -453,13 +455,13 @@ class AppendableLog(DoorLog):
         poses = self._poses
         now_ns = self.now_ns if clock is None else clock.wall_ns
         first = self._writer.next_event + len(poses)
-        gatekeeper = Gatekeeper(self.roster, first, now_ns, are_facts=are_facts)
+        validator = Validator(self.door_index, first, now_ns, are_facts=are_facts)
         try:
             events = make()
             if isinstance(events, (list, tuple)):
-                events = [*poses, *gatekeeper.check_all(events)]
+                events = [*poses, *validator.check_all(events)]
             else:
-                events = chain(poses, gatekeeper.checked(events))
+                events = chain(poses, validator.checked(events))
             commit = self._writer.append(
                 events,
                 note=note,
@@ -470,14 +472,14 @@ class AppendableLog(DoorLog):
         finally:
             self._is_stale = True
         self._poses = []
-        gatekeeper.settle(commit)
-        if not gatekeeper.keeps_names:
+        validator.settle(commit)
+        if not validator.keeps_names:
             self._named = None
-        self._roster = gatekeeper.roster if gatekeeper.is_roster_sure else None
-        if gatekeeper.has_retraction:  # it may have moved addings
+        self._index = validator.index if validator.is_index_sure else None
+        if validator.has_retraction:  # it may have moved addings
             self._early, self._early_told = EarlyEvents.none(), 0
-        if gatekeeper.early is not None:
-            self._early.add_all(gatekeeper.early)
+        if validator.early is not None:
+            self._early.add_all(validator.early.found)
         self._taken_in = commit.last_event + 1
         return Appended(commit, len(poses), _make_durable=self._writer.make_durable)
 
@@ -498,7 +500,7 @@ class AppendableLog(DoorLog):
     def _take_in(self) -> None:
         """Forget what does not fit any more: an interrupt came right behind a commit."""
         if self._taken_in != self._writer.next_event:
-            self._poses, self._roster, self._named, self._is_stale = [], None, None, True
+            self._poses, self._index, self._named, self._is_stale = [], None, None, True
             self._taken_in = self._writer.next_event
 
     def _make_last(self, commit: Commit, *, sync: bool | None) -> None:

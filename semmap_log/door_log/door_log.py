@@ -30,8 +30,8 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import INSTANTS, Moment, parse_moment, parse_range, refuse_reversed
-from semmap_log.door_log.commands import resolve_door
 from semmap_log.door_log.door_labels import labels_ever
+from semmap_log.door_log.door_names import resolve_door
 from semmap_log.door_log.removed_doors import (
     ID_PREFIX,
     removed_called,

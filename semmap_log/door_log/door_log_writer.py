@@ -105,7 +105,7 @@ class DoorLogWriter(AppendableLog):
         about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
 
         def events() -> list[Event]:
-            given = self.roster.next_free_id if door_id is None else door_id
+            given = self.door_index.next_free_id if door_id is None else door_id
             happened_ns = self._happened(about)
             meant = self.level_meant(level)
             added = DoorAdded(
@@ -164,7 +164,7 @@ class DoorLogWriter(AppendableLog):
             door_id = self._resolve(door)
             known = self.state.door(door_id)
             if known is None:
-                raise self.roster.absent(door_id)
+                raise self.door_index.absent(door_id)
             moved = not (x is y is theta is level is None)
             given = {
                 Changed.POSE: moved,

@@ -151,7 +151,7 @@ class LineRecorder:
     def _parse(self, text: bytes) -> ParsedLine:
         lookup = DoorLookup(
             resolve=self.log.resolve,
-            next_id=lambda: self.log.roster.next_free_id,
+            next_id=lambda: self.log.door_index.next_free_id,
             level_of=self.log.level_of,
             level=self.log.level_meant,
         )
