@@ -28,7 +28,7 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.door_log.appendable_log import Events
+from semmap_log.door_log.commands import Events
 from semmap_log.errors import (
     CommandReusedError,
     DoorExistsError,

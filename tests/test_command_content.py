@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import random
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +24,8 @@ from semmap_log.domain.events import (
 from semmap_log.door_log.command_content import are_same
 from semmap_log.errors import CommandReusedError, UnexpectedEventError
 from semmap_log.messages import decode, encode
+from tests.conftest import SteadyClock
+from tests.sent_commands import send
 from tests.strategies import events
 
 ID = bytes(range(16))
@@ -206,3 +211,37 @@ def test_a_repeated_command_is_not_judged_again(log: sl.DoorLogWriter) -> None:
     log.observe(1, "open", expected_event=1, command_id=ID)
 
     assert log.observe(1, "open", expected_event=1, command_id=ID).repeated
+
+
+GOLDEN = Path(__file__).parent / "golden" / "sent_commands"
+BY_AN_EARLIER_VERSION = json.loads((GOLDEN / "answers.json").read_text())
+
+
+@pytest.mark.filterwarnings("ignore::semmap_log.errors.EarlyEventsWarning")
+def test_what_an_earlier_version_stored_is_known_again(tmp_path: Path) -> None:
+    """
+    Each command, by the digest of its words or by its events: the same answer, nothing written.
+    """
+    shutil.copytree(GOLDEN, tmp_path / "office")
+    before = list(sl.read(tmp_path / "office").commits())
+
+    with sl.append(tmp_path / "office", compact=False) as log:
+        answers = send(log)
+
+    assert BY_AN_EARLIER_VERSION == json.loads(json.dumps(answers))
+    assert before == list(sl.read(tmp_path / "office").commits())
+
+
+@pytest.mark.filterwarnings("ignore::semmap_log.errors.EarlyEventsWarning")
+def test_the_same_commands_become_the_same_commits(tmp_path: Path) -> None:
+    """
+    As an earlier version wrote them: events, digests, hashes.
+    """
+    entropy = random.Random(18).randbytes
+    with sl.create(
+        tmp_path / "office", tz="Europe/Vienna", building="office", robot="r1",
+        clock=SteadyClock(), entropy=entropy, compact=False,
+    ) as log:  # fmt: skip
+        send(log)
+
+    assert list(sl.read(GOLDEN).commits()) == list(sl.read(tmp_path / "office").commits())

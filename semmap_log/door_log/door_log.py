@@ -9,10 +9,8 @@ sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
 
 from __future__ import annotations
 
-import re
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator
-from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
@@ -29,7 +27,7 @@ from semmap_log.domain.events import (
     is_whole_number,
 )
 from semmap_log.domain.keywords import knows_its_keywords
-from semmap_log.domain.moments import INSTANTS, Moment, parse_moment, parse_range, refuse_reversed
+from semmap_log.domain.moments import Moment, parse_range, refuse_reversed
 from semmap_log.door_log.door_labels import labels_ever
 from semmap_log.door_log.door_names import resolve_door
 from semmap_log.door_log.removed_doors import (
@@ -38,6 +36,7 @@ from semmap_log.door_log.removed_doors import (
     several_removed,
     told_removed,
 )
+from semmap_log.door_log.times import Time, moment_of
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live_fold import LiveState, fold_live
@@ -64,9 +63,7 @@ from semmap_log.projections.timeline import Timeline, timelines
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-Time = int | str | datetime | Moment | None
-"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
-datetime (a naive one is in the log's zone), or what `moment` made of one."""
+__all__ = ["DoorLog", "Time", "about"]
 
 S = TypeVar("S")
 
@@ -87,25 +84,25 @@ class DoorLog:
             NotALogError: There is no log at that path.
             CorruptLogError: It is damaged.
         """
-        self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
-        self.path = self._reader.log_folder.given
+        self._opened = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        self.path = self._opened.log_folder.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
     @property
     def info(self) -> LogInfo:
         """Log id, zone, building and robot: fixed, so that asking costs nothing."""
-        return self._reader.info
+        return self._opened.info
 
     @property
     def reader(self) -> LogReader:
         """The bytes underneath: segments, pages, commits."""
-        return self._reader
+        return self._opened
 
     def refresh(self) -> None:
         """Take in what was written since the log was opened."""
         with self._refreshing:  # or a slow thread would put back what a fast one has seen pass
-            self._reader = self._reader.refreshed()
+            self._opened = self._opened.refreshed()
             self._end_ns = None
 
     def replay(
@@ -203,7 +200,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         return fold_live(
-            LogReader(self._reader.log_folder),
+            LogReader(self._opened.log_folder),
             projection,
             checkpoint=None if checkpoint is None else Path(checkpoint),
             save_every_s=save_every_s,
@@ -312,7 +309,7 @@ class DoorLog:
         """
         if after is None:
             after = self.reader.last_event()
-        reader = LogReader(self._reader.log_folder)
+        reader = LogReader(self._opened.log_folder)
         return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
 
     def event(self, number: int) -> RecordedEvent:
@@ -586,21 +583,8 @@ class DoorLog:
         Raises:
             MomentError: It cannot be read.
         """
-        if time is None:
-            return Moment()
-        if isinstance(time, Moment):
-            return time
-        if isinstance(time, datetime):
-            time = time.isoformat()
-        if isinstance(time, str):
-            end_ns = 0 if _is_absolute(time) else self.end_ns() if now_ns is None else now_ns
-            return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
-        if not is_whole_number(time):
-            raise MomentError(
-                f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
-                f"datetime; got {time!r}."
-            )
-        return Moment(ns=int(time))
+        end_ns = self.end_ns if now_ns is None else lambda: now_ns
+        return moment_of(time, tz=self.info.timezone, end_ns=end_ns)
 
     def span(self, text: str) -> tuple[Moment, Moment]:
         """Return the two moments of `T1..T2`.
@@ -648,11 +632,6 @@ class DoorLog:
         trace: TracebackType | None,
     ) -> None:
         """Nothing to let go of: the files are mapped, and unmapped with the object."""
-
-
-def _is_absolute(time: str) -> bool:
-    """Tell whether a text names a moment without reference to another: the usual, cheap case."""
-    return bool(re.match(r"\s*(\d{4}-|@|event:)", time))
 
 
 def _comes_after(one: Moment, other: Moment) -> bool:

@@ -16,8 +16,9 @@ from dataclasses import dataclass, field, replace
 
 from semmap_log.domain.commits import NO_CONTENT, Commit, Durability
 from semmap_log.domain.events import Retracted, RobotPose
-from semmap_log.door_log.appendable_log import POSES_WAIT_S, Appended
-from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.appended import Appended
+from semmap_log.door_log.appender import POSES_WAIT_S
+from semmap_log.door_log.door_commands import content_of
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, CommandReusedError, FormatError, SemmapError
 from semmap_log.formats.event_json import means_same

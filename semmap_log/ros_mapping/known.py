@@ -17,8 +17,8 @@ from semmap_log.domain.events import (
     PatrolStarted,
 )
 from semmap_log.domain.meaning import Presence
-from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import UnknownDoorError
 from semmap_log.folding.replay import replay
 from semmap_log.projections.door_map import DoorMapState
@@ -48,7 +48,7 @@ class Known:
     @classmethod
     def of(cls, log: DoorLog) -> Known:
         """Return what a log knows now."""
-        state = log.state if isinstance(log, AppendableLog) else replay(log.reader)
+        state = log.state if isinstance(log, DoorLogWriter) else replay(log.reader)
         known = cls(DoorMapState.from_arrays(state.to_arrays()))
         for level in state.door_map().levels.values():
             if level.floor_map_event is not None:

@@ -92,7 +92,7 @@ LOCKS = (
           "    if _may_be_half_made(reader):\n"
           "        sync_folder(path.parent)\n"
           "    return writer", "test_rivals"),
-    guard("one thread at a time", "AppendableLog.__init__",
+    guard("one thread at a time", "Appender.__init__",
           "threading.RLock", '__import__("contextlib").nullcontext',
           "test_rivals", "test_durability"),
 )  # fmt: skip
@@ -235,8 +235,8 @@ REFUSALS = (
     guard("no append in an append", "LogWriter.check_usable", "self._busy", "False", "test_misuse"),
     guard("no append after close", "LogWriter.check_usable",
           "not self._open", "False", "test_misuse", "test_writer"),
-    guard("what an interrupt left behind", "AppendableLog._take_in",
-          "self._taken_in != self._writer.next_event", "False",
+    guard("what an interrupt left behind", "CurrentMap.take_in",
+          "self.next_event != self._writer.next_event", "False",
           "faults.test_interrupted"),
     guard("recorded times that grow", "LogWriter._append",
           "max(wall_ns, self.last_ns + 1)", "wall_ns", "test_clocks", "test_writer"),
@@ -277,7 +277,7 @@ COLUMNS = (
     guard("truth values are no numbers", "Event.__post_init__",
           "type(value) is not float and not is_number(value)", "False",
           "test_keywords"),
-    guard("seconds are no nanoseconds", "DoorLog.moment",
+    guard("seconds are no nanoseconds", "moment_of",
           "not is_whole_number(time)", "False", "test_keywords"),
     guard("doors that columns take out of the map", "rows_to_check",
           'harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])', "",
@@ -353,7 +353,7 @@ BROUGHT_BACK = (
           "self.renumber", "False", "formats.test_importing"),
     guard("brought back: not where the adding was taken back", "_replace",
           "if gone:", "if False:", "test_yaml_start"),
-    guard("a door that was removed, named by its id", "AppendableLog._resolve",
+    guard("a door that was removed, named by its id", "CurrentMap.resolve",
           "if removed:", "if False:",
           "test_retracting"),
 )  # fmt: skip

@@ -25,7 +25,7 @@ from semmap_log.domain.events import (
     LogExported,
 )
 from semmap_log.domain.meaning import Changed
-from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.door_commands import content_of
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import (
     CommandError,
