@@ -31,7 +31,6 @@ from semmap_log.domain.events import (
 from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.folding.replay import visible_batches
 from semmap_log.log.keyframes import decode, encode
 from semmap_log.projections.door_map import DoorMapState
 from tests.conftest import SteadyClock
@@ -186,7 +185,7 @@ def test_the_fold_commutes_and_a_keyframe_is_the_state(seed: int) -> None:
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         random_log(Path(folder) / "log", dice, commits=15)
-        batches = list(visible_batches(sl.read(Path(folder) / "log").reader))
+        batches = list(sl.read(Path(folder) / "log").visible_batches())
     in_order = DoorMapState()
     for batch in batches:
         in_order.apply(batch)

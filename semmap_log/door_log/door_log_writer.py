@@ -40,6 +40,8 @@ from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.times import Time
 from semmap_log.errors import InvalidEventError, LogError
+from semmap_log.folding.replay import Scope
+from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.writing.durability import Promise
 from semmap_log.log.writing.writer import LogWriter
@@ -384,7 +386,7 @@ class DoorLogWriter(DoorLog):
         self._appender.add_pose(pose)
 
     @property
-    def reader(self) -> LogReader:
+    def _reader(self) -> LogReader:
         """The bytes underneath, with all that was written so far."""
         return self._appender.now.reader
 
@@ -396,6 +398,12 @@ class DoorLogWriter(DoorLog):
     def state(self) -> DoorMapState:
         """The door map after the last commit, as the writer holds it."""
         return self._appender.now.state
+
+    def state_in(self, scope: Scope = Scope(), *, progress: Progress | None = None) -> DoorMapState:
+        """Return the fold of a scope: as of a log that is read; of now, without reading it."""
+        if scope != Scope():
+            return super().state_in(scope, progress=progress)
+        return DoorMapState.from_arrays(self.state.to_arrays())
 
     def door_map(self) -> DoorMap:
         """Return the doors after the last commit as values, whatever is appended meanwhile."""

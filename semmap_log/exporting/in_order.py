@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import HistoryEntry, history
@@ -62,9 +61,9 @@ def moments(
 
 
 def _slice(log: DoorLog, first_ns: int, before_ns: int) -> Iterator[HistoryEntry]:
-    finder = CommitFinder(log.reader)
+    finder = log.commit_finder()
     window = Window(happened_from_ns=first_ns, happened_before_ns=before_ns)
-    hidden = log.reader.retractions()
-    batches = log.reader.batches(window, on_page=finder.look_at)
+    hidden = log.retractions()
+    batches = log.batches_in(window, on_page=finder.look_at)
     seen = (hidden.visible(batch) for batch in batches)
     return history((b for b in seen if len(b)), finder.commit_at, Retractions())

@@ -6,7 +6,7 @@ from mutation.mutant import guard
 
 ASKING = (
     guard("an event behind the log's end", "DoorLog._check_is_there",
-          "event is not None and event > self.reader.last_event() + behind_the_last", "False",
+          "event is not None and event > self._reader.last_event() + behind_the_last", "False",
           "test_replay"),
     guard("a range ends behind the last event", "DoorLog.window",
           "behind_the_last=1", "", "test_replay"),
@@ -15,7 +15,7 @@ ASKING = (
     guard("what was told later than an event", "known_later.known_later",
           "first_event=None if known.event is None else known.event + 1", "first_event=None",
           "cli.test_probabilities"),
-    guard("a name of two removed doors, in an answer", "DoorLog.resolve_ever",
+    guard("a name of two removed doors, in an answer", "door_ever",
           "len(removed) > 1", "False", "test_removed_doors"),
     guard("a name of two removed doors, in a command", "CurrentMap.resolve",
           "len(removed) > 1", "False", "test_removed_doors"),

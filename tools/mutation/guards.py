@@ -269,7 +269,7 @@ COLUMNS = (
     guard("a correction of an adding moves it back only", "Validator._check_correction",
           "event.happened_ns is None or event.happened_ns > before_ns", "False",
           "test_backdating"),
-    guard("what is told of the very moment counts", "backdated",
+    guard("what is told of the very moment counts", "backdating.backdated",
           "since_ns - (door_id in told_of)", "since_ns", "test_backdating"),
     guard("unknown keywords", "knows_keywords.checked",
           "kwargs and not kwargs.keys() <= known.keys()", "False",

@@ -59,7 +59,7 @@ FAILURES = (
           "self._log is failed and not self._is_closed", "False",
           "test_failing_logs"),
     guard("what a failed write stored is looked up", "DoorServer._after_failure",
-          "self._log.find_command(work.goal.goal_id)", "self._log.reader.last_commit()",
+          "self._log.find_command(work.goal.goal_id)", "self._log._reader.last_commit()",
           "test_failing_logs"),
     guard("a log that could not be opened is tried again", "DoorServer._usable_log",
           "self._broken is not None and not self._is_closed", "False",
