@@ -22,7 +22,7 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.door_log.command_content import are_same
-from semmap_log.errors import CommandReusedError, UnexpectedEventError
+from semmap_log.errors import CommandReusedError, LogError, UnexpectedEventError
 from semmap_log.messages import decode, encode
 from tests.conftest import SteadyClock
 from tests.sent_commands import send
@@ -86,6 +86,18 @@ def test_poses_that_waited_are_no_part_of_the_command(log: sl.DoorLogWriter) -> 
 
     assert 1 == first.poses
     assert (first.first_event, first.count) == (again.first_event, again.count)
+    assert 1 == len(first.events) == len(again.events)
+
+
+@pytest.mark.usefixtures("patient_poses")
+def test_poses_that_waited_are_written_once(log: sl.DoorLogWriter) -> None:
+    """
+    With the next commit, and not with the one behind it.
+    """
+    log.robot_pose(RobotPose(x=1.0, y=2.0, theta=0.0))
+
+    assert [1, 0] == [log.observe(1, "open").poses, log.observe(1, "closed").poses]
+    assert 1 == sum(len(batch) for batch in log.batches(kinds=[RobotPose]))
 
 
 def test_a_verb_is_known_by_its_words(log: sl.DoorLogWriter) -> None:
@@ -245,3 +257,27 @@ def test_the_same_commands_become_the_same_commits(tmp_path: Path) -> None:
         send(log)
 
     assert list(sl.read(GOLDEN).commits()) == list(sl.read(tmp_path / "office").commits())
+
+
+def test_a_command_is_asked_nothing_of_a_log_that_was_closed(tmp_path: Path) -> None:
+    """
+    What makes its events may write a file: not where no commit can tell of it.
+    """
+    asked: list[int] = []
+    log = sl.create(tmp_path / "log", tz="UTC")
+    log.close()
+
+    with pytest.raises(LogError, match="was closed"):
+        log.append_made(lambda: asked.append(1) or [])
+    assert [] == asked
+
+
+def test_a_command_may_turn_out_to_want_nothing(log: sl.DoorLogWriter) -> None:
+    """
+    Then nothing is stored, and its id is free.
+    """
+    before = log.last_event()
+
+    assert log.append_made(list, command_id=ID) is None
+    assert before == log.last_event()
+    assert not log.observe(1, "open", command_id=ID).repeated

@@ -5,6 +5,7 @@ What its answers and its pictures rest on is in the files beside this one.
 
 from __future__ import annotations
 
+from mutation.appending_guards import APPENDING
 from mutation.asking_guards import ASKING
 from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
@@ -360,7 +361,7 @@ BROUGHT_BACK = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
-    *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
+    *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES, *APPENDING,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
 )  # fmt: skip
