@@ -28,7 +28,7 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.door_log.appendable_log import Events
+from semmap_log.door_log.commands import Events
 from semmap_log.errors import (
     CommandReusedError,
     DoorExistsError,
@@ -80,7 +80,7 @@ def written(
     with sl.create(folder, tz="UTC", clock=SteadyClock(), entropy=bytes, compact=False) as log:
         log.append([DoorAdded(door_id=DoorId(i)) for i in range(1, DOORS + 1)])
         said.extend(_refusal(log, events, note) for events in commits)
-        said.append(repr(log.roster))
+        said.append(repr(log.door_index))
     return said + [path.read_bytes() for path in sorted(folder.glob("*.mcap"))]
 
 
@@ -208,7 +208,7 @@ def test_an_unknown_door_is_named_and_nothing_is_written(log: sl.DoorLogWriter, 
     )
 
 
-def test_what_changes_the_roster_counts_for_the_rows_behind_it(log: sl.DoorLogWriter) -> None:
+def test_what_changes_the_index_counts_for_the_rows_behind_it(log: sl.DoorLogWriter) -> None:
     """
     A door that a batch adds is there for its later rows, one that it removes is not.
     """

@@ -15,7 +15,6 @@ from semmap_log.cli import main
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
 from semmap_log.domain.moments import parse_instant
-from semmap_log.door_log.backdating import early_events
 from semmap_log.door_log.summary import open_any, summarize
 from semmap_log.errors import DoorExistsError, DoorRemovedError, EarlyEventsWarning
 from semmap_log.importing.importing import ImportOptions, backdate, import_file
@@ -83,7 +82,7 @@ def test_nothing_is_said_of_what_counts(log: sl.DoorLogWriter) -> None:
                                                                state=DoorState.OPEN)])  # fmt: skip
         log.close()
 
-    assert {} == early_events(log.reader).counts
+    assert {} == log.early_events().counts
 
 
 def test_updates_and_words_are_told_of_as_sightings_are(log: sl.DoorLogWriter) -> None:
@@ -100,7 +99,7 @@ def test_updates_and_words_are_told_of_as_sightings_are(log: sl.DoorLogWriter) -
     with pytest.warns(EarlyEventsWarning, match="^3 events of 2 doors"):
         log.close()
 
-    assert {1: 2, 2: 1} == early_events(log.reader).counts
+    assert {1: 2, 2: 1} == log.early_events().counts
 
 
 def test_columns_are_told_as_events_are(log: sl.DoorLogWriter) -> None:
@@ -117,7 +116,7 @@ def test_columns_are_told_as_events_are(log: sl.DoorLogWriter) -> None:
     with pytest.warns(EarlyEventsWarning, match=r"^5 events of 3 doors \(door 1, door 2, door 3\)"):
         log.append(batch)
 
-    assert {1: 2, 2: 1, 3: 2} == early_events(log.reader).counts
+    assert {1: 2, 2: 1, 3: 2} == log.early_events().counts
 
 
 def test_an_import_says_it(log: sl.DoorLogWriter, tmp_path: Path) -> None:
@@ -199,7 +198,7 @@ def test_the_answer_is_the_same_without_keyframes(tmp_path: Path, clock: SteadyC
     with sl.append(path, clock=clock) as log:
         log.observe(door, "closed")
 
-    reader = sl.read(path).reader
+    reader = sl.read(path)._reader
     for at_ns in (None, _ns("2026-02-20T09:30")):
         with_them = state_at(reader, at_ns=at_ns).door_map()
         without = state_at(reader, at_ns=at_ns, uses_keyframes=False).door_map()
@@ -217,7 +216,7 @@ def test_what_is_told_of_that_very_moment_counts(log: sl.DoorLogWriter) -> None:
     backdate(log, _ns(LAST_WEEK))
 
     assert DoorState.CLOSED is log.replay(at=LAST_WEEK)[door].state
-    assert {} == early_events(log.reader).counts
+    assert {} == log.early_events().counts
 
 
 def test_it_can_be_moved_again(log: sl.DoorLogWriter) -> None:
@@ -227,7 +226,7 @@ def test_it_can_be_moved_again(log: sl.DoorLogWriter) -> None:
     door = log.add_door(name="front")
     _told(log, door)
     assert backdate(log, _ns("2026-02-20T10:00")).plan.count
-    assert 2 == len(early_events(log.reader))
+    assert 2 == len(log.early_events())
 
     assert backdate(log, _ns("2026-02-10")).plan.count
     assert 0 == backdate(log, _ns("2026-02-15")).plan.count

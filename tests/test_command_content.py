@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import random
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +22,10 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.door_log.command_content import are_same
-from semmap_log.errors import CommandReusedError, UnexpectedEventError
+from semmap_log.errors import CommandReusedError, LogError, UnexpectedEventError
 from semmap_log.messages import decode, encode
+from tests.conftest import SteadyClock
+from tests.sent_commands import send
 from tests.strategies import events
 
 ID = bytes(range(16))
@@ -81,6 +86,18 @@ def test_poses_that_waited_are_no_part_of_the_command(log: sl.DoorLogWriter) -> 
 
     assert 1 == first.poses
     assert (first.first_event, first.count) == (again.first_event, again.count)
+    assert 1 == len(first.events) == len(again.events)
+
+
+@pytest.mark.usefixtures("patient_poses")
+def test_poses_that_waited_are_written_once(log: sl.DoorLogWriter) -> None:
+    """
+    With the next commit, and not with the one behind it.
+    """
+    log.robot_pose(RobotPose(x=1.0, y=2.0, theta=0.0))
+
+    assert [1, 0] == [log.observe(1, "open").poses, log.observe(1, "closed").poses]
+    assert 1 == sum(len(batch) for batch in log.batches(kinds=[RobotPose]))
 
 
 def test_a_verb_is_known_by_its_words(log: sl.DoorLogWriter) -> None:
@@ -206,3 +223,61 @@ def test_a_repeated_command_is_not_judged_again(log: sl.DoorLogWriter) -> None:
     log.observe(1, "open", expected_event=1, command_id=ID)
 
     assert log.observe(1, "open", expected_event=1, command_id=ID).repeated
+
+
+GOLDEN = Path(__file__).parent / "golden" / "sent_commands"
+BY_AN_EARLIER_VERSION = json.loads((GOLDEN / "answers.json").read_text())
+
+
+@pytest.mark.filterwarnings("ignore::semmap_log.errors.EarlyEventsWarning")
+def test_what_an_earlier_version_stored_is_known_again(tmp_path: Path) -> None:
+    """
+    Each command, by the digest of its words or by its events: the same answer, nothing written.
+    """
+    shutil.copytree(GOLDEN, tmp_path / "office")
+    before = list(sl.read(tmp_path / "office").commits())
+
+    with sl.append(tmp_path / "office", compact=False) as log:
+        answers = send(log)
+
+    assert BY_AN_EARLIER_VERSION == json.loads(json.dumps(answers))
+    assert before == list(sl.read(tmp_path / "office").commits())
+
+
+@pytest.mark.filterwarnings("ignore::semmap_log.errors.EarlyEventsWarning")
+def test_the_same_commands_become_the_same_commits(tmp_path: Path) -> None:
+    """
+    As an earlier version wrote them: events, digests, hashes.
+    """
+    entropy = random.Random(18).randbytes
+    with sl.create(
+        tmp_path / "office", tz="Europe/Vienna", building="office", robot="r1",
+        clock=SteadyClock(), entropy=entropy, compact=False,
+    ) as log:  # fmt: skip
+        send(log)
+
+    assert list(sl.read(GOLDEN).commits()) == list(sl.read(tmp_path / "office").commits())
+
+
+def test_a_command_is_asked_nothing_of_a_log_that_was_closed(tmp_path: Path) -> None:
+    """
+    What makes its events may write a file: not where no commit can tell of it.
+    """
+    asked: list[int] = []
+    log = sl.create(tmp_path / "log", tz="UTC")
+    log.close()
+
+    with pytest.raises(LogError, match="was closed"):
+        log.append_made(lambda: asked.append(1) or [])
+    assert [] == asked
+
+
+def test_a_command_may_turn_out_to_want_nothing(log: sl.DoorLogWriter) -> None:
+    """
+    Then nothing is stored, and its id is free.
+    """
+    before = log.last_event()
+
+    assert log.append_made(list, command_id=ID) is None
+    assert before == log.last_event()
+    assert not log.observe(1, "open", command_id=ID).repeated

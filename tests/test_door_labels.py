@@ -11,7 +11,6 @@ from semmap_log.cli import main
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.door_log.door_labels import labels_of
-from semmap_log.door_log.summary import summarize
 from semmap_log.errors import EarlyEventsWarning
 
 
@@ -66,7 +65,7 @@ def test_warnings_say_which_of_two_doors_is_meant(tmp_path: Path) -> None:
     """
     log = log_of(tmp_path / "log", (1, "front"), (2, "front"))
 
-    said = summarize(log.reader).warnings
+    said = log.summary().warnings
 
     assert ["L1/front", "L2/front"] == [text.partition(":")[0] for text in said]
     with sl.append(tmp_path / "log") as writer, pytest.warns(EarlyEventsWarning) as told:

@@ -102,7 +102,7 @@ def test_an_import_of_several_chunks_comes_whole(tmp_path: Path) -> None:
 
     first, second = _all_there(sl.read(path))
 
-    assert 3 < len(sl.read(path).reader.segments[0].chunks)
+    assert 3 < len(sl.read(path)._reader.segments[0].chunks)
     assert (1, 20_000) == (len(first.batch), len(second.batch))
     assert [type(event) for event in events] == [type(recorded.event) for recorded in second]
 
@@ -300,7 +300,7 @@ def test_following_a_writer_that_is_killed_again_and_again(tmp_path: Path) -> No
         follower.join(300)
 
     log = sl.read(path)
-    end = [n for batch in log.reader.batches() for n in batch.number.tolist()]
+    end = [n for batch in log._reader.batches() for n in batch.number.tolist()]
     assert [] == errors
     assert acknowledged in end
     assert list(range(len(end))) == end
@@ -318,5 +318,5 @@ def test_waiting_costs_next_to_nothing(rolled: Path) -> None:
     calls = calls_of(lambda: list(log.follow(15, poll_s=0, stop=lambda: next(looks) == 199)))
 
     assert None is next(looks, None)
-    assert 6 * len(log.reader.segments) >= calls["open"]  # at the first look, none later
+    assert 6 * len(log._reader.segments) >= calls["open"]  # at the first look, none later
     assert calls.total() < 200 * MOST_CALLS_A_LOOK

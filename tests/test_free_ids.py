@@ -44,7 +44,7 @@ def test_one_great_id_does_not_end_the_adding(tmp_path: Path) -> None:
         log.add_door(door_id=DoorId(MAX_DOOR_ID))
 
         assert 2 == log.add_door(name="front")
-        assert 3 == Known.of(log).next_id == log.roster.next_free_id
+        assert 3 == Known.of(log).next_id == log.door_index.next_free_id
         import_file(log, tmp_path / "lines.jsonl")
         import_file(log, tmp_path / "seen.csv")
 

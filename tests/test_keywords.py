@@ -26,7 +26,6 @@ from semmap_log.costmaps import costmap_at
 from semmap_log.costmaps.level_costmap import CostmapOptions
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import KINDS, DoorObserved, DoorPassed, defaults_of, field_names
-from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.errors import (
     InvalidEventError,
     MomentError,
@@ -43,7 +42,7 @@ from tests.conftest import SteadyClock
 
 UNKNOWN = "acuracy_of_nothing"
 
-WRITTEN_WITH = (sl.DoorLog, AppendableLog, sl.DoorLogWriter, sl.EventBatch, sl.Note)
+WRITTEN_WITH = (sl.DoorLog, sl.DoorLogWriter, sl.EventBatch, sl.Note)
 OPTIONS = (CostmapOptions, ImportOptions, PlayOptions, ServeOptions, StreamOptions, Protocol,
            Patrol)  # fmt: skip
 FUNCTIONS = (
@@ -130,8 +129,10 @@ TAKE_ANY = {
 
 def test_nothing_else_takes_any_keyword() -> None:
     """
-    Whoever adds `**` to a function looks here, and says who refuses the wrong ones.
+    Whoever adds `**` to a function looks here, and says who refuses the wrong ones. Keywords that
+    are told of a `TypedDict` are refused by the calls that are looked at above.
     """
+    looked_at = {f"{call.__module__}.{call.__name__}" for call in CALLS.values()}
     package = Path(sl.__file__).parent
     found = set()
     for module in pkgutil.walk_packages([str(package)], "semmap_log."):
@@ -141,7 +142,9 @@ def test_nothing_else_takes_any_keyword() -> None:
             continue
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.FunctionDef) and node.args.kwarg is not None:
-                found.add(f"{module.name}.{node.name}")
+                name = f"{module.name}.{node.name}"
+                if name not in looked_at or "Unpack[" not in ast.unparse(node.args.kwarg):
+                    found.add(name)
 
     assert found == TAKE_ANY.keys()
 

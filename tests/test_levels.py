@@ -448,3 +448,18 @@ def test_an_empty_map_means_level_0() -> None:
     assert [0, 0, 0] == [resolve_level(text, empty) for text in (None, 0, "0")]
     with pytest.raises(UnknownLevelError, match="no level 'L1'; there are: 0"):
         resolve_level("L1", empty)
+
+
+def test_an_update_that_tells_no_level_leaves_the_door_on_its_own(tmp_path: Path) -> None:
+    """
+    Though the log has several, so that none would be meant.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.append([LevelAdded(level=level, name=name) for level, name in [(1, "L1"), (2, "L2")]])
+        door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, level="L2")
+
+        log.update_door(door, state="open")
+        log.update_door(door, x=3.0)
+
+        assert [2, 2] == [entry.event.level for entry in log.history(kinds=[DoorUpdated])]
+        assert (2, 3.0) == (log.door_map()[door].level, log.door_map()[door].x)

@@ -29,9 +29,8 @@ from semmap_log.domain.events import (
     Retracted,
 )
 from semmap_log.domain.meaning import ALL_CHANGED
-from semmap_log.door_log.commands import Gatekeeper
+from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.folding.replay import visible_batches
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.store.keyframes import decode, encode
 from tests.conftest import SteadyClock
@@ -118,11 +117,11 @@ def random_log(path: Path, dice: random.Random, commits: int) -> list[Told]:
 def _allowed(log: sl.DoorLogWriter, dice: random.Random, count: int) -> Iterator[Event]:
     """Yield those of `count` random events that the map lets pass."""
     number = log.state.event + 1
-    gatekeeper = Gatekeeper(log.roster, number)
+    validator = Validator(log.door_index, number)
     for _ in range(count):
         try:
             event = random_event(dice, number, log._writer.clock.wall_ns())
-            gatekeeper.check(event)
+            validator.check(event)
         except (CommandError, InvalidEventError):
             continue
         yield event
@@ -186,7 +185,7 @@ def test_the_fold_commutes_and_a_keyframe_is_the_state(seed: int) -> None:
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         random_log(Path(folder) / "log", dice, commits=15)
-        batches = list(visible_batches(sl.read(Path(folder) / "log").reader))
+        batches = list(sl.read(Path(folder) / "log").visible_batches())
     in_order = DoorMapState()
     for batch in batches:
         in_order.apply(batch)

@@ -176,7 +176,7 @@ def test_a_range_may_hold_what_is_hidden_and_retractions(log: sl.DoorLogWriter) 
     log.observe(1, "open")
     number = log.retract(1, 6).first_event
 
-    assert [1, 3, 4, 6] == [entry.number for entry in newly_hidden(log.reader, number)]
+    assert [1, 3, 4, 6] == [entry.number for entry in newly_hidden(log, number)]
     assert [0, 5, 7] == expected_numbers(log)
     assert log.replay()[DoorId(1)].name is None
 
@@ -215,7 +215,7 @@ def test_what_each_retraction_hid_adds_up(tmp_path: Path) -> None:
     log = sl.read(tmp_path / "random")
     retractions = [e.number for e in log.history(kinds=[Retracted])]
 
-    hidden = [entry.number for n in retractions for entry in newly_hidden(log.reader, n)]
+    hidden = [entry.number for n in retractions for entry in newly_hidden(log, n)]
 
     assert len(retractions) > 3
     assert sorted(hidden) == [entry.number for entry in log.history() if entry.retracted]

@@ -297,3 +297,60 @@ def test_no_two_modules_share_a_name() -> None:
     )
 
     assert [] == [name for name, count in found.items() if count > 1]
+
+
+MAY_READ_BYTES = {"log", "folding", "door_log", "ros"}
+"""Rooms that know how a log is read; `ros` holds programs that import nothing of ours."""
+
+
+def _reaching(path: Path) -> list[str]:
+    """Return where a module takes the `reader` of an object that is not itself, nor a module."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    modules = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for alias in node.names
+    }
+    own = {"self", *modules}
+    return [
+        f"line {node.lineno}: {ast.unparse(node)}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute)
+        and node.attr in {"reader", "_reader"}
+        and not (isinstance(node.value, ast.Name) and node.value.id in own)
+    ]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_who_asks_a_log_does_not_reach_through_it(path: Path) -> None:
+    """
+    Above `door_log` a log answers questions; what it reads with is its own.
+    """
+    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+    assert room in MAY_READ_BYTES or [] == _reaching(path)
+
+
+def test_what_reaches_through_a_log_is_found(tmp_path: Path) -> None:
+    """
+    Whatever the log is called; modules of that name, and what is an object's own, are let be.
+    """
+    path = tmp_path / "x.py"
+    path.write_text(
+        "import csv, yaml\n"
+        "csv.reader(f); yaml.reader.ReaderError; self.reader.lines()\n"
+        "log.reader.batches(); self._log._reader; excerpt.log.reader\n"
+    )
+
+    assert 3 == len(_reaching(path))
+
+
+def test_the_reader_of_a_log_is_not_public() -> None:
+    """
+    Neither of one that is read nor of one that is written.
+    """
+    import semmap_log as sl
+
+    assert not hasattr(sl.DoorLog, "reader")
+    assert not hasattr(sl.DoorLogWriter, "reader")

@@ -19,7 +19,7 @@ A_LIMIT = re.compile(r"(at most|expected|expected an? [a-z ]+ of|got|of|holds?|a
 """What stands before a number that somebody set, or that a file tells."""
 NEVER_ONE = {
     "cli/compact.py: would merge {len(files)} segments",
-    "door_log/commands.py:  can mean {len(doors)} doors",
+    "door_log/door_names.py:  can mean {len(doors)} doors",
     "formats/import_plan.py: : the log has {len(found)} doors",
     "formats/line_reading.py: {len(found)} doors",
     "views/rerun/blueprint.py: {level.name} doors",

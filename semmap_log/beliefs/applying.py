@@ -16,8 +16,8 @@ from semmap_log.domain.events import DoorUpdated
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import format_local
-from semmap_log.door_log.appendable_log import Appended
-from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.appended import Appended
+from semmap_log.door_log.door_commands import content_of
 from semmap_log.door_log.door_log import Time
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.io.progress import Progress

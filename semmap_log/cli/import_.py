@@ -173,11 +173,10 @@ def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int
     Raises:
         MomentError: It is no time, or is to come.
     """
-    from semmap_log.door_log.backdating import since_ever_ns
     from semmap_log.errors import MomentError
 
     if since_ever:
-        ever_ns = since_ever_ns(log.reader)
+        ever_ns = log.since_ever_ns()
         if ever_ns is None:
             say(
                 "--since-ever: the log tells of nothing yet, so the doors are there from "

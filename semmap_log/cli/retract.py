@@ -50,7 +50,7 @@ def run(
     with sl.append(log) as opened:
         appended = opened.retract(first, last, **about)
     read = sl.read(log)
-    hidden = newly_hidden(read.reader, appended.first_event)
+    hidden = newly_hidden(read, appended.first_event)
     if as_json:
         from semmap_log.formats.json.door_json import entry_to_json
 
@@ -89,7 +89,7 @@ def _show(log: DoorLog, hidden: Iterator[HistoryEntry]) -> None:
 def _say_what_stays(log: DoorLog, first: int, last: int) -> None:
     """Say so where a commit, which came whole, was taken back in part."""
     for number in (first, last):
-        commit = log.reader.find_commit(number)
+        commit = log.find_commit(number)
         if commit is not None and not (first <= commit.first_event and commit.last_event <= last):
             whole = f"{commit.first_event}..{commit.last_event}"
             say(f"note: of the commit of events {whole}, the others stay.")

@@ -68,7 +68,6 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.printer import is_for_people
-    from semmap_log.store.reading.following import commits_after
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import ROW
 
@@ -80,16 +79,14 @@ def run(
     known = -1 if after is None else after
     try:
         if last is None and after is not None:
-            events: Iterable[Told] = _events(
-                commits_after(opened.reader, known, with_newer=True), wanted
-            )
+            events: Iterable[Told] = _events(opened.commits_after(known, with_newer=True), wanted)
         else:
             events = _last(opened, LAST if last is None else last, known, wanted)
         shown = _print(events, show)
         if not (shown or follow or last == 0):
             _say_why_nothing(opened, door, after)
         if follow:
-            last_known = max(known, _end(opened))
+            last_known = max(known, opened.last_event())
             for commit in opened.follow(last_known, stop=_is_nobody_reading, with_newer=True):
                 _print(_events([commit], wanted), show)
             if _is_nobody_reading():
@@ -111,22 +108,14 @@ def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[Reco
     return lambda one: poses or not isinstance(one.event, RobotPose)
 
 
-def _end(opened: DoorLog) -> int:
-    """Return the number of the last event, in the log as it was opened; -1: none."""
-    commit = opened.reader.last_commit()
-    return -1 if commit is None else commit.last_event
-
-
 def _last(
     opened: DoorLog, count: int, after: int, wanted: Callable[[RecordedEvent], bool]
 ) -> Iterable[Told]:
     """Return the last events that are wanted, of those behind a number."""
-    from semmap_log.store.reading.following import commits_after
-
-    end, back = _end(opened), count
+    end, back = opened.last_event(), count
     while count:
         start = max(after, end - back)
-        commits = commits_after(opened.reader, start, with_newer=True)
+        commits = opened.commits_after(start, with_newer=True)
         found = deque(_events(commits, wanted), maxlen=count)
         if len(found) == count or start == after:
             return found
@@ -159,7 +148,7 @@ def _print(events: Iterable[Told], show: Callable[[RecordedEvent, Note], str]) -
 
 def _say_why_nothing(opened: DoorLog, door: str | None, after: int | None) -> None:
     """Tell who sees nothing whether there is nothing, or only nothing of what was asked for."""
-    if (end := _end(opened)) < 0:
+    if (end := opened.last_event()) < 0:
         tell_how_to_begin(opened)
         return
     asked = "" if door is None else f" about door {door}"

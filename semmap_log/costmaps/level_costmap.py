@@ -21,7 +21,6 @@ from semmap_log.domain.events import FloorMap
 from semmap_log.domain.keywords import knows_its_keywords, knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import CostmapError
-from semmap_log.folding.replay import replay
 from semmap_log.folds.door_layer_fold import By, DoorLayerProjection, door_lines
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.levels import level_shown, resolve_level
@@ -155,7 +154,7 @@ def costmap_at(
         CostmapError: There is neither floor nor door, or the floor is turned against its grid.
         UnknownLevelError: No such level, or several and none was named.
     """
-    state = replay(log.reader, log.scope(at, known_at, event))
+    state = log.state_in(log.scope(at, known_at, event))
     doors = state.door_map()
     level = level_drawn(options, doors)
     floor = floor or log.floor_of(doors, level)

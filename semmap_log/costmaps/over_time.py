@@ -31,7 +31,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.folding.replay import Scope, replay
+from semmap_log.folding.replay import Scope
 
 _DRAWN = (DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorPassed)
 """The kinds of events that a door layer shows."""
@@ -78,7 +78,7 @@ def costmap_frames(
     first_ns, end_ns = log.instant(since), log.instant(until)
     first_ns = _first_ns(log) if first_ns is None else first_ns
     end_ns = log.end_ns() if end_ns is None else end_ns
-    state = replay(log.reader, log.scope(at=first_ns))
+    state = log.state_in(log.scope(at=first_ns))
     doors = log.replay(at=end_ns)
     level = level_drawn(options, doors)
     floor = floor or log.floor_of(doors, level)
@@ -124,8 +124,7 @@ def costmap_live(
     for followed in log.follow(known.event, poll_s=poll_s, stop=stop):
         commit, batch = followed.commit, followed.batch
         if Retracted in batch:
-            now = DoorLog(log.reader.log_folder).reader
-            windows = costmap.show(replay(now, Scope(event=commit.last_event)))
+            windows = costmap.show(log.opened_anew().state_in(Scope(event=commit.last_event)))
         else:
             windows = costmap.advance([batch])
         if windows:

@@ -1,11 +1,16 @@
-"""A keyword that a call of the Python API does not know is an error; it names the known ones."""
+"""Keywords of the Python API: told once where many calls take them, and refused where unknown.
+
+Keywords that many calls share are a `TypedDict`, which each takes as `**keywords: Unpack[Shared]`.
+What such a call says of itself (`help`, `inspect.signature`) has each of them by its name.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import inspect
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from types import CodeType, FunctionType
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from semmap_log.errors import UnknownKeywordError
 
@@ -13,8 +18,19 @@ P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
-VAR_KEYWORDS = 0x08
-"""Of a function's code: it takes any keyword (`inspect.CO_VARKEYWORDS`)."""
+_SHARED: dict[str, Mapping[str, Any]] = {}
+"""Name of a `TypedDict` of keywords -> what each of them is where it is not given."""
+
+
+def share_keywords(keywords: type, defaults: Mapping[str, Any]) -> None:
+    """Make a `TypedDict` the keywords that calls take as `**name: Unpack[keywords]`.
+
+    Args:
+        keywords: The class; all of its keys may be left out.
+        defaults: What each is then, in the order in which they are told.
+    """
+    assert list(defaults) == list(keywords.__annotations__), "each keyword has a default"
+    _SHARED[keywords.__name__] = defaults
 
 
 def knows_keywords(call: Callable[P, R]) -> Callable[P, R]:
@@ -25,7 +41,13 @@ def knows_keywords(call: Callable[P, R]) -> Callable[P, R]:
     """
     code: CodeType = call.__code__
     known = _keywords_of(code)
-    if code.co_flags & VAR_KEYWORDS or not known:
+    if code.co_flags & inspect.CO_VARKEYWORDS:
+        shared = _shared_of(call)
+        if shared is None:
+            return call
+        call.__signature__ = _spelt_out(call, shared)  # type: ignore[attr-defined]
+        known |= dict.fromkeys(_SHARED[shared.__name__])
+    if not known:
         return call
     name = f"{call.__qualname__.removesuffix('.__init__')}()"
 
@@ -72,3 +94,32 @@ def _keywords_of(code: CodeType) -> dict[str, None]:
     end = code.co_argcount + code.co_kwonlyargcount
     names = code.co_varnames[code.co_posonlyargcount : end]
     return {name: None for name in names if name not in ("self", "cls")}
+
+
+def _shared_of(call: Callable[..., Any]) -> type | None:
+    """Return the class of the keywords that a call takes besides its own; None: any whatever."""
+    parameters = inspect.signature(call).parameters.values()
+    (more,) = (each for each in parameters if each.kind is each.VAR_KEYWORD)
+    name = str(more.annotation).removeprefix("Unpack[").removesuffix("]")
+    return call.__globals__[name] if name in _SHARED else None
+
+
+def _spelt_out(call: Callable[..., Any], shared: type) -> inspect.Signature:
+    """Return the signature of a call with each of the keywords that it takes besides its own."""
+    written = inspect.signature(call)
+    own = [each for each in written.parameters.values() if each.kind is not each.VAR_KEYWORD]
+    more = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=default,
+            annotation=_as_written(shared.__annotations__[name]),
+        )
+        for name, default in _SHARED[shared.__name__].items()
+    ]
+    return written.replace(parameters=[*own, *more])
+
+
+def _as_written(annotation: Any) -> Any:
+    """Return an annotation as it stands in the code, where a `TypedDict` has made more of it."""
+    return getattr(annotation, "__forward_arg__", annotation)

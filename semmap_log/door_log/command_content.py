@@ -1,35 +1,19 @@
-"""Whether a command that is sent again asks for the same as the first time.
-
-A command that a verb made (`observe`, `add_door`) is known by a digest of its words, since what
-they mean may have changed meanwhile: a name, the next free id. One that was given as events is
-compared with the events that are stored.
-"""
+"""Whether events that are given again are those that are stored."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.domain.commits import NO_CONTENT
 from semmap_log.domain.doors import is_given
 from semmap_log.domain.events import DoorAnnotated, Event, FloorMap
 from semmap_log.messages import encode
 
 SAME_ANGLE = 1e-6
 """Radians: what going through a quaternion may change."""
-
-
-def content_of(*words: object) -> bytes:
-    """Return the digest of what a command asks for, 16 bytes.
-
-    Args:
-        *words: Values whose `repr` says all about them.
-    """
-    return hashlib.sha256(repr(words).encode()).digest()[: len(NO_CONTENT)]
 
 
 def are_same(given: Sequence[Event], stored: Sequence[Event]) -> bool:

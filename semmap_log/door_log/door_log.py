@@ -9,10 +9,8 @@ sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
 
 from __future__ import annotations
 
-import re
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator
-from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
@@ -20,31 +18,24 @@ from typing import TYPE_CHECKING, TypeVar
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
-from semmap_log.domain.events import (
-    KINDS,
-    DoorAdded,
-    DoorAnnotated,
-    Event,
-    FloorMap,
-    is_whole_number,
-)
+from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStarted, is_whole_number
 from semmap_log.domain.keywords import knows_its_keywords
-from semmap_log.domain.moments import INSTANTS, Moment, parse_moment, parse_range, refuse_reversed
-from semmap_log.door_log.commands import resolve_door
+from semmap_log.domain.moments import Moment, parse_range, refuse_reversed
+from semmap_log.door_log.asked_doors import door_ever, door_in, ids_ever
+from semmap_log.door_log.asked_events import about, between, comes_after, entries
+from semmap_log.door_log.backdating import backdated, early_events, since_ever_ns
 from semmap_log.door_log.door_labels import labels_ever
-from semmap_log.door_log.removed_doors import (
-    ID_PREFIX,
-    removed_called,
-    several_removed,
-    told_removed,
-)
-from semmap_log.errors import MomentError, UnknownDoorError
+from semmap_log.door_log.last_patrol import last_patrol
+from semmap_log.door_log.log_end import latest_happened_ns
+from semmap_log.door_log.times import Time, moment_of
+from semmap_log.errors import MomentError
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live_fold import LiveState, fold_live
 from semmap_log.folding.replay import Scope, replay, visible_batches
 from semmap_log.folds.diff import Diff, diff
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.folds.early_events import EarlyEvents
+from semmap_log.folds.history import HistoryEntry
 from semmap_log.folds.levels import resolve_level
 from semmap_log.folds.projection import Projection
 from semmap_log.folds.retraction import Retractions
@@ -53,20 +44,17 @@ from semmap_log.io.progress import Progress
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
-from semmap_log.store.pages import Page
-from semmap_log.store.reading.change_finder import ChangeFinder
 from semmap_log.store.reading.commit_finder import CommitFinder
-from semmap_log.store.reading.following import FollowedCommit, follow
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.window import Window
+from semmap_log.store.reading.following import FollowedCommit, commits_after, follow
+from semmap_log.store.reading.reader import LogReader, OnPage
+from semmap_log.store.reading.window import EVERYTHING, Window
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-Time = int | str | datetime | Moment | None
-"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
-datetime (a naive one is in the log's zone), or what `moment` made of one."""
+    from semmap_log.door_log.summary import LogSummary
+
+__all__ = ["DoorLog", "Time"]
 
 S = TypeVar("S")
 
@@ -87,25 +75,25 @@ class DoorLog:
             NotALogError: There is no log at that path.
             CorruptLogError: It is damaged.
         """
-        self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
-        self.path = self._reader.log_folder.given
+        self._opened = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        self.path = self._opened.log_folder.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
     @property
     def info(self) -> LogInfo:
         """Log id, zone, building and robot: fixed, so that asking costs nothing."""
-        return self._reader.info
+        return self._opened.info
 
     @property
-    def reader(self) -> LogReader:
+    def _reader(self) -> LogReader:
         """The bytes underneath: segments, pages, commits."""
-        return self._reader
+        return self._opened
 
     def refresh(self) -> None:
         """Take in what was written since the log was opened."""
         with self._refreshing:  # or a slow thread would put back what a fast one has seen pass
-            self._reader = self._reader.refreshed()
+            self._opened = self._opened.refreshed()
             self._end_ns = None
 
     def replay(
@@ -129,7 +117,7 @@ class DoorLog:
             LogError: There is no event of that number.
         """
         scope = self.scope(at, known_at, event)
-        state = replay(self.reader, scope, progress=progress)
+        state = replay(self._reader, scope, progress=progress)
         return state.door_map(at_ns=scope.at_ns, known_at_ns=scope.known_at_ns)
 
     def fold(
@@ -159,7 +147,7 @@ class DoorLog:
             OutputError: It cannot be written.
         """
         return fold(
-            self.reader,
+            self._reader,
             projection,
             self.scope(at, known_at, event),
             checkpoint=None if checkpoint is None else Path(checkpoint),
@@ -173,7 +161,7 @@ class DoorLog:
         Retractions count as they are known now. Where the projection can `merge`, the states of
         parts, made by as many processes, make that of the whole log.
         """
-        return fold_part(self.reader, projection, first, last)
+        return fold_part(self._reader, projection, first, last)
 
     def fold_live(
         self,
@@ -203,7 +191,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         return fold_live(
-            LogReader(self._reader.log_folder),
+            LogReader(self._opened.log_folder),
             projection,
             checkpoint=None if checkpoint is None else Path(checkpoint),
             save_every_s=save_every_s,
@@ -236,7 +224,7 @@ class DoorLog:
         Raises:
             UnknownDoorError: No door has such a name, or ever had.
         """
-        reader = self.reader
+        reader = self._reader
         ids = None if doors is None else self._ids_ever(doors)
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         known = reader.retractions()
@@ -283,7 +271,7 @@ class DoorLog:
 
     def commits(self) -> Iterator[Commit]:
         """Yield all commits, in order, with their notes."""
-        return self.reader.commits()
+        return self._reader.commits()
 
     def follow(
         self,
@@ -311,9 +299,105 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         if after is None:
-            after = self.reader.last_event()
-        reader = LogReader(self._reader.log_folder)
+            after = self._reader.last_event()
+        reader = LogReader(self._opened.log_folder)
         return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
+
+    def state_in(self, scope: Scope = Scope(), *, progress: Progress | None = None) -> DoorMapState:
+        """Return the fold of a scope, to look at and to fold on; without a bound: of now.
+
+        Args:
+            scope: Which events count: see `scope`.
+            progress: Told how far the reading is.
+
+        Raises:
+            NewerLogError: An event of an unknown kind may have changed it.
+        """
+        return replay(self._reader, scope, progress=progress)
+
+    def visible_batches(
+        self, scope: Scope = Scope(), *, progress: Progress | None = None
+    ) -> Iterator[EventBatch]:
+        """Yield the events of a scope, without those retracted by what is known in it."""
+        return visible_batches(self._reader, scope, progress=progress)
+
+    def batches_in(
+        self,
+        window: Window = EVERYTHING,
+        *,
+        progress: Progress | None = None,
+        on_page: OnPage | None = None,
+    ) -> Iterator[EventBatch]:
+        """Yield the events of a window, numbers ascending, retracted ones included.
+
+        Args:
+            window: Which events: see `window`; default: all.
+            progress: Told how far the reading is.
+            on_page: Called with the records of each batch that follows: see `commit_finder`.
+        """
+        return self._reader.batches(window, progress=progress, on_page=on_page)
+
+    def commit_finder(self) -> CommitFinder:
+        """Return what finds the commits of events; quick if its `look_at` is told each page."""
+        return CommitFinder(self._reader)
+
+    def retractions(self, limit: int | None = None) -> Retractions:
+        """Return what was taken back, by the events up to the number `limit`; None: by all.
+
+        Raises:
+            NewerLogError: An event of an unknown kind may have taken back others, too.
+        """
+        return self._reader.retractions(limit=limit)
+
+    def limit_of(self, scope: Scope) -> int | None:
+        """Return the greatest event number that counts in a scope; None: all count."""
+        return scope.limit(self._reader)
+
+    def last_event(self) -> int:
+        """Return the number of the log's last event; -1: there is none."""
+        return self._reader.last_event()
+
+    def find_commit(self, number: int) -> Commit | None:
+        """Return the commit that holds an event, with its note; None: there is no such event."""
+        return self._reader.find_commit(number)
+
+    def commits_after(self, event: int, *, with_newer: bool = False) -> Iterator[FollowedCommit]:
+        """Yield the commits that the log has behind an event, each with its events.
+
+        Args:
+            event: Its number; -1: from the log's beginning.
+            with_newer: Yield events of kinds that a later version has added, too.
+
+        Raises:
+            NewerLogError: A commit has an event of such a kind that may change others.
+        """
+        return commits_after(self._reader, event, with_newer=with_newer)
+
+    def last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:
+        """Return the greatest number of a round that began, or ended; 0: none did."""
+        return last_patrol(self._reader, kind)
+
+    def early_events(self) -> EarlyEvents:
+        """Return what the log tells of doors before they were added, which no answer counts."""
+        return early_events(self._reader)
+
+    def since_ever_ns(self) -> int | None:
+        """Return a whole second before the first thing that the log tells; None: it tells none."""
+        return since_ever_ns(self._reader)
+
+    def backdated(self, doors: Collection[DoorId], since_ns: int) -> list[Event]:
+        """Return the events of one commit by which doors are in the map from an earlier time on."""
+        return backdated(self._reader, doors, since_ns)
+
+    def summary(self, *, progress: Progress | None = None) -> LogSummary:
+        """Return what the log holds, in a page; reads all of it."""
+        from semmap_log.door_log.summary import summarize
+
+        return summarize(self._reader, progress=progress)
+
+    def opened_anew(self) -> DoorLog:
+        """Return the log as it is on the disk now; this object stays as it was opened."""
+        return DoorLog(self._opened.log_folder)
 
     def event(self, number: int) -> RecordedEvent:
         """Return the event of that number.
@@ -321,7 +405,7 @@ class DoorLog:
         Raises:
             LogError: There is none.
         """
-        return self.reader.event(number)
+        return self._reader.event(number)
 
     def history(
         self,
@@ -346,7 +430,7 @@ class DoorLog:
             kinds: Only these kinds.
         """
         window = self.window(since, until, recorded=recorded, kinds=kinds)
-        return self._entries(window, None if door is None else self._ids_ever([door]))
+        return entries(self._reader, window, None if door is None else self._ids_ever([door]))
 
     def entry(self, number: int) -> HistoryEntry:
         """Return one event with who did it and why.
@@ -354,9 +438,9 @@ class DoorLog:
         Raises:
             LogError: There is no such event.
         """
-        for entry in self._entries(Window(first_event=number, before_event=number + 1)):
+        for entry in entries(self._reader, Window(first_event=number, before_event=number + 1)):
             return entry
-        raise self.reader.no_event(number)
+        raise self._reader.no_event(number)
 
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
@@ -367,31 +451,11 @@ class DoorLog:
             MomentError: The first comes after the second.
         """
         start, end = self.moment(first), self.moment(second)
-        if _comes_after(start, end):
+        if comes_after(start, end):
             raise MomentError("the first moment lies after the second; swap them.")
         before, after = self.replay(at=start), self.replay(at=end)
-        entries = self._entries(_between(start, end), with_newer=False)
-        return diff(before, after, [entry for entry in entries if not entry.retracted])
-
-    def _entries(
-        self,
-        window: Window,
-        doors: Collection[DoorId] | None = None,
-        *,
-        with_newer: bool = True,
-    ) -> Iterator[HistoryEntry]:
-        """Yield the events of a window with who and why, retracted ones marked."""
-        reader = self.reader
-        finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
-
-        def look_at(segment: Segment, page: Page) -> None:
-            finder.look_at(segment, page)
-            changes.look_at(segment, page)
-
-        found = reader.batches(window, on_page=look_at, with_newer=with_newer)
-        batches = (about(batch, doors, with_newer=with_newer) for batch in found)
-        retractions = reader.retractions(with_newer=with_newer)
-        return history(batches, finder.commit_at, retractions, changes.changes_in)
+        told = entries(self._reader, between(start, end), with_newer=False)
+        return diff(before, after, [entry for entry in told if not entry.retracted])
 
     def timeline(
         self,
@@ -454,7 +518,7 @@ class DoorLog:
         since_ns, until_ns = self.instant(since), self.instant(until)
         refuse_reversed(since_ns, until_ns)
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
-        batches = visible_batches(self.reader, scope, progress=progress)
+        batches = visible_batches(self._reader, scope, progress=progress)
         ids = None if doors is None else self._ids_ever(doors)
         found = timelines(batches, ids, end_ns=asked_ns)
         return {i: each.between(since_ns, until_ns) for i, each in found.items()}
@@ -492,7 +556,7 @@ class DoorLog:
     def end_ns(self) -> int:
         """Return the log's end: the latest happened time in it; 0 for a log without events."""
         if self._end_ns is None:
-            self._end_ns = replay(self.reader, with_newer=True).latest_happened_ns
+            self._end_ns = latest_happened_ns(self._reader)
         return self._end_ns
 
     def resolve(self, door: str | int) -> DoorId:
@@ -514,27 +578,18 @@ class DoorLog:
         Raises:
             UnknownDoorError: None, more than one, or one that was removed by then.
         """
-        if door_map is None:
-            door_map = replay(self.reader, scope).door_map()
-        try:
-            return resolve_door(door, door_map)
-        except UnknownDoorError:
-            state = replay(self.reader, scope)
-            removed = removed_called(door, state)
-            if not removed:
-                raise
-            raise UnknownDoorError(told_removed(removed, state)) from None
+        return door_in(door, self._reader, scope, door_map)
 
     def door_names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, removed doors too.
 
         As far as this program knows, where a later one has written to the log.
         """
-        return replay(self.reader, with_newer=True).names()
+        return replay(self._reader, with_newer=True).names()
 
     def door_labels(self) -> dict[DoorId, str]:
         """Return the same for messages: level/name where several doors bear the name."""
-        return labels_ever(replay(self.reader, with_newer=True))
+        return labels_ever(replay(self._reader, with_newer=True))
 
     def resolve_ever(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
@@ -542,39 +597,10 @@ class DoorLog:
         Raises:
             UnknownDoorError: There is none, and never was.
         """
-        state = replay(self.reader, with_newer=True)
-        try:
-            return resolve_door(door, state.door_map())
-        except UnknownDoorError:
-            removed = removed_called(door, state)
-            if len(removed) > 1:
-                raise UnknownDoorError(several_removed(door, removed)) from None
-            if removed:
-                return removed[0]
-            for ever in (state, self._ever_said()):
-                names = ever.names()
-                for door_id in map(DoorId, sorted(ever.used_door_ids)):
-                    called = (str(door_id), f"{ID_PREFIX}{door_id}", names.get(door_id))
-                    is_meant = str(door) in called
-                    if is_meant and not state.is_present(door_id):
-                        return door_id
-            raise
+        return door_ever(door, self._reader)
 
     def _ids_ever(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
-        """Return the ids of doors; a name is looked up, those of doors that are gone, too."""
-        return [
-            DoorId(int(door))
-            if not isinstance(door, str) and is_whole_number(door)
-            else self.resolve_ever(door)
-            for door in doors
-        ]
-
-    def _ever_said(self) -> DoorMapState:
-        """Return all doors and names that ever were, as if nothing had been retracted."""
-        state = DoorMapState()
-        for batch in self.reader.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorAnnotated]))):
-            state.apply(batch)
-        return state
+        return ids_ever(doors, self._reader)
 
     def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
         """Return what a time means in this log.
@@ -586,21 +612,8 @@ class DoorLog:
         Raises:
             MomentError: It cannot be read.
         """
-        if time is None:
-            return Moment()
-        if isinstance(time, Moment):
-            return time
-        if isinstance(time, datetime):
-            time = time.isoformat()
-        if isinstance(time, str):
-            end_ns = 0 if _is_absolute(time) else self.end_ns() if now_ns is None else now_ns
-            return parse_moment(time, tz=self.info.timezone, end_ns=end_ns)
-        if not is_whole_number(time):
-            raise MomentError(
-                f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
-                f"datetime; got {time!r}."
-            )
-        return Moment(ns=int(time))
+        end_ns = self.end_ns if now_ns is None else lambda: now_ns
+        return moment_of(time, tz=self.info.timezone, end_ns=end_ns)
 
     def span(self, text: str) -> tuple[Moment, Moment]:
         """Return the two moments of `T1..T2`.
@@ -635,8 +648,8 @@ class DoorLog:
         Raises:
             LogError: It has none; the message names the last.
         """
-        if event is not None and event > self.reader.last_event() + behind_the_last:
-            raise self.reader.no_event(event)
+        if event is not None and event > self._reader.last_event() + behind_the_last:
+            raise self._reader.no_event(event)
 
     def __enter__(self) -> Self:
         return self
@@ -648,46 +661,3 @@ class DoorLog:
         trace: TracebackType | None,
     ) -> None:
         """Nothing to let go of: the files are mapped, and unmapped with the object."""
-
-
-def _is_absolute(time: str) -> bool:
-    """Tell whether a text names a moment without reference to another: the usual, cheap case."""
-    return bool(re.match(r"\s*(\d{4}-|@|event:)", time))
-
-
-def _comes_after(one: Moment, other: Moment) -> bool:
-    if one.ns is not None and other.ns is not None:
-        return one.ns > other.ns
-    return one.event is not None and other.event is not None and one.event > other.event
-
-
-def _between(first: Moment, second: Moment) -> Window:
-    """Return what comes after the first moment, up to and with the second."""
-    return Window(
-        happened_from_ns=_next(first.ns),
-        happened_before_ns=_next(second.ns),
-        first_event=_next(first.event),
-        before_event=_next(second.event),
-    )
-
-
-def _next(number: int | None) -> int | None:
-    return None if number is None else number + 1
-
-
-def about(
-    batch: EventBatch, doors: Collection[DoorId] | None, *, with_newer: bool = False
-) -> EventBatch:
-    """Return the events of a batch that are about some doors; None: all.
-
-    Args:
-        batch: The events.
-        doors: The doors.
-        with_newer: And those of kinds unknown here, which may be about any.
-    """
-    if doors is None:
-        return batch
-    chosen = batch.of_doors(doors)
-    if with_newer:
-        chosen |= batch.kind > len(KINDS)
-    return batch.select(chosen)

@@ -1,68 +1,85 @@
-"""The commands of a door map's log: each call is one commit, durable when it returns."""
+"""A log that is written: asked like any other, and told what happened, a commit at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, TypedDict, TypeVar
+from contextlib import suppress
+from types import TracebackType
+from typing import TYPE_CHECKING, Final, TypedDict, TypeVar
 
-from semmap_log.common.texts import command_line
-from semmap_log.domain.commits import Note
-from semmap_log.domain.doors import NAN, DoorId, DoorState
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.commits import NO_CONTENT, Commit, Note
+from semmap_log.domain.doors import NAN, DoorId, DoorMap, DoorState
 from semmap_log.domain.events import (
     DoorAdded,
-    DoorAnnotated,
-    DoorEvent,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorRequested,
-    DoorUpdated,
     Event,
     PatrolFinished,
     PatrolStarted,
-    Retracted,
+    RobotPose,
     is_whole_number,
 )
-from semmap_log.domain.keywords import knows_its_keywords
-from semmap_log.domain.meaning import Changed
-from semmap_log.domain.moments import INSTANTS
-from semmap_log.door_log.appendable_log import AppendableLog, Appended
-from semmap_log.door_log.command_content import content_of
-from semmap_log.door_log.door_log import Time
-from semmap_log.door_log.retracting import check_can_retract
-from semmap_log.errors import CommandError, InvalidEventError, MomentError
+from semmap_log.domain.keywords import knows_its_keywords, share_keywords
+from semmap_log.door_log.appended import Appended
+from semmap_log.door_log.appender import Appender
+from semmap_log.door_log.commands import CommandContext, Events, GivenEvents, MadeEvents, TakenOver
+from semmap_log.door_log.door_commands import (
+    AddDoor,
+    AnnotateDoor,
+    FinishPatrol,
+    ObserveDoor,
+    PassDoor,
+    RemoveDoor,
+    RequestDoor,
+    RetractEvents,
+    StartPatrol,
+    UpdateDoor,
+    door_meant,
+    level_of,
+)
+from semmap_log.door_log.door_index import DoorIndex
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.times import Time
+from semmap_log.errors import InvalidEventError, LogError
+from semmap_log.folding.replay import Scope
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.io.progress import Progress
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.writing.durability import DurabilityPolicy
+from semmap_log.store.writing.writer import LogWriter
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 E = TypeVar("E", bound=Event)
 
 
 class About(TypedDict, total=False):
-    """The keywords that every verb takes besides its own, for who has them as a dictionary."""
+    """The keywords that every verb takes besides its own; `DoorLogWriter` says what each is."""
 
     at: Time
-    """When it happened; default: now. `2h ago` counts from now."""
     actor: str
     source: str
     reason: str
     correlation: str
     command_id: bytes | None
-    """16 bytes: the same command, sent again, is stored once, and answered as the first time."""
     expected_event: int | None
-    """Number of the last event that the caller knows, about the door or, for a new door or a round,
-    in the log; -1: none. Another is an error, and nothing is written."""
 
 
-class _About(NamedTuple):
-    """What a verb was told besides its own arguments: when, who and why."""
-
-    at: Time
-    note: Note
-    command_id: bytes | None
-    expected_event: int | None
+_NOT_GIVEN: Final[About] = {
+    "at": None,
+    "actor": "",
+    "source": "",
+    "reason": "",
+    "correlation": "",
+    "command_id": None,
+    "expected_event": None,
+}
+share_keywords(About, _NOT_GIVEN)
 
 
 @knows_its_keywords
-class DoorLogWriter(AppendableLog):
-    """A log that is written, by the commands that a door map knows.
+class DoorLogWriter(DoorLog):
+    """A log that is written, by the commands that a door map knows. Several threads may use it.
 
     Every verb also takes, by keyword: `at`, when it happened (default: now; `2h ago` counts from
     now); `actor`, `source`, `reason` and `correlation`, who did it, with what, why, and what it
@@ -70,6 +87,16 @@ class DoorLogWriter(AppendableLog):
     `expected_event`, the number of the last event that the caller knows, about the door or, for a
     new door or a round, in the log (-1: none): another is an error, and nothing is written.
     """
+
+    def __init__(self, writer: LogWriter) -> None:
+        try:
+            super().__init__(writer.folder)
+        except BaseException:
+            with suppress(LogError):
+                writer.close()  # nobody else could: its lock would last as long as the process
+            raise
+        self._writer = writer
+        self._appender = Appender(writer, self._opened)
 
     def add_door(
         self,
@@ -84,13 +111,7 @@ class DoorLogWriter(AppendableLog):
         prob_closed: float = NAN,
         door_id: DoorId | None = None,
         name: str = "",
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> DoorId:
         """Add a door and return its id: the next free one, unless given.
 
@@ -102,34 +123,10 @@ class DoorLogWriter(AppendableLog):
             UnknownLevelError: There is no such level, or there are several and none is told.
             InvalidEventError: A value that no door can have.
         """
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-
-        def events() -> list[Event]:
-            given = self.roster.next_free_id if door_id is None else door_id
-            happened_ns = self._happened(about)
-            meant = self.level_meant(level)
-            added = DoorAdded(
-                door_id=given,
-                level=meant,
-                x=x,
-                y=y,
-                theta=theta,
-                width=width,
-                state=_state(state),
-                prob_open=prob_open,
-                prob_closed=prob_closed,
-                happened_ns=happened_ns,
-            )
-            if not name:
-                return [added]
-            self._check_unused(name, meant)
-            named = DoorAnnotated(door_id=given, key="name", value=name, happened_ns=happened_ns)
-            return [added, named]
-
-        asked = ("add_door", door_id, level or 0, x, y, theta, width, _state(state), prob_open,
-                 prob_closed, name)  # fmt: skip
-        _, added = self._commit(events, about, DoorAdded, asked)
-        return added.door_id
+        given = _state(state)
+        command = AddDoor(_context(about), door_id, level, x, y, theta, width, given, prob_open,
+                          prob_closed, name)  # fmt: skip
+        return _first_of(DoorAdded, self._appender.append(command)).door_id
 
     def update_door(
         self,
@@ -143,13 +140,7 @@ class DoorLogWriter(AppendableLog):
         state: DoorState | str | None = None,
         prob_open: float | None = None,
         prob_closed: float | None = None,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> Appended:
         """Set the fields that are given; of a pose, the parts not given stay as they are.
 
@@ -158,61 +149,18 @@ class DoorLogWriter(AppendableLog):
             UnknownLevelError: There is no level of that number or name.
             InvalidEventError: Nothing is given, or a value that no door can have.
         """
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-
-        def event() -> DoorUpdated:
-            door_id = self._resolve(door)
-            known = self.state.door(door_id)
-            if known is None:
-                raise self.roster.absent(door_id)
-            moved = not (x is y is theta is level is None)
-            given = {
-                Changed.POSE: moved,
-                Changed.WIDTH: width is not None,
-                Changed.STATE: state is not None,
-                Changed.PROB_OPEN: prob_open is not None,
-                Changed.PROB_CLOSED: prob_closed is not None,
-            }
-            changed = Changed(0)
-            for bit, is_given in given.items():
-                changed |= bit if is_given else Changed(0)
-            return DoorUpdated(
-                door_id=known.door_id,
-                changed=changed,
-                level=known.level if level is None else self.level_meant(level),
-                x=(known.x if x is None else x) if moved else NAN,
-                y=(known.y if y is None else y) if moved else NAN,
-                theta=(known.theta if theta is None else theta) if moved else NAN,
-                width=NAN if width is None else width,
-                state=DoorState.UNKNOWN if state is None else _state(state),
-                prob_open=NAN if prob_open is None else prob_open,
-                prob_closed=NAN if prob_closed is None else prob_closed,
-                happened_ns=self._happened(about),
-            )
-
-        meant = None if state is None else _state(state)
-        asked = (door, x, y, theta, level, width, meant, prob_open, prob_closed)
-        return self._commit_one(event, about, ("update_door", *asked))
+        wanted = None if state is None else _state(state)
+        command = UpdateDoor(_context(about), door, x, y, theta, level, width, wanted, prob_open,
+                             prob_closed)  # fmt: skip
+        return self._appender.append(command)
 
     def remove_door(
         self,
         door: DoorId | str,
-        *,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> Appended:
         """Take a door out of the map; its history stays, its id is never used again."""
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-        return self._commit_one(
-            lambda: DoorRemoved(door_id=self._resolve(door), happened_ns=self._happened(about)),
-            about,
-            ("remove_door", door),
-        )
+        return self._appender.append(RemoveDoor(_context(about), door))
 
     def observe(
         self,
@@ -223,13 +171,7 @@ class DoorLogWriter(AppendableLog):
         accuracy_open: float | None = None,
         accuracy_closed: float | None = None,
         opening: float = NAN,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> Appended:
         """Record that a sensor saw a door.
 
@@ -240,79 +182,30 @@ class DoorLogWriter(AppendableLog):
             accuracy_open: P(reads open | open), if it differs.
             accuracy_closed: P(reads closed | closed), if it differs.
             opening: How far the door stands open, 0..1.
-            at: When it happened; default: now.
-            actor: Who did it.
-            source: Which sensor, robot or file.
-            reason: Why.
-            correlation: What it belongs to.
-            command_id: 16 bytes: the same command, sent again, is stored once.
-            expected_event: Number of the last event about the door, as the caller knows it.
+            **about: When, who and why: see the class.
         """
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-        seen = _state(state)
-        return self._commit_one(
-            lambda: DoorObserved(
-                door_id=self._resolve(door),
-                state=seen,
-                accuracy_open=accuracy if accuracy_open is None else accuracy_open,
-                accuracy_closed=accuracy if accuracy_closed is None else accuracy_closed,
-                opening=opening,
-                happened_ns=self._happened(about),
-            ),
-            about,
-            ("observe", door, seen, accuracy, accuracy_open, accuracy_closed, opening),
-        )
+        command = ObserveDoor(_context(about), door, _state(state), accuracy, accuracy_open,
+                              accuracy_closed, opening)  # fmt: skip
+        return self._appender.append(command)
 
     def annotate(
         self,
         door: DoorId | str,
         key: str,
         value: str,
-        *,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> Appended:
         """Say something about a door in words; an empty value takes it back."""
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-
-        def event() -> DoorAnnotated:
-            door_id = self._resolve(door)
-            if key == "name" and value:
-                self._check_unused(value, self.level_of(door_id), but=door_id)
-            return DoorAnnotated(
-                door_id=door_id, key=key, value=value, happened_ns=self._happened(about)
-            )
-
-        return self._commit_one(event, about, ("annotate", door, key, value))
+        return self._appender.append(AnnotateDoor(_context(about), door, key, value))
 
     def request(
         self,
         door: DoorId | str,
         state: DoorState | str,
-        *,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> Appended:
         """Record that somebody asked for a state; the door's state stays as it is."""
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-        wanted = _state(state)
-        return self._commit_one(
-            lambda: DoorRequested(
-                door_id=self._resolve(door), state=wanted, happened_ns=self._happened(about)
-            ),
-            about,
-            ("request", door, wanted),
-        )
+        return self._appender.append(RequestDoor(_context(about), door, _state(state)))
 
     def passed(
         self,
@@ -320,39 +213,16 @@ class DoorLogWriter(AppendableLog):
         *,
         passed: bool = True,
         waited_s: float = NAN,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> Appended:
         """Record that a robot went through a door, or gave up waiting."""
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-        return self._commit_one(
-            lambda: DoorPassed(
-                door_id=self._resolve(door),
-                passed=passed,
-                waited_s=waited_s,
-                happened_ns=self._happened(about),
-            ),
-            about,
-            ("passed", door, passed, waited_s),
-        )
+        return self._appender.append(PassDoor(_context(about), door, passed, waited_s))
 
     def retract(
         self,
         first: int,
         last: int | None = None,
-        *,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> Appended:
         """Take events back: every question asked with knowledge after this leaves them out.
 
@@ -363,171 +233,245 @@ class DoorLogWriter(AppendableLog):
             first: Number of the first event.
             last: Number of the last, inclusive; None: only the first. Retractions in between, and
                 what is taken back already, stay as they are.
-            at: When it happened; default: now.
-            actor: Who did it.
-            source: Which sensor, robot or file.
-            reason: Why.
-            correlation: What it belongs to.
-            command_id: 16 bytes: the same command, sent again, is stored once.
-            expected_event: Number of the last event of the log, as the caller knows it.
+            **about: When, who and why: see the class.
 
         Raises:
             CommandError: There is no such event, the range runs backwards, or nothing in it can be
                 taken back.
         """
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-        last = first if last is None else last
-
-        def event() -> Retracted:
-            check_can_retract(self.reader, first, last)
-            return Retracted(first_event=first, last_event=last, happened_ns=self._happened(about))
-
-        return self._commit_one(event, about, ("retract", first, last))
+        command = RetractEvents(_context(about), first, first if last is None else last)
+        return self._appender.append(command)
 
     def start_patrol(
         self,
-        *,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> tuple[Appended, int]:
         """Record that a round began; return its number, one more than the last one's."""
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
-
-        def events() -> list[Event]:
-            number = self._last_patrol(PatrolStarted) + 1
-            return [PatrolStarted(patrol=number, happened_ns=self._happened(about))]
-
-        appended, started = self._commit(events, about, PatrolStarted, ("start_patrol",))
-        return appended, started.patrol
+        appended = self._appender.append(StartPatrol(_context(about)))
+        return appended, _first_of(PatrolStarted, appended).patrol
 
     def finish_patrol(
         self,
-        *,
-        at: Time = None,
-        actor: str = "",
-        source: str = "",
-        reason: str = "",
-        correlation: str = "",
-        command_id: bytes | None = None,
-        expected_event: int | None = None,
+        **about: Unpack[About],
     ) -> tuple[Appended, int]:
         """Record that the round that began last is over; return its number.
 
         Raises:
             CommandError: No round is under way.
         """
-        about = _About(at, _note(actor, source, reason, correlation), command_id, expected_event)
+        appended = self._appender.append(FinishPatrol(_context(about)))
+        return appended, _first_of(PatrolFinished, appended).patrol
 
-        def events() -> list[Event]:
-            number = self._last_patrol(PatrolStarted)
-            if number <= self._last_patrol(PatrolFinished):
-                line = command_line("patrol", self.path, "start")
-                raise CommandError(f"no patrol round is under way; to begin one: {line}")
-            return [PatrolFinished(patrol=number, happened_ns=self._happened(about))]
-
-        appended, finished = self._commit(events, about, PatrolFinished, ("finish_patrol",))
-        return appended, finished.patrol
-
-    def _commit_one(
-        self, make: Callable[[], Event], about: _About, asked: tuple[object, ...]
-    ) -> Appended:
-        return self._commit(lambda: [make()], about, Event, asked)[0]
-
-    def _commit(
+    def append(
         self,
-        make: Callable[[], Iterable[Event]],
-        about: _About,
-        kind: type[E],
-        asked: tuple[object, ...],
-    ) -> tuple[Appended, E]:
-        """Append what `make` gives, once, and return its first event of that kind.
+        events: Events,
+        *,
+        note: Note = Note(),
+        command_id: bytes | None = None,
+        content: bytes = NO_CONTENT,
+        expected_event: int | None = None,
+        sync: bool | None = None,
+    ) -> Appended:
+        """Append events as one commit, all or none; waiting robot poses go before them.
 
         Args:
-            make: Called if the command is not stored yet.
-            about: When, who, why.
-            kind: Of the event that is wanted.
-            asked: The command in words: what tells it from another of the same id.
+            events: At least one: events, batches of them as columns, or a batch. Of many, give a
+                generator of batches: they are written as they come, in memory of about one chunk.
+            note: Who, with what, why.
+            command_id: 16 bytes; a command that is stored already is not stored again.
+            content: Digest of what the command asks for (`content_of`), if the same command may
+                come with other events; default: the events themselves are compared.
+            expected_event: The number of the log's last event (-1: none), as the caller knows it.
+            sync: Whether to return only when it survives a power cut; default: as the log's
+                durability says.
 
         Raises:
-            CommandReusedError: The command was stored before, and was another.
-            UnexpectedEventError: The door, or the log, went on since the caller looked.
+            InvalidEventError: A batch holds a value that no event can have; as for:
+            CommandError: The map forbids an event; nothing is stored.
+            CommandReusedError: The command is stored already, with other events.
+            UnexpectedEventError: The log went on since.
+            LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        made: list[Event] = []
+        context = CommandContext(None, note, command_id, expected_event)
+        return self._appender.append(GivenEvents.of(events, context, content), sync=sync)
 
-        def remembered() -> list[Event]:
-            made.extend(make())
-            self._check_expected(about.expected_event, made[0])
-            return made
+    def append_made(
+        self,
+        make: Callable[[], list[Event]],
+        *,
+        note: Note = Note(),
+        command_id: bytes | None = None,
+        content: bytes = NO_CONTENT,
+    ) -> Appended | None:
+        """Append what `make` gives, as one commit; nobody appends between its look and that.
 
-        content = content_of(*asked, about.at, about.note)
-        appended = self._append_once(
-            remembered,
-            about.note,
-            about.command_id,
-            content,
-            lambda stored: stored.content == content,
-        )
-        if appended.repeated:
-            made += self._stored(appended.commit)
-        return appended, next(event for event in made if isinstance(event, kind))
+        Args:
+            make: Asks this log what it wants, and gives the events, or none where what it finds
+                needs no change; not called for a command that is stored already.
+            note: Who, with what, why.
+            command_id: 16 bytes; a command that is stored already is not stored again.
+            content: Digest of what the command asks for.
 
-    def _check_expected(self, expected: int | None, event: Event) -> None:
-        """Return if the last event is as expected: of the door it is about, else of the log.
+        Returns:
+            None where there was nothing to append; what `make` looked at is durable, as promised.
 
         Raises:
-            UnexpectedEventError: It is another.
+            CommandError: The map forbids an event; nothing is stored.
+            CommandReusedError: The command is stored already, with other content.
+            LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        if expected is None:
-            return
-        if isinstance(event, DoorEvent) and not isinstance(event, DoorAdded):
-            last = self.state.last_event(event.door_id)
-            self._check_last_event(f"door {event.door_id}", expected, last)
-        else:
-            self._check_last_event("the log", expected, self._writer.next_event - 1)
+        context = CommandContext(None, note, command_id)
+        return self._appender.append_if_any(MadeEvents(context, make, content))
 
-    def _check_unused(self, name: str, level: int, *, but: DoorId | None = None) -> None:
-        """Return if no other door of the level bears the name.
+    def sync(self) -> None:
+        """Return once every commit so far survives a power cut."""
+        self._writer.sync()
+
+    def take_over(
+        self,
+        make: Callable[[int], Iterable[Event | EventBatch]],
+        *,
+        note: Note,
+        command_id: bytes,
+        content: bytes,
+        are_facts: bool = True,
+        recorded_ns: int | None = None,
+    ) -> Commit:
+        """Append a commit of another log as it was there; `sync` makes it last.
+
+        Args:
+            make: Gives the events; is told the number that the first of them gets.
+            note: Who, with what, why.
+            command_id: 16 bytes; who calls has seen that it is not stored.
+            content: Digest of what the command asked for.
+            are_facts: The other log took them: only what this log could not hold is refused.
+            recorded_ns: When the other log recorded it; None: it is recorded now. Later than the
+                log's end, or the log ends there.
 
         Raises:
-            CommandError: One does; then the name would mean neither.
+            CommandError: The map forbids an event; nothing of the commit is stored.
+            LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        for door in self.state.door_map().doors.values():
-            if (door.name, door.level) == (name, level) and door.door_id != but:
-                raise CommandError(
-                    f"door {door.door_id} of that level is called {name!r} already; "
-                    "choose another name."
-                )
+        command = TakenOver(CommandContext(None, note, command_id), make, content)
+        return self._appender.take_over(command, are_facts=are_facts, recorded_ns=recorded_ns)
 
-    def _happened(self, about: _About) -> int | None:
-        """Return when a command says that it happened; what is relative counts from now."""
-        if about.at is None:
-            return None
-        moment = self.moment(about.at, now_ns=self.now_ns())
-        if moment.event is not None:
-            raise MomentError(
-                f"expected when it happened, a time such as {INSTANTS}; got the number of event "
-                f"{moment.event}, of whose time `show` tells."
-            )
-        return moment.ns
+    def begin_at(self, recorded_ns: int) -> bool:
+        """Let a log without events begin at that moment, so that it can take over another's times.
 
-    def _last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:
-        """Return the greatest round number of that kind of event; 0: none."""
-        batches = self.batches(kinds=[kind])
-        return max((int(batch[kind]["patrol"].max()) for batch in batches), default=0)
+        Returns:
+            False: it has events, or had; nothing was done.
+
+        Raises:
+            LogPoisonedError: It could not be written.
+        """
+        return self._appender.begin_at(recorded_ns)
+
+    def find_command(self, command_id: bytes) -> Commit | None:
+        """Return the commit that a command became, if it is stored, however long ago.
+
+        Args:
+            command_id: 16 bytes.
+
+        Raises:
+            CorruptLogError: A segment in which it may be is damaged.
+        """
+        return self._appender.find_command(command_id)
+
+    def robot_pose(self, pose: RobotPose) -> None:
+        """Keep a pose for the next commit; if none comes within a second, it gets its own.
+
+        Raises:
+            UnknownLevelError: It tells no level, and the log has several.
+        """
+        self._appender.add_pose(pose)
+
+    @property
+    def _reader(self) -> LogReader:
+        """The bytes underneath, with all that was written so far."""
+        return self._appender.now.reader
+
+    def refresh(self) -> None:
+        """Look at the log's folder anew; what this object writes it sees anyway."""
+        self._appender.now.refresh()
+
+    @property
+    def state(self) -> DoorMapState:
+        """The door map after the last commit, as the writer holds it."""
+        return self._appender.now.state
+
+    def state_in(self, scope: Scope = Scope(), *, progress: Progress | None = None) -> DoorMapState:
+        """Return the fold of a scope: as of a log that is read; of now, without reading it."""
+        if scope != Scope():
+            return super().state_in(scope, progress=progress)
+        return DoorMapState.from_arrays(self.state.to_arrays())
+
+    def door_map(self) -> DoorMap:
+        """Return the doors after the last commit as values, whatever is appended meanwhile."""
+        return self._appender.now.door_map()
+
+    @property
+    def door_index(self) -> DoorIndex:
+        """Which doors and levels there are after the last commit."""
+        return self._appender.now.door_index
+
+    @property
+    def policy(self) -> DurabilityPolicy:
+        """What is promised of an append when it returns."""
+        return self._writer.policy
+
+    @property
+    def durable_before(self) -> int:
+        """Events below this number survive a power cut."""
+        return self._writer.durable_before
+
+    def end_ns(self) -> int:
+        """Return the log's end: the latest happened time in it; 0 for a log without events."""
+        return self.state.latest_happened_ns
+
+    def now_ns(self) -> int:
+        """Return what the log's clock says: nanoseconds since 1970, UTC."""
+        return self._appender.now.now_ns()
+
+    def resolve(self, door: str | int) -> DoorId:
+        """Return the door of that id, name, or level/name, as of now."""
+        return door_meant(door, self._appender.now)
+
+    def level_meant(self, level: int | str | None) -> int:
+        """Return the level that a caller means, as of now: as `DoorIndex.level_meant`."""
+        return self._appender.now.level_meant(level)
+
+    def level_of(self, door: DoorId) -> int:
+        """Return the level that a door is on; 0 for one that is not there."""
+        return level_of(door, self._appender.now)
+
+    def close(self) -> None:
+        """Write what waits, close the segment so that every tool reads it, let the lock go."""
+        self._appender.close()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
 
 
-def _note(actor: str, source: str, reason: str, correlation: str) -> Note:
-    if actor == source == reason == correlation == "":
-        return _NO_NOTE
-    return Note(actor, source, reason, correlation)
+def _first_of(kind: type[E], appended: Appended) -> E:
+    """Return the first event of a kind that was appended, or was stored before."""
+    return next(event for event in appended.events if isinstance(event, kind))
 
 
-_NO_NOTE = Note()
+def _context(about: About) -> CommandContext:
+    if not about:
+        return _NOTHING_TOLD
+    whole = _NOT_GIVEN | about
+    said = (whole["actor"], whole["source"], whole["reason"], whole["correlation"])
+    note = Note(*said) if any(said) else Note()
+    return CommandContext(whole["at"], note, whole["command_id"], whole["expected_event"])
+
+
+_NOTHING_TOLD = CommandContext()
 
 
 def _state(state: DoorState | str) -> DoorState:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import Moment, format_local
-from semmap_log.door_log.backdating import early_events, remedy
-from semmap_log.door_log.door_log import DoorLog, Time, about
+from semmap_log.door_log.asked_events import about
+from semmap_log.door_log.backdating import remedy
+from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.store.reading.window import Window
 
 
@@ -35,7 +36,7 @@ def known_later(log: DoorLog, at: Time, known_at: Time, *, door: DoorId | None =
         first_event=None if known.event is None else known.event + 1,
     )
     doors = None if door is None else [door]
-    told = (about(batch, doors) for batch in log.reader.batches(window))
+    told = (about(batch, doors) for batch in log.batches_in(window))
     first = next((batch for batch in told if len(batch)), None)
     if first is None:
         return ""
@@ -63,7 +64,7 @@ def moment_asked_ns(log: DoorLog, at: Moment, known_at: Moment) -> int:
 
 
 def _told_of_early(log: DoorLog, moment_ns: int, door: DoorId | None) -> str:
-    early = early_events(log.reader)
+    early = log.early_events()
     if door is not None:
         early = early.of(door)
     if not early.counts or min(early.first_ns.values()) > moment_ns:

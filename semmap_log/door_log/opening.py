@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING, Final, TypedDict
 
 from semmap_log.domain.commits import Durability, check_text
-from semmap_log.domain.keywords import knows_keywords
+from semmap_log.domain.keywords import knows_keywords, share_keywords
 from semmap_log.domain.moments import zone
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
@@ -17,7 +18,32 @@ from semmap_log.store.writing.durability import DurabilityPolicy
 from semmap_log.store.writing.writer import Environment
 from semmap_log.store.writing.writer_opening import create_log, open_for_append
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 _LOCALTIME = Path("/etc/localtime")
+
+
+class WritingOptions(TypedDict, total=False):
+    """The keywords of `append`, which says what each is; `create` takes them, too."""
+
+    durability: Durability | str
+    batch_events: int
+    batch_s: float
+    compact: bool
+    clock: Clock | None
+    entropy: Entropy
+
+
+_USUAL: Final[WritingOptions] = {
+    "durability": Durability.EVENT,
+    "batch_events": DurabilityPolicy.batch_events,
+    "batch_s": DurabilityPolicy.batch_s,
+    "compact": True,
+    "clock": None,
+    "entropy": os.urandom,
+}
+share_keywords(WritingOptions, _USUAL)
 
 
 @knows_keywords
@@ -27,12 +53,7 @@ def create(
     tz: str | None = None,
     building: str = "",
     robot: str = "",
-    durability: Durability | str = Durability.EVENT,
-    batch_events: int = DurabilityPolicy.batch_events,
-    batch_s: float = DurabilityPolicy.batch_s,
-    compact: bool = True,
-    clock: Clock | None = None,
-    entropy: Entropy = os.urandom,
+    **writing: Unpack[WritingOptions],
 ) -> DoorLogWriter:
     """Make a new log and open it for writing.
 
@@ -41,40 +62,24 @@ def create(
         tz: IANA zone in which times without an offset are read and shown; default: the machine's.
         building: Its name.
         robot: The robot's name.
-        durability: What is promised of an append when it returns: `event` (it survives a power
-            cut), `batch` (soon it does), `flush` (the end of the process) or `none`.
-        batch_events: `batch`: so many events at most are not yet synced.
-        batch_s: `batch`: after so many seconds at most they are.
-        compact: Put full segments into large compressed chunks, in a background thread.
-        clock: Where times come from; default: the machine.
-        entropy: Where ids come from; seed it to get the same bytes again.
+        **writing: The keywords of `append`: `durability` and the others.
 
     Raises:
         LogExistsError: There is something there already.
         MomentError: No such zone.
         InvalidEventError: No such durability.
     """
-    policy = DurabilityPolicy.of(durability, batch_events, batch_s)
+    environment = _surroundings(writing)
     timezone = machine_zone() if tz is None else tz
     zone(timezone)
     check_text("building", building)
     check_text("robot", robot)
-    info = LogInfo(entropy(16).hex(), timezone, building, robot)
-    environment = Environment(policy, clock or SystemClock(), entropy, compact)
+    info = LogInfo(environment.entropy(16).hex(), timezone, building, robot)
     return DoorLogWriter(create_log(Path(path), info, environment))
 
 
 @knows_keywords
-def append(
-    path: str | Path,
-    *,
-    durability: Durability | str = Durability.EVENT,
-    batch_events: int = DurabilityPolicy.batch_events,
-    batch_s: float = DurabilityPolicy.batch_s,
-    compact: bool = True,
-    clock: Clock | None = None,
-    entropy: Entropy = os.urandom,
-) -> DoorLogWriter:
+def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter:
     """Open a log for writing; what a crash left unfinished is put in order first.
 
     Args:
@@ -93,10 +98,7 @@ def append(
         LogAccessError: It is on a read-only place.
         InvalidEventError: No such durability.
     """
-    policy = DurabilityPolicy.of(durability, batch_events, batch_s)
-    return DoorLogWriter(
-        open_for_append(Path(path), Environment(policy, clock or SystemClock(), entropy, compact))
-    )
+    return DoorLogWriter(open_for_append(Path(path), _surroundings(writing)))
 
 
 @knows_keywords
@@ -110,6 +112,13 @@ def read(path: str | Path) -> DoorLog:
         NotALogError: There is none at that path.
     """
     return DoorLog(path)
+
+
+def _surroundings(writing: WritingOptions) -> Environment:
+    given = _USUAL | writing
+    policy = DurabilityPolicy.of(given["durability"], given["batch_events"], given["batch_s"])
+    clock = given["clock"] or SystemClock()
+    return Environment(policy, clock, given["entropy"], given["compact"])
 
 
 def machine_zone() -> str:

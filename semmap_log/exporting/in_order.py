@@ -17,7 +17,6 @@ from semmap_log.door_log.door_log import DoorLog
 from semmap_log.folds.history import HistoryEntry, history
 from semmap_log.folds.retraction import Retractions
 from semmap_log.io.progress import Progress
-from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.window import Window
 
 SLICE_EVENTS = 20_000
@@ -62,9 +61,9 @@ def moments(
 
 
 def _slice(log: DoorLog, first_ns: int, before_ns: int) -> Iterator[HistoryEntry]:
-    finder = CommitFinder(log.reader)
+    finder = log.commit_finder()
     window = Window(happened_from_ns=first_ns, happened_before_ns=before_ns)
-    hidden = log.reader.retractions()
-    batches = log.reader.batches(window, on_page=finder.look_at)
+    hidden = log.retractions()
+    batches = log.batches_in(window, on_page=finder.look_at)
     seen = (hidden.visible(batch) for batch in batches)
     return history((b for b in seen if len(b)), finder.commit_at, Retractions())

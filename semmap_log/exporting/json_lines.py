@@ -10,11 +10,11 @@ from typing import Any
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.folding.replay import Scope
 from semmap_log.formats.json.event_json import line_to_json
 from semmap_log.io.progress import Progress
-from semmap_log.store.reading.commit_finder import CommitFinder
-from semmap_log.store.reading.reader import LogReader, OnPage
+from semmap_log.store.reading.reader import OnPage
 from semmap_log.store.reading.window import Window
 
 
@@ -28,7 +28,7 @@ class WrittenLines:
 
 
 def write_event_lines(
-    reader: LogReader, path: Path, scope: Scope, *, progress: Progress | None = None
+    log: DoorLog, path: Path, scope: Scope, *, progress: Progress | None = None
 ) -> WrittenLines:
     """Write the events of a scope, numbers ascending, retracted ones marked.
 
@@ -36,17 +36,17 @@ def write_event_lines(
     first line also tells the log's time zone.
 
     Args:
-        reader: The log.
+        log: The log.
         path: The file.
         scope: Which events.
         progress: Told how far the reading is.
     """
-    finder = CommitFinder(reader)
-    limit = scope.limit(reader)
-    retractions = reader.retractions(limit=limit)
-    written, zone = WrittenLines(), {"timezone": reader.info.timezone}
+    finder = log.commit_finder()
+    limit = log.limit_of(scope)
+    retractions = log.retractions(limit)
+    written, zone = WrittenLines(), {"timezone": log.info.timezone}
     with path.open("w", encoding="utf-8", newline="\n") as file:
-        for batch in _batches(reader, scope.at_ns, limit, progress, finder.look_at):
+        for batch in _batches(log, scope.at_ns, limit, progress, finder.look_at):
             hidden = retractions.hidden(batch).tolist()
             for recorded, retracted in zip(batch, hidden, strict=True):
                 commit = finder.commit_at(recorded.number)
@@ -59,7 +59,7 @@ def write_event_lines(
 
 
 def _batches(
-    reader: LogReader,
+    log: DoorLog,
     at_ns: int | None,
     limit: int | None,
     progress: Progress | None,
@@ -68,7 +68,7 @@ def _batches(
     if limit is not None and limit < 0:
         return
     window = Window.up_to(at_ns=None, event=limit)
-    for batch in reader.batches(window, progress=progress, on_page=on_page):
+    for batch in log.batches_in(window, progress=progress, on_page=on_page):
         chosen = batch
         if at_ns is not None:
             chosen = batch.select((batch.folds_ns <= at_ns) | (batch.kind == Retracted.kind))

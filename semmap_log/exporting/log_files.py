@@ -16,7 +16,7 @@ from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.json_lines import write_event_lines
-from semmap_log.folding.replay import Scope, visible_batches
+from semmap_log.folding.replay import Scope
 from semmap_log.formats.files.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.files.geojson import dump_geojson
 from semmap_log.formats.files.thesis_yaml import dump_thesis_yaml
@@ -119,7 +119,7 @@ def _about(log: DoorLog) -> dict[str, str]:
 
 
 def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
-    written = write_event_lines(log.reader, path, scope, progress=progress)
+    written = write_event_lines(log, path, scope, progress=progress)
     taken_back = f", {written.retracted:,} of them retracted" if written.retracted else ""
     return Exported(f"{counted(written.events, 'event')}{taken_back}")
 
@@ -128,13 +128,13 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
     from semmap_log.arrow.history_table import HISTORY_SCHEMA, HistoryTables
     from semmap_log.arrow.parquet import write_parquet
 
-    limit = scope.limit(log.reader)
+    limit = log.limit_of(scope)
     window = Window.up_to(at_ns=scope.at_ns, event=limit)
-    retractions = log.reader.retractions(limit=limit)
+    retractions = log.retractions(limit)
     joined = HistoryTables(log.commits())
     tables = (
         joined.table(batch, retractions.hidden(batch))
-        for batch in log.reader.batches(window, progress=progress)
+        for batch in log.batches_in(window, progress=progress)
     )
     said = {f"semmap_log.{key}": text for key, text in _about(log).items()}
     return Exported(counted(write_parquet(path, tables, HISTORY_SCHEMA, said), "event"))
@@ -143,7 +143,7 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
     names = _names(log.replay(scope.at_ns, scope.known_at_ns, scope.event))
     rows = []
-    for batch in visible_batches(log.reader, scope):
+    for batch in log.visible_batches(scope):
         for recorded, happened_ns in zip(batch, batch.folds_ns.tolist(), strict=True):
             door_id = getattr(recorded.event, "door_id", 0)
             row = sighting_of(

@@ -15,7 +15,7 @@ are appended, the events before them in the same commit included.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from semmap_log.domain.doors import DoorMap, Level
 from semmap_log.errors import LevelNameWarning, UnknownLevelError
@@ -28,9 +28,19 @@ OPTION = '--level L on the command line, level=L in Python, "level": L in a JSON
 
 
 def levels_of(door_map: DoorMap) -> dict[int, Level]:
-    """Return the levels of a map, numbers ascending: named, with a floor map, or with a door."""
-    numbers = sorted(door_map.levels.keys() | placed_levels(door_map))
+    """Return the levels of a map, numbers ascending: see `level_numbers`."""
+    numbers = level_numbers(door_map.levels, placed_levels(door_map))
     return {number: door_map.levels.get(number) or Level(number) for number in numbers}
+
+
+def level_numbers(known: Iterable[int], placed: Iterable[int]) -> list[int]:
+    """Return the levels that there are, ascending.
+
+    Args:
+        known: Those that have a name or a floor map.
+        placed: Those that have a door with a place.
+    """
+    return sorted({*known, *placed})
 
 
 def placed_levels(door_map: DoorMap) -> set[int]:

@@ -35,7 +35,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.meaning import PLACING, changed
 from semmap_log.door_log.backdating import added_since
-from semmap_log.door_log.commands import Roster
+from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 
@@ -53,7 +53,7 @@ class Present:
     """Doors that were removed, and can come back."""
     next_event: int = 0
     """The number that the log will give next."""
-    roster: Roster | None = None
+    index: DoorIndex | None = None
     """What commands are checked against; None: what the door map alone tells."""
     log: Path = Path("LOG")
     """Where the log is, for messages."""

@@ -14,7 +14,6 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, Event, FloorMap
 from semmap_log.domain.keywords import knows_its_keywords, knows_keywords
 from semmap_log.domain.moments import format_local
-from semmap_log.door_log.backdating import backdated, early_events
 from semmap_log.door_log.command_content import are_same
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
@@ -155,7 +154,7 @@ def backdate(
         note: Who and why.
         command_id: 16 bytes: the same command, sent again, is stored once.
     """
-    plan = _backdating(log, early_events(log.reader).counts, since_ns)
+    plan = _backdating(log, log.early_events().counts, since_ns)
     if plan.count == 0:
         return Imported(plan, None)
     appended = log.append(plan.events, note=note, command_id=command_id)
@@ -174,7 +173,7 @@ def _with_backdated(log: DoorLogWriter, plan: ImportPlan, since_ns: int) -> Impo
 
 
 def _backdating(log: DoorLogWriter, doors: Collection[DoorId], since_ns: int) -> ImportPlan:
-    events = backdated(log.reader, doors, since_ns)
+    events = log.backdated(doors, since_ns)
     moved = sum(isinstance(event, DoorAdded) for event in events)
     since = format_local(since_ns, log.info.timezone)
     said = (f"doors: {moved} that the log has, there since {since}",) if moved else ()
@@ -303,7 +302,7 @@ def _present(log: DoorLogWriter) -> Present:
     used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
     removed = {i: found for i in used if (found := log.state.removed_door(i))}
     next_event = log.state.event + 1
-    return Present(door_map, used, maps, removed, next_event, log.roster, log.path)
+    return Present(door_map, used, maps, removed, next_event, log.door_index, log.path)
 
 
 def command_id_of(path: Path, options: ImportOptions) -> bytes:

@@ -21,7 +21,8 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.door_log.commands import Gatekeeper, Roster
+from semmap_log.door_log.door_index import DoorIndex
+from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError
 from semmap_log.folds.retraction import Retractions, in_ranges
 from semmap_log.formats.json.event_json import means_same
@@ -291,14 +292,14 @@ class _Checks:
 
     def __init__(self, present: Present, stored: Stored) -> None:
         self.stored = stored
-        self.roster = present.roster or Roster.of_map(present.door_map, present.used_ids)
+        self.index = present.index or DoorIndex.of_map(present.door_map, present.used_ids)
         self.first = self.next = present.next_event
         self.now_ns = 0
         """By which clock the events are recorded: a later time counts as that."""
-        self.gatekeeper = Gatekeeper(self.roster, self.next, lambda: self.now_ns)
+        self.validator = Validator(self.index, self.next, lambda: self.now_ns)
         self.retracted = Retractions()
         self.changes: list[tuple[int, Event]] = []
-        """Number and event of what the file changed in the roster."""
+        """Number and event of what the file changed in the index."""
 
     def check(self, event: Event) -> None:
         """Let the event pass.
@@ -306,7 +307,7 @@ class _Checks:
         Raises:
             CommandError: The map forbids it.
         """
-        event = self.gatekeeper.check(event)
+        event = self.validator.check(event)
         if isinstance(event, _CHANGING):
             happened_ns = self.now_ns if event.happened_ns is None else event.happened_ns
             happened_ns = min(happened_ns, self.now_ns)
@@ -318,28 +319,28 @@ class _Checks:
     def begin(self, now_ns: int, *, are_facts: bool) -> None:
         """Begin a commit: only what was retracted before it cannot be asked for any more."""
         self.now_ns = now_ns
-        last = self.gatekeeper
-        roster = self.without_retracted() if last.has_retraction else last.roster
-        self.gatekeeper = Gatekeeper(roster, self.next, lambda: self.now_ns, are_facts=are_facts)
+        last = self.validator
+        index = self.without_retracted() if last.has_retraction else last.index
+        self.validator = Validator(index, self.next, lambda: self.now_ns, are_facts=are_facts)
 
-    def without_retracted(self) -> Roster:
+    def without_retracted(self) -> DoorIndex:
         """Return the doors and levels that are left; what the log holds of levels stays."""
-        roster = self.roster.copy()
+        index = self.index.copy()
         for first, last in self.retracted.ranges:
             for event in self.stored.comings(first, min(last, self.first - 1)):
                 if isinstance(event, DoorAdded):
-                    roster.placed.pop(event.door_id, None)
-                    roster.level_of.pop(event.door_id, None)
+                    index.placed.pop(event.door_id, None)
+                    index.level_of.pop(event.door_id, None)
                 elif isinstance(event, DoorRemoved):
-                    roster.bring_back(event.door_id)
+                    index.bring_back(event.door_id)
         numbers = np.array([number for number, _ in self.changes], np.int64)
         hidden = in_ranges(numbers, self.retracted.ranges).tolist()
         for (number, event), is_hidden in zip(self.changes, hidden, strict=True):
             if not is_hidden:
-                roster.apply(event, number)
+                index.apply(event, number)
             elif isinstance(event, DoorAdded):
-                roster.used_ids.add(event.door_id)
-        return roster
+                index.used_ids.add(event.door_id)
+        return index
 
 
 class _RecordedTimes:

@@ -27,8 +27,7 @@ class StoredCommits:
 
     def __init__(self, log: DoorLogWriter) -> None:
         self._log = log
-        self._reader = log.reader
-        self._commits = self._reader.commits()
+        self._commits = log.commits()
         self._upcoming: Commit | None = next(self._commits, None)
         self._events: Iterator[tuple[int, Event]] = iter(())
         self._next_event = -1
@@ -61,14 +60,14 @@ class StoredCommits:
             yield event
 
     def _from(self, first: int) -> Iterator[tuple[int, Event]]:
-        for batch in self._reader.batches(Window(first_event=first)):
+        for batch in self._log.batches_in(Window(first_event=first)):
             for recorded in batch:
                 yield recorded.number, recorded.event
 
     def comings(self, first: int, last: int) -> Iterator[Event]:
         """Yield the DoorAdded and DoorRemoved among the events of these numbers."""
         kinds = bits_of_kinds([DoorAdded, DoorRemoved])
-        for batch in self._reader.batches(Window(first_event=first, before_event=last + 1,
+        for batch in self._log.batches_in(Window(first_event=first, before_event=last + 1,
                                                  kinds=kinds)):  # fmt: skip
             yield from batch.to_events()
 

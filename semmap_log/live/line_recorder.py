@@ -16,8 +16,9 @@ from dataclasses import dataclass, field, replace
 
 from semmap_log.domain.commits import NO_CONTENT, Commit, Durability
 from semmap_log.domain.events import Retracted, RobotPose
-from semmap_log.door_log.appendable_log import POSES_WAIT_S, Appended
-from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.appended import Appended
+from semmap_log.door_log.appender import POSES_WAIT_S
+from semmap_log.door_log.door_commands import content_of
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, CommandReusedError, FormatError, SemmapError
 from semmap_log.formats.json.event_json import means_same
@@ -151,7 +152,7 @@ class LineRecorder:
     def _parse(self, text: bytes) -> ParsedLine:
         lookup = DoorLookup(
             resolve=self.log.resolve,
-            next_id=lambda: self.log.roster.next_free_id,
+            next_id=lambda: self.log.door_index.next_free_id,
             level_of=self.log.level_of,
             level=self.log.level_meant,
         )

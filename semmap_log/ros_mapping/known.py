@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
 from semmap_log.domain.events import (
     DoorAnnotated,
@@ -17,10 +15,8 @@ from semmap_log.domain.events import (
     PatrolStarted,
 )
 from semmap_log.domain.meaning import Presence
-from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import UnknownDoorError
-from semmap_log.folding.replay import replay
 from semmap_log.folds.door_map import DoorMapState
 
 
@@ -48,15 +44,15 @@ class Known:
     @classmethod
     def of(cls, log: DoorLog) -> Known:
         """Return what a log knows now."""
-        state = log.state if isinstance(log, AppendableLog) else replay(log.reader)
-        known = cls(DoorMapState.from_arrays(state.to_arrays()))
+        state = log.state_in()
+        known = cls(state)
         for level in state.door_map().levels.values():
             if level.floor_map_event is not None:
                 drawn = log.event(level.floor_map_event).event
                 assert isinstance(drawn, FloorMap)
                 known.floor_maps[level.level] = drawn
-        known.last_started = _last_patrol(log, PatrolStarted)
-        known.last_finished = _last_patrol(log, PatrolFinished)
+        known.last_started = log.last_patrol(PatrolStarted)
+        known.last_finished = log.last_patrol(PatrolFinished)
         return known
 
     @property
@@ -148,8 +144,3 @@ class Known:
     def _names_of_level(self, door_id: int) -> tuple[str, str]:
         level = self._state.level_of(door_id)
         return str(level), self._state.level_names().get(level) or str(level)
-
-
-def _last_patrol(log: DoorLog, kind: type[PatrolStarted | PatrolFinished]) -> int:
-    numbers = [batch[kind]["patrol"] for batch in log.batches(kinds=[kind])]
-    return int(np.concatenate(numbers).max()) if numbers else 0

@@ -15,7 +15,7 @@ from semmap_log.arrow.table_columns import COLUMNS
 from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import Changed, DoorEvent, DoorUpdated, Event, FloorMap, field_names
-from semmap_log.door_log.commands import Gatekeeper
+from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError, InvalidEventError
 from tests.conftest import SteadyClock
 
@@ -72,8 +72,8 @@ def write_any(path: Path, commits: Iterable[tuple[list[Event], sl.Note]]) -> Pat
         for _ in range(4):
             log.add_door()
         for events, note in commits:
-            gatekeeper = Gatekeeper(log.roster, log.state.event + 1)
-            passed = [event for event in map(_about_our_doors, events) if _may(gatekeeper, event)]
+            validator = Validator(log.door_index, log.state.event + 1)
+            passed = [event for event in map(_about_our_doors, events) if _may(validator, event)]
             if passed:
                 log.append(passed, note=note)
     return path
@@ -87,9 +87,9 @@ def _about_our_doors(event: Event) -> Event:
     return event
 
 
-def _may(gatekeeper: Gatekeeper, event: Event) -> bool:
+def _may(validator: Validator, event: Event) -> bool:
     try:
-        gatekeeper.check(event)
+        validator.check(event)
     except (CommandError, InvalidEventError):
         return False
     return True

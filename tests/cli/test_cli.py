@@ -541,7 +541,7 @@ def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Pat
     process.send_signal(sign)
 
     assert 0 == process.wait(timeout=DEADLINE_S)
-    assert sl.read(tmp_path / "office").reader.segments[-1].closed
+    assert sl.read(tmp_path / "office")._reader.segments[-1].closed
 
 
 @pytest.mark.slow

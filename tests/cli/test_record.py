@@ -159,7 +159,7 @@ def test_who_no_longer_listens_stops_nothing_that_was_read(office: Path) -> None
     process.wait(timeout=DEADLINE_S)
 
     assert 52 == sum(len(batch) for batch in sl.read(office).batches())
-    assert sl.read(office).reader.segments[-1].closed
+    assert sl.read(office)._reader.segments[-1].closed
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorObserved, DoorRemoved, Retracted
-from semmap_log.door_log.summary import summarize
 from semmap_log.errors import FormatError
 from semmap_log.exporting.log_files import export
 from semmap_log.folding.replay import Scope
@@ -101,7 +100,7 @@ def test_a_random_log_comes_back_as_it_was(seed: int, tmp_path: Path) -> None:
     assert_same_answers(log, other, count=8)
     assert lines_of(path).read_bytes() == lines_of(copy).read_bytes()
     assert () == verify(copy).findings
-    assert [] == summarize(other.reader).suspects
+    assert [] == other.summary().suspects
 
 
 def test_a_log_in_another_zone_says_so(tmp_path: Path) -> None:

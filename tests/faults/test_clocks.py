@@ -9,7 +9,6 @@ import pytest
 from fault_injection.clocks import DAY, LIES, NOW, LyingClock, at_random, write_by
 
 import semmap_log as sl
-from semmap_log.door_log.summary import summarize
 
 
 @pytest.mark.parametrize("lie", LIES)
@@ -84,7 +83,7 @@ def test_suspect_commits_are_named(lie: str, said: list[str], memory: Path) -> N
     """
     write_by(memory / "log", lie, LIES[lie])
 
-    suspects = [s.why for s in summarize(sl.read(memory / "log").reader).suspects]
+    suspects = [s.why for s in sl.read(memory / "log").summary().suspects]
 
     assert len(said) == len(suspects)
     assert all(text in suspect for text, suspect in zip(said, suspects, strict=True))

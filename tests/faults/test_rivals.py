@@ -161,7 +161,7 @@ def test_what_a_forked_child_does_releases_nothing(tmp_path: Path) -> None:
         log.add_door()
         log.sync()
     assert 2 == len(sl.read(path).replay())
-    assert sl.read(path).reader.segments[-1].closed
+    assert sl.read(path)._reader.segments[-1].closed
 
 
 def _try_everything(log: sl.DoorLogWriter) -> int:

@@ -40,7 +40,7 @@ def expected_numbers(log: sl.DoorLog, limit: int | None = None) -> list[int]:
     """Return the numbers of the events that count, by the plainest of ways."""
     events = [
         one
-        for batch in log.reader.batches()
+        for batch in log._reader.batches()
         for one in batch
         if limit is None or one.number <= limit
     ]
@@ -97,7 +97,7 @@ def test_batches_come_in_order_and_without_retracted_events(log: sl.DoorLog) -> 
 
     assert expected_numbers(log) == numbers
     assert numbers == log.fold(projection)
-    assert len(numbers) < log.reader.last_commit().last_event + 1
+    assert len(numbers) < log._reader.last_commit().last_event + 1
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_states_of_two_parts_make_that_of_both(log: sl.DoorLog) -> None:
     What `merge` promises, for every cut, though the retractions of the first part may lie in the
     second.
     """
-    projection, last = Numbers(), log.reader.last_commit().last_event
+    projection, last = Numbers(), log._reader.last_commit().last_event
     whole = log.fold(projection)
 
     for cut in range(-1, last + 1):
@@ -166,7 +166,7 @@ def test_parts_may_be_made_by_several_processes(log: sl.DoorLog) -> None:
     """
     Each opens the log by itself; the parts come back in order.
     """
-    last = log.reader.last_commit().last_event
+    last = log._reader.last_commit().last_event
     cuts = [0, last // 3, 2 * last // 3, last + 1]
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
         parts = processes.map(_part, repeat(log.path), cuts, cuts[1:])
@@ -262,7 +262,7 @@ def test_a_fold_that_is_torn_off_goes_on_from_the_way(
             log.fold(_FailingAt(bad), checkpoint=path, save_every_s=0)
         if path.exists():
             saved.add(event := int(re.search(rb'"event": (\d+)', path.read_bytes())[1]))
-            kept = Checkpoint(path, Numbers(), log.reader).load(log.reader)
+            kept = Checkpoint(path, Numbers(), log._reader).load(log._reader)
             assert kept is not None
             assert log.fold(Numbers(), event=event) == kept[1]
 

@@ -59,7 +59,7 @@ def _expected(log: sl.DoorLog, entry: HistoryEntry) -> dict[str, tuple[Any, Any]
     if isinstance(event, Retracted) or not isinstance(event, DoorEvent):
         return {}
     before, after = (
-        state_at(log.reader, limit=number, uses_keyframes=False)
+        state_at(log._reader, limit=number, uses_keyframes=False)
         for number in (entry.number - 1, entry.number)
     )
     changed = {}

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated, Event, FloorMap, LevelAdded
-from semmap_log.door_log.commands import Gatekeeper
+from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.folds.diff import diff
 from semmap_log.formats.json.door_json import diff_to_json, door_map_to_json
@@ -59,11 +59,11 @@ def _random_log(path: Path, dice: random.Random, commits: int) -> sl.DoorLog:
 
 def _allowed(log: sl.DoorLogWriter, dice: random.Random, clock: SteadyClock) -> Iterator[Event]:
     number = log.state.event + 1
-    gatekeeper = Gatekeeper(log.roster, number)
+    validator = Validator(log.door_index, number)
     for _ in range(dice.randint(1, 4)):
         try:
             event = _random_event(dice, number, clock.now_ns)
-            gatekeeper.check(event)
+            validator.check(event)
         except (CommandError, InvalidEventError):
             continue
         yield event

@@ -46,7 +46,7 @@ print(json.dumps({
     "fields": [repr(e.event) for e in log.history() if hasattr(e.event, "strength")],
     "state": log.replay().doors[1].state.name,
     "exit": found.exit_code, "findings": [f.text for f in found.findings],
-    "minor": [s.header.minor for s in log.reader.segments],
+    "minor": [s.header.minor for s in log._reader.segments],
     "head": found.head.hex(),
 }))
 """

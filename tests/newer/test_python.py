@@ -150,7 +150,7 @@ def test_a_log_of_our_own_has_none(tmp_path: Path) -> None:
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=0, y=0, theta=0, width=1)
 
-    assert sl.read(tmp_path / "office").reader.newer_events == NewerEvents({})
+    assert sl.read(tmp_path / "office")._reader.newer_events == NewerEvents({})
     assert DoorMapState().event == -1
 
 

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import semmap_log as sl
-from semmap_log.door_log.summary import summarize
 
 Question = Callable[[sl.DoorLog], Any]
 
@@ -35,7 +34,7 @@ def questions(log: sl.DoorLog) -> dict[str, Question]:
         "commits": lambda log: list(log.commits()),
         "history": lambda log: list(log.history()),
         "batches": lambda log: [list(batch) for batch in log.batches()],
-        "summary": lambda log: summarize(log.reader).events,
+        "summary": lambda log: log.summary().events,
         **{f"at {ns}": lambda log, ns=ns: log.replay(at=ns) for ns in moments},
         **{f"known at {ns}": lambda log, ns=ns: log.replay(known_at=ns) for ns in moments},
         **{f"event {number}": lambda log, number=number: log.entry(number) for number in numbers},

@@ -71,7 +71,7 @@ def told(log: Path) -> list[str]:
     """Return all events of a log, as texts without their numbers."""
     return [
         f"{recorded.happened_ns} {recorded.event!r}"
-        for batch in sl.read(log).reader.batches()
+        for batch in sl.read(log)._reader.batches()
         for recorded in batch
     ]
 

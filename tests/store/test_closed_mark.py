@@ -52,17 +52,17 @@ def mark(log: Path) -> dict[str, object]:
 
 def cut(log: Path) -> None:
     last = segment_files(log)[-1]
-    os.truncate(last, sl.read(log).reader.segments[-1].chunks[-1].offset + 40)
+    os.truncate(last, sl.read(log)._reader.segments[-1].chunks[-1].offset + 40)
 
 
 def cut_behind_its_last_chunk(log: Path) -> None:
     last = segment_files(log)[-1]
-    os.truncate(last, sl.read(log).reader.segments[-1].whole_end)
+    os.truncate(last, sl.read(log)._reader.segments[-1].whole_end)
 
 
 def cut_in_the_middle(log: Path) -> None:
     last = segment_files(log)[-1]
-    os.truncate(last, sl.read(log).reader.segments[-1].chunks[3].offset)
+    os.truncate(last, sl.read(log)._reader.segments[-1].chunks[3].offset)
 
 
 def removed(log: Path) -> None:
@@ -252,7 +252,7 @@ def test_a_live_segment_may_not_end_before_it(log: Path) -> None:
     opened = sl.append(log, compact=False, durability="flush")
     see(opened, 2)
     whole = segment_files(log)[-1].read_bytes()
-    first = opened.reader.segments[-1].chunks[2].offset
+    first = opened._reader.segments[-1].chunks[2].offset
     opened.close()
     segment_files(log)[-1].write_bytes(whole)
     assert events(log) == 28  # not closed: all of it is there
@@ -409,8 +409,8 @@ def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
         lambda: swapped.diff("event:12", "event:15"),
         lambda: list(swapped.follow(13, poll_s=0, stop=lambda: True)),
         lambda: list(swapped.follow(22, poll_s=0, stop=lambda: True)),
-        lambda: swapped.reader.find_commit(25),
-        lambda: swapped.reader.event_known_at(2**62),
+        lambda: swapped._reader.find_commit(25),
+        lambda: swapped._reader.event_known_at(2**62),
         lambda: sl.append(log),
     ]
     for ask in asks:

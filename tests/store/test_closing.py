@@ -122,12 +122,12 @@ def test_the_head_of_a_live_segment_is_that_of_its_whole_commits(tmp_path: Path)
     """
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
-        assert bytes(32) == sl.read(path).reader.segments[0].head
+        assert bytes(32) == sl.read(path)._reader.segments[0].head
         log.add_door()
-        (segment,) = sl.read(path).reader.segments
-        assert log.reader.last_commit().hash == segment.head
+        (segment,) = sl.read(path)._reader.segments
+        assert log._reader.last_commit().hash == segment.head
     sl.create(tmp_path / "empty", tz="UTC").close()
-    (empty,) = sl.read(tmp_path / "empty").reader.segments
+    (empty,) = sl.read(tmp_path / "empty")._reader.segments
 
     assert bytes(32) == empty.head
     assert [] == attachments(empty.path)

@@ -330,7 +330,7 @@ def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
     digests: dict[int, hashlib._Hash] = {}
     hashed = []
 
-    for _, page in sl.read(tmp_path / "log").reader.pages():
+    for _, page in sl.read(tmp_path / "log")._reader.pages():
         borders = [*page.offsets.tolist(), len(page.records)]
         for channel, (start, end) in zip(
             page.heads["channel_id"].tolist(), pairwise(borders), strict=True
@@ -420,7 +420,7 @@ def test_a_segment_begins_with_the_event_after_the_last(
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         for _ in range(4):
             log.add_door()
-    first, second = sl.read(tmp_path / "log").reader.segments
+    first, second = sl.read(tmp_path / "log")._reader.segments
     check_follows(second, last_commit(first), first)
     forged = replace(second, header=replace(second.header, first_event=99))
 

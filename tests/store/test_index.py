@@ -37,7 +37,7 @@ def test_the_index_spans_the_happened_times_of_each_chunk(
         for late_ms in (0, 500, 3, -(10**6)):
             log.observe(door, "open", at=clock.now_ns - late_ms * 10**6)
     for _ in range(2):
-        (segment,) = sl.read(path).reader.segments
+        (segment,) = sl.read(path)._reader.segments
         with segment.path.open("rb") as file:
             stored = {m.name: m for m in SeekingReader(file).iter_metadata()}
 
@@ -108,7 +108,7 @@ def test_an_index_ends_where_what_is_packed_ends(tmp_path: Path, cut: int) -> No
     _with_entries(path, changed)
 
     with pytest.raises(CorruptLogError, match="does not end where what is packed ends"):
-        _ = sl.read(path).reader.segments[0].spans
+        _ = sl.read(path)._reader.segments[0].spans
 
 
 def test_a_column_of_one_value_stands_for_no_other(tmp_path: Path) -> None:
@@ -120,14 +120,14 @@ def test_a_column_of_one_value_stands_for_no_other(tmp_path: Path) -> None:
     _with_entries(path, lambda entries: entries.update({"least_happened_ns": one}))
 
     with pytest.raises(CorruptLogError, match="not of one length"):
-        _ = sl.read(path).reader.segments[0].spans
+        _ = sl.read(path)._reader.segments[0].spans
 
 
 def _spans(path: Path) -> list[tuple[int, int, int]]:
     """Return the number and the span of each chunk's events, by our own reading."""
     from semmap_log.store.pages import Page
 
-    (segment,) = sl.read(path).reader.segments
+    (segment,) = sl.read(path)._reader.segments
     spans = []
     for chunk in segment.chunks:
         page = Page(read_chunk(segment, chunk), segment.header.first_event, segment.path)

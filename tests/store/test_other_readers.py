@@ -98,7 +98,7 @@ def ours(path: Path) -> list[tuple[str, int, int]]:
 
     names = {topic.channel_id: topic.topic for topic in topics()}
     found = []
-    for _, page in sl.read(path).reader.pages():
+    for _, page in sl.read(path)._reader.pages():
         heads = page.heads
         for channel, recorded, happened in zip(
             heads["channel_id"].tolist(),
@@ -115,7 +115,7 @@ def test_it_has_several_segments(log: Path, request: pytest.FixtureRequest) -> N
     """
     The fixture is what it says: three segments or what they became, both maps, all kinds.
     """
-    reader = sl.read(log).reader
+    reader = sl.read(log)._reader
 
     merged = request.node.callspec.params["log"] == "merged"
     keyframes = 2 if merged else 4  # one in the middle of the long commit

@@ -12,7 +12,6 @@ from rich.console import Console, RenderableType
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, LevelAdded, Retracted
-from semmap_log.door_log.summary import summarize
 from semmap_log.views.tables import (
     age,
     diff_table,
@@ -222,7 +221,7 @@ def test_the_summary_table(tmp_path: Path) -> None:
     Doors, events by kind, spans, size, the hash to keep elsewhere.
     """
     log = small_log(tmp_path / "log")
-    summary = summarize(log.reader)
+    summary = log.summary()
 
     text = printed(summary_table(summary))
 

@@ -68,12 +68,12 @@ def _group_commit(shop: Workshop, rounds: int) -> Case:
 
 def _bytes_of_commits(path: Path, commits: int, per_commit: int) -> list[bytes]:
     """Return what our log writes for each of these commits."""
-    import semmap_log as sl
+    from semmap_log.store.reading.reader import LogReader
 
     with _new_log(path) as log:
         for events in grouped(sightings((commits + 1) * per_commit), per_commit):
             log.append(events, sync=False)
-    (segment,) = sl.read(path).reader.segments
+    (segment,) = LogReader(path).segments
     starts = [chunk.offset for chunk in segment.chunks]
     written = [bytes(segment.source.read(start, end)) for start, end in pairwise(starts)]
     return written[-commits:]  # not the last: behind it lies the segment's index

@@ -227,9 +227,9 @@ def write_days(path: Path, days: int) -> None:
 
 
 def _described(path: Path, count: int) -> BenchLog:
-    import semmap_log as sl
+    from semmap_log.store.reading.reader import LogReader
 
-    segments = sl.read(path).reader.segments
+    segments = LogReader(path).segments
     return BenchLog(
         path,
         count,

@@ -16,6 +16,7 @@ from fault_injection.sample import FIRST, NAME, SECOND, THIRD, small_segments
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved, Event
 from semmap_log.store.compaction import compact
+from semmap_log.store.reading.reader import LogReader
 
 OFFICE = Path(__file__).parents[2] / "recordings" / "office"
 COMMITS_A_SEGMENT = 5
@@ -114,9 +115,9 @@ def _diverged(closed: Path, folder: Path) -> Path:
     path.mkdir(parents=True)
     for segment in sorted(closed.glob("*.mcap"))[:DIVERGED_FROM]:
         shutil.copy2(segment, path)
-    original = sl.read(closed)
-    first = original.reader.segments[DIVERGED_FROM].header.first_event
-    clock = SteadyClock(sl.read(path).reader.last_log_time_ns() + 10**6)
+    original = LogReader(closed)
+    first = original.segments[DIVERGED_FROM].header.first_event
+    clock = SteadyClock(LogReader(path).last_log_time_ns() + 10**6)
     with (
         small_segments(COMMITS_A_SEGMENT),
         sl.append(path, compact=False, clock=clock, entropy=random.Random(2).randbytes) as log,

@@ -15,6 +15,7 @@ from fault_injection.sample import small_segments
 from semmap_log.domain.commits import Commit
 from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.store.form import KEYFRAME_CHANNEL
+from semmap_log.store.reading.reader import LogReader
 
 NOW = 1_772_400_000 * 10**9
 SECOND, DAY, YEAR = 10**9, 86_400 * 10**9, 31_557_600 * 10**9
@@ -78,7 +79,7 @@ def _append(log: sl.DoorLogWriter, turn: int) -> Commit:
 def _wrong(path: Path, commits: list[Commit]) -> Iterator[str]:
     """Yield what is not as promised."""
     log = sl.read(path)
-    heads = np.concatenate([page.heads for _, page in log.reader.pages()])
+    heads = np.concatenate([page.heads for _, page in LogReader(path).pages()])
     steps = np.diff(heads["log_time"].astype(np.int64), prepend=0)
     is_keyframe = heads["channel_id"] == KEYFRAME_CHANNEL  # has the time of the record before
     if (steps < np.where(is_keyframe, 0, 1)).any():

@@ -17,6 +17,7 @@ from typing import Any
 import semmap_log as sl
 from fault_injection.questions import Answers, answer, questions
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
+from semmap_log.store.reading.reader import LogReader
 
 REFUSALS = (CorruptLogError, NotALogError, LogAccessError)
 
@@ -50,7 +51,7 @@ class Judge:
             log: A log of which nothing is damaged.
             last_commits: How many commits at its end to leave out, one after the other.
         """
-        reader = sl.read(log).reader
+        reader = LogReader(log)
         whole = list(reader.commits())
         moments = [commit.recorded_ns for commit in whole[:: max(1, len(whole) // 4)]]
         self.questions = questions(moments, [commit.last_event for commit in whole][::5])
@@ -161,7 +162,7 @@ def contents(folder: Path) -> dict[str, tuple[int, bytes]]:
 
 
 def _next_event(log: Path) -> int:
-    return sum(len(batch) for batch in sl.read(log).reader.batches())
+    return sum(len(batch) for batch in sl.read(log).batches_in())
 
 
 def _refused(error: Exception, damaged: str) -> Verdict:

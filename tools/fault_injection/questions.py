@@ -18,7 +18,7 @@ def questions(moments: list[int], numbers: list[int]) -> dict[str, Question]:
     """Return what to ask of a log; the first two read every byte that counts."""
     asked: dict[str, Question] = {
         "commits": lambda log: list(log.commits()),
-        "events": lambda log: _plain(log.reader.batches()),
+        "events": lambda log: _plain(log.batches_in()),
         "replay": lambda log: repr(log.replay()),
         "history": lambda log: [_text(entry) for entry in log.history()],
         "floor map": lambda log: _text(log.floor_map(1)),

@@ -18,6 +18,7 @@ from fault_injection.fault import Outcome, Plan
 from fault_injection.sample import compact_folder, small_segments
 from semmap_log.domain.events import RobotPose
 from semmap_log.errors import LogLockedError
+from semmap_log.store.reading.reader import LogReader
 
 READING_S = 60.0
 RACERS = 3
@@ -98,7 +99,7 @@ def read_during_everything(folder: Path, seed: int, *, seconds: float) -> Iterat
             )
     after = sl.read(log)
     events, problem = _check_prefix(after)
-    segments = len(after.reader.segments)
+    segments = len(LogReader(log).segments)
     yield Outcome(f"the log after all that: {events} events, {segments} segments", 1, 0, 0, problem)
 
 
@@ -139,7 +140,7 @@ def _busy_writer(log: Path, until: float, seed: float) -> None:
 
 def _write_once(log: Path, dice: random.Random, commits: int) -> None:
     with sl.append(log) as writer:
-        following = sum(len(batch) for batch in writer.reader.batches())
+        following = sum(len(batch) for batch in writer.batches_in())
         for _ in range(commits):
             following += _append(writer, following, dice.randrange(1, MOST_EVENTS_A_COMMIT))
 

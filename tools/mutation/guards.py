@@ -5,6 +5,7 @@ What its answers and its pictures rest on is in the files beside this one.
 
 from __future__ import annotations
 
+from mutation.appending_guards import APPENDING
 from mutation.asking_guards import ASKING
 from mutation.belief_guards import BELIEFS
 from mutation.checkpoint_guards import CHECKPOINTS
@@ -92,7 +93,7 @@ LOCKS = (
           "    if _may_be_half_made(reader):\n"
           "        sync_folder(path.parent)\n"
           "    return writer", "test_rivals"),
-    guard("one thread at a time", "AppendableLog.__init__",
+    guard("one thread at a time", "Appender.__init__",
           "threading.RLock", '__import__("contextlib").nullcontext',
           "test_rivals", "test_durability"),
 )  # fmt: skip
@@ -235,8 +236,8 @@ REFUSALS = (
     guard("no append in an append", "LogWriter.check_usable", "self._busy", "False", "test_misuse"),
     guard("no append after close", "LogWriter.check_usable",
           "not self._open", "False", "test_misuse", "test_writer"),
-    guard("what an interrupt left behind", "AppendableLog._take_in",
-          "self._taken_in != self._writer.next_event", "False",
+    guard("what an interrupt left behind", "CurrentMap.take_in",
+          "self.next_event != self._writer.next_event", "False",
           "faults.test_interrupted"),
     guard("recorded times that grow", "LogWriter._append",
           "max(wall_ns, self.last_ns + 1)", "wall_ns", "test_clocks", "test_writer"),
@@ -255,21 +256,21 @@ REFUSALS = (
 )  # fmt: skip
 
 COLUMNS = (
-    guard("values of columns", "Gatekeeper.check_batch",
+    guard("values of columns", "Validator.check_batch",
           "batch.check()", "", "test_appending_batches"),
-    guard("doors of columns that are not in the map", "Gatekeeper._to_be_asked",
-          "harmless &= ~np.isin(ids, list(doors - self.roster.placed.keys()))", "",
+    guard("doors of columns that are not in the map", "rows_to_check",
+          "harmless &= ~np.isin(ids, list(doors - index.placed.keys()))", "",
           "test_appending_batches"),
-    guard("early events of columns", "Gatekeeper._check_rows",
-          "self._note_early_rows(part)", "", "test_backdating"),
-    guard("early events one by one", "Gatekeeper.check",
-          "self._note_early(event)", "", "test_backdating"),
-    guard("an id is told again in the commit that retracts it only", "Gatekeeper._check_new",
+    guard("early events of columns", "Validator._check_rows",
+          "self._early().note_rows(part, self.index.added_ns)", "", "test_backdating"),
+    guard("early events one by one", "Validator.check",
+          "self._early().note(event, self.index.added_ns)", "", "test_backdating"),
+    guard("an id is told again in the commit that retracts it only", "Validator._check_new",
           "door_id in self._taken_back", "False", "test_backdating"),
-    guard("a correction of an adding moves it back only", "Gatekeeper._check_correction",
+    guard("a correction of an adding moves it back only", "Validator._check_correction",
           "event.happened_ns is None or event.happened_ns > before_ns", "False",
           "test_backdating"),
-    guard("what is told of the very moment counts", "backdated",
+    guard("what is told of the very moment counts", "backdating.backdated",
           "since_ns - (door_id in told_of)", "since_ns", "test_backdating"),
     guard("unknown keywords", "knows_keywords.checked",
           "kwargs and not kwargs.keys() <= known.keys()", "False",
@@ -277,13 +278,13 @@ COLUMNS = (
     guard("truth values are no numbers", "Event.__post_init__",
           "type(value) is not float and not is_number(value)", "False",
           "test_keywords"),
-    guard("seconds are no nanoseconds", "DoorLog.moment",
+    guard("seconds are no nanoseconds", "moment_of",
           "not is_whole_number(time)", "False", "test_keywords"),
-    guard("doors that columns take out of the map", "Gatekeeper._to_be_asked",
+    guard("doors that columns take out of the map", "rows_to_check",
           'harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])', "",
           "test_appending_batches"),
-    guard("doors whose adding columns take back", "Gatekeeper._to_be_asked",
-          "harmless &= ~np.isin(ids, self.roster.added_by(first, last))", "",
+    guard("doors whose adding columns take back", "rows_to_check",
+          "harmless &= ~np.isin(ids, index.added_by(first, last))", "",
           "test_a_batch_that_takes_an_adding_back_is_asked_about_that_door"),
     guard("all that says something of a door may come early", "MAY_BE_EARLY",
           "kind.effect.presence is Presence.STAYS", "False", "test_backdating"),
@@ -335,16 +336,16 @@ DOOR_0 = (
 )  # fmt: skip
 
 BROUGHT_BACK = (
-    guard("brought back: in the map within the commit", "Roster.bring_back",
+    guard("brought back: in the map within the commit", "DoorIndex.bring_back",
           "self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level", "",
           "test_retracting"),
-    guard("brought back: without a place as before", "Roster.bring_back",
+    guard("brought back: without a place as before", "DoorIndex.bring_back",
           "removal.was_placed", "True", "test_retracting"),
-    guard("brought back: not where its adding may be gone", "Roster.brought_back",
+    guard("brought back: not where its adding may be gone", "DoorIndex.brought_back",
           "removal.event == event.first_event",
           "event.first_event <= removal.event <= event.last_event",
           "test_retracting"),
-    guard("brought back: how, in words", "Roster.way_back",
+    guard("brought back: how, in words", "DoorIndex.way_back",
           "removal is None", "removal", "test_retracting"),
     guard("brought back: what differs is written", "_DoorPlanner.door_back",
           "yield from self.update_of(door, removed.door, names)", "",
@@ -353,14 +354,14 @@ BROUGHT_BACK = (
           "self.renumber", "False", "importing.test_importing"),
     guard("brought back: not where the adding was taken back", "_replace",
           "if gone:", "if False:", "test_yaml_start"),
-    guard("a door that was removed, named by its id", "AppendableLog._resolve",
+    guard("a door that was removed, named by its id", "CurrentMap.resolve",
           "if removed:", "if False:",
           "test_retracting"),
 )  # fmt: skip
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
-    *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
+    *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES, *APPENDING,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
 )  # fmt: skip

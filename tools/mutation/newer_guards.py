@@ -12,7 +12,7 @@ NEWER = (
     guard("what a newer version wrote and is left out is said", "LogReader.check_known",
           "warnings.warn(newer.warning(self.folder), stacklevel=3)", "",
           "test_python"),
-    guard("a commit with what may change others", "commits_after",
+    guard("a commit with what may change others", "following.commits_after",
           "not with_newer and _may_change_others(batch, source)", "False",
           "test_python"),
     guard("a kind without a mark", "newer_events._first",

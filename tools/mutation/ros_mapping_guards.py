@@ -176,7 +176,7 @@ WHERE = (
           "test_robot"),
     guard("true is not 1", "_is_among", "kind == isinstance(mark, bool)", "True", "test_robot"),
     guard("rounds go on counting", "known.Known.of",
-          "known.last_started = _last_patrol(log, PatrolStarted)", "",
+          "known.last_started = log.last_patrol(PatrolStarted)", "",
           "test_sightings"),
 )  # fmt: skip
 

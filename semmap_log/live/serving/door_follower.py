@@ -10,7 +10,7 @@ from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import FloorMap, Retracted
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import SemmapError
-from semmap_log.folding.replay import Scope, replay
+from semmap_log.folding.replay import Scope
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_server import RESULTS
 from semmap_log.store.reading.following import FollowedCommit
@@ -35,7 +35,7 @@ class DoorFollower:
             NotALogError: There is none.
         """
         self._log = DoorLog(path)
-        self._state = replay(self._log.reader)
+        self._state = self._log.state_in()
         self._doors = self._state.door_map()
         self._changed = changed
         self._failure: SemmapError | OSError | None = None
@@ -80,7 +80,7 @@ class DoorFollower:
             for followed in commits:
                 if Retracted in followed.batch:  # what it takes back is in the state
                     scope = Scope(event=followed.commit.last_event)
-                    self._state = replay(DoorLog(self._log.path).reader, scope)
+                    self._state = self._log.opened_anew().state_in(scope)
                 else:
                     self._state.apply(followed.batch)
                 self._doors = self._state.door_map()

@@ -25,7 +25,7 @@ from semmap_log.domain.events import (
     LogExported,
 )
 from semmap_log.domain.meaning import Changed
-from semmap_log.door_log.command_content import content_of
+from semmap_log.door_log.door_commands import content_of
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import (
     CommandError,
@@ -195,7 +195,7 @@ class DoorServer:
         happened_ns = _now_ns(log)
         if isinstance(ask, AddAsk):
             level = resolve_level(self._level, log.state.door_map())
-            return [_added(ask, log.roster.next_free_id, level, happened_ns)]
+            return [_added(ask, log.door_index.next_free_id, level, happened_ns)]
         if isinstance(ask, UpdateAsk):
             return _updated(ask, _known_door(log, ask.door_id), happened_ns)
         if isinstance(ask, RemoveAsk):
@@ -275,7 +275,7 @@ def _known_door(log: DoorLogWriter, door_id: DoorId) -> Door:
     if door_id in log.state.used_door_ids:
         raise DoorRemovedError(
             f"door_id: door {door_id} was removed; ids are never used twice."
-            f"{log.roster.way_back(door_id)}"
+            f"{log.door_index.way_back(door_id)}"
         )
     raise UnknownDoorError(f"door_id: door {door_id} is not in the map.")
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.moments import refuse_reversed
-from semmap_log.folding.replay import Scope, replay
+from semmap_log.folding.replay import Scope
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.retraction import Retractions, in_ranges
 from semmap_log.store.reading.window import Window
@@ -47,7 +47,7 @@ class Excerpt:
             MomentError: A time cannot be read, or `since` comes after `until`.
         """
         chosen = None if doors is None else frozenset(doors)
-        since_ns, until_ns = instant_ns(log, since), instant_ns(log, until)
+        since_ns, until_ns = log.instant(since), log.instant(until)
         refuse_reversed(since_ns, until_ns)
         return cls(log, since_ns, until_ns, chosen)
 
@@ -58,7 +58,7 @@ class Excerpt:
         """
         # An event never counts as later than it was recorded: so both ranges lie in this one.
         window = Window(recorded_from_ns=self.since_ns, happened_before_ns=self.until_ns)
-        for batch in self.log.reader.batches(window, progress=progress):
+        for batch in self.log.batches_in(window, progress=progress):
             if len(batch):
                 yield batch
 
@@ -85,7 +85,7 @@ class Excerpt:
     @property
     def retractions(self) -> Retractions:
         """What was taken back, as known today."""
-        return self.log.reader.retractions()
+        return self.log.retractions()
 
     def is_retracted(self, numbers: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Tell for each event whether it was taken back."""
@@ -134,27 +134,16 @@ class Excerpt:
         """Return the fold of what was known just before the first event was recorded."""
         if self.since_ns is None:
             return DoorMapState()
-        return replay(self.log.reader, Scope(known_at_ns=max(self.since_ns - 1, 0)))
+        return self.log.state_in(Scope(known_at_ns=max(self.since_ns - 1, 0)))
 
     def number_before(self) -> int:
         """Return the number of the last event that was known then; -1: none."""
         if self.since_ns is None:
             return -1
-        return self.log.reader.event_known_at(max(self.since_ns - 1, 0))
+        known = self.log.limit_of(Scope(known_at_ns=max(self.since_ns - 1, 0)))
+        assert known is not None, "knowledge has a bound"
+        return known
 
     def last_ns(self) -> int | None:
         """Return the last nanosecond that counts; None: the log's end."""
         return None if self.until_ns is None else max(self.until_ns - 1, 0)
-
-
-def instant_ns(log: DoorLog, time: Time) -> int | None:
-    """Return the instant (ns, UTC) that a moment means; of `event:12`, that of the event.
-
-    Raises:
-        MomentError: The time cannot be read.
-    """
-    moment = log.moment(time)
-    if moment.event is None:
-        return moment.ns
-    recorded = log.event(moment.event)
-    return min(recorded.happened_ns, recorded.recorded_ns)

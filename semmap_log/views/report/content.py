@@ -13,8 +13,8 @@ from semmap_log.beliefs.door_beliefs import LATER, belief, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.domain.doors import DoorId, DoorMap, DoorState
 from semmap_log.domain.moments import format_local, zone
-from semmap_log.door_log.summary import LogSummary, summarize
-from semmap_log.folding.replay import Scope, replay
+from semmap_log.door_log.summary import LogSummary
+from semmap_log.folding.replay import Scope
 from semmap_log.folds.levels import levels_of
 from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
 from semmap_log.io.disk import utf8_name
@@ -138,7 +138,7 @@ def report_data(
         "trackWithin": round(track.within_m, 2),
         "rounds": rounds_of(log, span),
         "changes": changes_of(log, found.told, told, span),
-        "health": health_of(summarize(log.reader), tz),
+        "health": health_of(log.summary(), tz),
         "shades": [hex_of(shade(percent / 100)) for percent in range(101)],
     }  # fmt: skip
 
@@ -166,7 +166,7 @@ def _log(log: DoorLog, tz: str) -> dict[str, Any]:
 
 def _annotations(excerpt: Excerpt, now: DoorMap) -> dict[DoorId, dict[str, str]]:
     """Return what is said of the doors when the page ends; of removed ones only the name."""
-    names = replay(excerpt.log.reader, Scope(at_ns=excerpt.last_ns())).names()
+    names = excerpt.log.state_in(Scope(at_ns=excerpt.last_ns())).names()
     said = {door_id: {"name": name} for door_id, name in names.items()}
     return said | {door_id: dict(door.annotations) for door_id, door in now.doors.items()}
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.folds.history import HistoryEntry, history
-from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.window import Window
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
@@ -42,14 +41,14 @@ def _entries(log: DoorLog, numbers: Rows) -> Iterator[HistoryEntry]:
     """Yield the events of these numbers, ascending, with who and why: in one reading."""
     if not len(numbers):
         return
-    finder = CommitFinder(log.reader)
+    finder = log.commit_finder()
     window = Window(first_event=int(numbers.min()), before_event=int(numbers.max()) + 1)
     batches = (
         batch.select(np.isin(batch.number, numbers))
-        for batch in log.reader.batches(window, on_page=finder.look_at)
+        for batch in log.batches_in(window, on_page=finder.look_at)
     )
     found = (batch for batch in batches if len(batch))
-    yield from history(found, finder.commit_at, log.reader.retractions())
+    yield from history(found, finder.commit_at, log.retractions())
 
 
 def _line(entry: HistoryEntry, span: Span) -> dict[str, Any]:

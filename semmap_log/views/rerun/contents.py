@@ -17,9 +17,9 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, RobotPose
 from semmap_log.domain.meaning import FIELDS, Changed
+from semmap_log.folding.replay import Scope
 from semmap_log.folds.door_changes import THERE, Changes, Stamp, door_changes
 from semmap_log.folds.levels import levels_of
-from semmap_log.store.reading.state import state_at
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
@@ -232,7 +232,7 @@ class _Pass:
 
     def take_back(self, what: TakenBack) -> None:
         """Take what is known of doors behind a retraction."""
-        state = state_at(self._excerpt.log.reader, limit=what.edge.number)
+        state = self._excerpt.log.state_in(Scope(event=what.edge.number))
         for door_id in what.doors & self.doors.keys():
             self.doors[door_id].know(KnownDoor.of(state, door_id, what.edge))
             self.doors[door_id].is_plain = False

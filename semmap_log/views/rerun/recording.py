@@ -24,7 +24,7 @@ import numpy as np
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import RobotPose
 from semmap_log.io.disk import output_errors, refuse_own_folder, whole_file
-from semmap_log.views.excerpt.span import Excerpt, instant_ns
+from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.thinning import LeftOut
@@ -133,7 +133,7 @@ def _front_level(
 
 def _robot_level(log: DoorLog, at: Time) -> int | None:
     """Return the level where the robot was at a moment; None: nobody knows."""
-    at_ns = instant_ns(log, at)
+    at_ns = log.instant(at)
     assert at_ns is not None
     last_ns, level = -1, None
     for batch in log.batches(max(at_ns - LOOK_BACK_NS, 0), at_ns + 1, kinds=[RobotPose]):

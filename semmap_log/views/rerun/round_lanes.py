@@ -152,7 +152,7 @@ def _learnings(
     by_patrol: Mapping[int, Sequence[HistoryEntry]], excerpt: Excerpt
 ) -> list[tuple[RecordingEdge, int]]:
     """Return when the log learnt something of which patrol, in that order."""
-    reader, known = excerpt.log.reader, excerpt.retractions
+    known = excerpt.retractions
     learnt = [(RecordingEdge(e.folds_ns, e.number, e.recorded_ns), patrol)
               for patrol, entries in by_patrol.items() for e in entries]  # fmt: skip
     numbers = {e.number: patrol for patrol, entries in by_patrol.items() for e in entries}
@@ -160,7 +160,7 @@ def _learnings(
     for number, (first, last) in zip(known.numbers, known.ranges, strict=True):
         hit = placed[slice(*np.searchsorted(placed, [first, last + 1]))]
         if len(hit):
-            ns = reader.event(number).recorded_ns
+            ns = excerpt.log.event(number).recorded_ns
             learnt += [(RecordingEdge(ns, number, ns), numbers[n]) for n in hit.tolist()]
     return sorted(learnt, key=lambda one: one[0].number)
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from semmap_log.domain.doors import DoorId
-from semmap_log.folding.position import Retraction, retractions_behind
 from semmap_log.store.reading.window import Window
 from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.excerpt.span import Excerpt
@@ -24,20 +23,20 @@ class TakenBack:
 
 def taken_back(excerpt: Excerpt) -> Iterator[TakenBack]:
     """Yield the retractions along `recorded` that are about doors, numbers ascending."""
-    reader = excerpt.log.reader
-    for one in retractions_behind(reader, excerpt.number_before()):
-        recorded_ns = reader.event(one.number).recorded_ns
+    later = excerpt.retractions.after(excerpt.number_before())
+    for number, (first, last) in zip(later.numbers, later.ranges, strict=True):
+        recorded_ns = excerpt.log.event(number).recorded_ns
         if excerpt.until_ns is not None and recorded_ns >= excerpt.until_ns:
             return
-        if doors := _doors(excerpt, one):
-            yield TakenBack(RecordingEdge(recorded_ns, one.number, recorded_ns), doors)
+        if doors := _doors(excerpt, first, min(last, number - 1)):
+            yield TakenBack(RecordingEdge(recorded_ns, number, recorded_ns), doors)
 
 
-def _doors(excerpt: Excerpt, retraction: Retraction) -> frozenset[DoorId]:
-    last = min(retraction.last_event, retraction.number - 1)
-    window = Window(first_event=retraction.first_event, before_event=last + 1)
+def _doors(excerpt: Excerpt, first: int, last: int) -> frozenset[DoorId]:
+    """Return the doors of the excerpt that the events of these numbers are about."""
+    window = Window(first_event=first, before_event=last + 1)
     found: set[int] = set()
-    for batch in excerpt.log.reader.batches(window):
+    for batch in excerpt.log.batches_in(window):
         found.update(batch.door_ids()[batch.about_doors()].tolist())
     chosen = found if excerpt.doors is None else found & excerpt.doors
     return frozenset(DoorId(door_id) for door_id in chosen)

@@ -17,5 +17,5 @@ def door_server(path: Path, root: Path | None = None, **more: object) -> DoorSer
 
 def events_in(server: DoorServer) -> int:
     """Return how many events its log has."""
-    last = server.log.reader.last_commit()
+    last = server.log._reader.last_commit()
     return 0 if last is None else last.last_event + 1

@@ -35,7 +35,7 @@ def test_a_door_is_added_and_its_id_returned(server: DoorServer) -> None:
 
     outcome = server.run(goal)
 
-    door, commit = server.door_map().doors[DoorId(1)], server.log.reader.last_commit()
+    door, commit = server.door_map().doors[DoorId(1)], server.log._reader.last_commit()
     assert Outcome(succeeded=True, result={"door_id": 1}) == outcome
     assert (2.0, 1.5, 0.0, 0.9) == _placed(door)
     assert (DoorState.CLOSED, 0.3, 0.7) == (door.state, door.prob_open, door.prob_closed)

@@ -170,7 +170,7 @@ def test_what_has_lost_its_name_is_checked_again(tmp_path: Path) -> None:
     (file,) = segment_files(log)
     opened = sl.read(log)
     right = repr(opened.replay())
-    segment = opened.reader.segments[0]
+    segment = opened._reader.segments[0]
     assert segment.is_sound
     file.with_name("other").hardlink_to(file)
     data = file.read_bytes()

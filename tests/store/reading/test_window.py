@@ -110,7 +110,7 @@ def test_a_day_of_a_year_reads_that_day(
             log.append([DoorObserved(door_id=DoorId(1), state=DoorState.OPEN), *kinds])
     log = sl.read(tmp_path / "log")
     when = int(next(b.happened_ns[0] for b in log.batches("event:40", "event:41")))
-    log.reader.retractions()
+    log._reader.retractions()
     asked: list[dict[str, Any]] = [
         {"since": when, "until": when + 1},
         {"since": when, "until": when + day_ns, "recorded": True},
@@ -188,7 +188,7 @@ def test_small_chunks_read_where_they_lie_are_checked_all_the_same(tmp_path: Pat
         door = log.add_door()
         for n in range(30):
             log.observe(door, DoorState(n % 2 + 1))
-    (segment,) = sl.read(tmp_path / "log").reader.segments
+    (segment,) = sl.read(tmp_path / "log")._reader.segments
     offsets = segment.chunks.rows["offset"].tolist()
     whole = segment.path.read_bytes()
     for offset in offsets[5:25:5]:

@@ -59,7 +59,7 @@ def promised(log: Path) -> list[tuple[Any, ...]]:
     """Return what each commit says of clocks and durability."""
     return [
         (c.command_id, c.wall_clock_ns, c.monotonic_clock_ns, c.boot_id, c.durability, c.content)
-        for c in sl.read(log).reader.commits()
+        for c in sl.read(log)._reader.commits()
     ]
 
 
@@ -196,7 +196,7 @@ def test_a_retraction_follows_its_events(log: Path) -> None:
 
 def open_place(log: Path, event: int) -> int:
     """Return the place of the chunk whose commit begins with that event."""
-    firsts = [commit.first_event for commit in sl.read(log).reader.commits()]
+    firsts = [commit.first_event for commit in sl.read(log)._reader.commits()]
     return 1 + firsts.index(event)
 
 

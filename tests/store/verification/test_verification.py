@@ -67,7 +67,7 @@ def test_the_recordings_are_good(name: str) -> None:
     Every event is read, every keyframe compared, and nothing at all is found.
     """
     found = verify(RECORDINGS / name)
-    reader = sl.read(RECORDINGS / name).reader
+    reader = sl.read(RECORDINGS / name)._reader
 
     assert () == found.findings
     assert 0 == found.exit_code
@@ -153,7 +153,7 @@ def test_flipped_bits_of_a_live_segment(live: Path) -> None:
             found = verify(live)
             codes.setdefault(i, set()).add(found.exit_code)
             if found.exit_code == 3:
-                assert found.events == sum(map(len, sl.read(live).reader.batches()))
+                assert found.events == sum(map(len, sl.read(live)._reader.batches()))
             file.write_bytes(whole)
 
     last = len(chunks) - 1

@@ -100,7 +100,7 @@ def test_every_command_is_found_after_rolls_and_a_reopening(
             found = log.find_command(an_id(number))
             assert found is not None
             assert (event, an_id(number)) == (found.first_event, found.command_id)
-            assert found == log.reader.commit_at(event)
+            assert found == log._reader.commit_at(event)
             assert event == send(log, number)
         assert [] == [n for n in range(100) if log.find_command(an_id(n)) is not None]
         assert max(events.values()) + 1 == send(log, 1)
@@ -191,7 +191,7 @@ def test_after_recover_commands_are_known(loses: bool, tmp_path: Path) -> None:
     else:
         last.write_bytes(last.read_bytes()[:-300])
     with sl.append(path, compact=False) as log:
-        stored = {commit.command_id: commit.first_event for commit in log.reader.commits()}
+        stored = {commit.command_id: commit.first_event for commit in log._reader.commits()}
         lost = [number for number in range(18) if an_id(number) not in stored]
         end = log.state.event + 1
 

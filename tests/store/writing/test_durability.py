@@ -60,7 +60,7 @@ def test_every_level_stores_the_same_once_it_is_closed(level: str, tmp_path: Pat
 
     assert 202 == _events(path)
     assert {Durability.parse(level)} == {c.durability for c in sl.read(path).commits()}
-    assert sl.read(path).reader.segments[-1].closed
+    assert sl.read(path)._reader.segments[-1].closed
 
 
 def test_event_is_durable_when_append_returns(tmp_path: Path) -> None:

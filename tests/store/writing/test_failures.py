@@ -138,7 +138,7 @@ def test_a_log_that_cannot_be_closed_is_whole(tmp_path: Path) -> None:
 
     assert 1 == _count(path)
     sl.append(path).close()
-    assert sl.read(path).reader.segments[-1].closed
+    assert sl.read(path)._reader.segments[-1].closed
 
 
 def test_a_segment_that_cannot_be_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,7 +150,7 @@ def test_a_segment_that_cannot_be_begun(tmp_path: Path, monkeypatch: pytest.Monk
     log = sl.create(path, tz="UTC", compact=False)
     for _ in range(2):
         log.add_door()
-    head = sl.read(path).reader.segments[0].chunks[0].offset
+    head = sl.read(path)._reader.segments[0].chunks[0].offset
     for limit in (100, head + 10):
         with _files_below(limit), pytest.raises(LogAccessError):
             sl.create(tmp_path / f"other{limit}", tz="UTC")
@@ -172,7 +172,7 @@ def test_a_recovery_that_finds_no_room(tmp_path: Path) -> None:
     path = _crashed(tmp_path)
     before = _names(path)
 
-    size = sl.read(path).reader.segments[0].chunks[1].offset
+    size = sl.read(path)._reader.segments[0].chunks[1].offset
     with _files_below(size), pytest.raises(LogAccessError, match="cannot be opened"):
         sl.append(path)
 
@@ -210,7 +210,7 @@ def test_a_large_last_segment_is_not_continued(
     with sl.append(path, compact=False) as log:
         log.add_door()
 
-    assert [0, 1] == [s.header.number for s in sl.read(path).reader.segments]
+    assert [0, 1] == [s.header.number for s in sl.read(path)._reader.segments]
     assert 4 == _count(path)
 
 
@@ -271,7 +271,7 @@ def test_another_process_neither_closes_nor_unlocks(tmp_path: Path) -> None:
         writer._sync()
     log.close()
 
-    assert not sl.read(tmp_path / "log").reader.segments[-1].closed
+    assert not sl.read(tmp_path / "log")._reader.segments[-1].closed
 
 
 def test_appending_in_an_append_and_after_the_end(tmp_path: Path) -> None:

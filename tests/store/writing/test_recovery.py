@@ -66,7 +66,7 @@ def test_cut_at_every_byte_of_the_last_commits(
 
             assert 2 + stored == seen, (size, tail)
             assert 2 + stored == after.replay().event, (size, tail)
-            assert after.reader.segments[-1].closed
+            assert after._reader.segments[-1].closed
             shutil.rmtree(path)
 
 
@@ -147,7 +147,7 @@ def test_a_damaged_closed_segment_is_an_error(tmp_path: Path) -> None:
         log.observe(door, "open")
     file = path / "log_000000.mcap"
     whole = file.read_bytes()
-    chunk = sl.read(path).reader.segments[0].chunks[1]
+    chunk = sl.read(path)._reader.segments[0].chunks[1]
     for at in (chunk.data_offset + 5, chunk.offset + 3):
         data = bytearray(whole)
         data[at] ^= 0x10

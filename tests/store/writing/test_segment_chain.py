@@ -28,7 +28,7 @@ def _patrol(path: Path, sightings: int, *, compact: bool) -> None:
 
 def _full_segments(path: Path) -> list[bool]:
     """Return of each segment but the last whether it wants compaction."""
-    return [needs_compaction(segment) for segment in sl.read(path).reader.segments[:-1]]
+    return [needs_compaction(segment) for segment in sl.read(path)._reader.segments[:-1]]
 
 
 def test_full_segments_are_compacted_meanwhile(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def test_numbers_have_no_gaps_and_times_only_grow(tmp_path: Path, clock: SteadyC
 
     numbers = [n for batch in sl.read(path).batches() for n in batch.number.tolist()]
     recorded = [
-        t for _, page in sl.read(path).reader.pages() for t in page.heads["log_time"].tolist()
+        t for _, page in sl.read(path)._reader.pages() for t in page.heads["log_time"].tolist()
     ]
     assert list(range(6)) == numbers
     assert all(before < after for before, after in pairwise(recorded))
@@ -141,7 +141,7 @@ def test_segments_roll(
         for _ in range(40):
             log.add_door()
 
-    reader = sl.read(path).reader
+    reader = sl.read(path)._reader
     assert 3 < len(reader.segments) < 30
     for segment in reader.segments:
         state = keyframe_at(segment, 0)
@@ -164,7 +164,7 @@ def test_the_chain_of_hashes_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             log.add_door(name=f"door {i}", actor="me")
     previous, checked = bytes(32), 0
     digests: dict[int, hashlib._Hash] = {}
-    for segment, page in sl.read(path).reader.pages():
+    for segment, page in sl.read(path)._reader.pages():
         assert segment.header.first_event > 0 or segment.header.hash_so_far == bytes(32)
         commits = iter(page.commits())
         ends = [*page.offsets.tolist()[1:], len(page.records)]
@@ -183,7 +183,7 @@ def test_the_chain_of_hashes_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPat
                 digests.setdefault(channel, hashlib.sha256()).update(record)
 
     assert 10 == checked
-    assert [bytes(32)] == [s.header.hash_so_far for s in sl.read(path).reader.segments][:1]
+    assert [bytes(32)] == [s.header.hash_so_far for s in sl.read(path)._reader.segments][:1]
 
 
 def test_a_second_writer_is_refused_before_it_touches_anything(tmp_path: Path) -> None:

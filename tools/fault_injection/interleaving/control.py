@@ -20,7 +20,13 @@ CALLS = (
     "open", "ftruncate",
 )  # fmt: skip
 _LOCKS = (type(threading.Lock()), type(threading.RLock()))
-LINES_OF = ("log/writing/", "log/segment.py", "log/compaction/background", "appendable_log.py")
+LINES_OF = (
+    "log/writing/",
+    "log/segment.py",
+    "log/compaction/background",
+    "door_log/appender.py",
+    "door_log/current_map.py",
+)
 """Where threads share what is not theirs alone."""
 
 

@@ -79,7 +79,7 @@ class Keeper:
 
     def _open(self, make: Callable[..., DoorLogWriter], options: dict[str, Any]) -> None:
         self.log = make(self.path, **options)
-        self._box.say("opened", self.name, self.log.reader.info.log_id, str(self.path))
+        self._box.say("opened", self.name, self.log.info.log_id, str(self.path))
 
     def add(self, commits: int = 1) -> None:
         """Append, and note what was answered; durable, whatever the level."""

@@ -89,7 +89,7 @@ def another_directory(box: Box) -> None:
     one = _writer(box, Path("office"))
     one.add()
     reader = sl.read("office")
-    known = reader.reader.info.log_id
+    known = reader.info.log_id
     os.chdir(there)
     _check_reader(box, reader, known)
     one.add(box.dice.randrange(8))
@@ -116,7 +116,7 @@ def read_while_exchanged(box: Box) -> None:
     two = _writer(box, other)
     two.add()
     reader = sl.read(path)
-    known = reader.reader.info.log_id
+    known = reader.info.log_id
     commits = [commit.hash for commit in reader.commits()]
     one.close()
     path.rename(box.folder / "office_old")
@@ -136,7 +136,7 @@ def link_turned(box: Box) -> None:
     one = _writer(box, link)
     one.add()
     reader = sl.read(link)
-    known = reader.reader.info.log_id
+    known = reader.info.log_id
     commits = [commit.hash for commit in reader.commits()]
     link.unlink()
     link.symlink_to("second")
@@ -249,7 +249,7 @@ def _check_reader(
     """Refresh a reader: what it says then is of its own log, or an error."""
     try:
         log.refresh()
-        found = log.reader.info.log_id
+        found = log.info.log_id
         there = [commit.hash for commit in log.commits()]
         log.replay()
     except SemmapError:

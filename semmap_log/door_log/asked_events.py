@@ -1,0 +1,83 @@
+"""Which events of a log are asked about, and what is told of each."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import KINDS
+from semmap_log.domain.moments import Moment
+from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.store.pages import Page
+from semmap_log.store.reading.change_finder import ChangeFinder
+from semmap_log.store.reading.commit_finder import CommitFinder
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.window import Window
+
+
+def entries(
+    reader: LogReader,
+    window: Window,
+    doors: Collection[DoorId] | None = None,
+    *,
+    with_newer: bool = True,
+) -> Iterator[HistoryEntry]:
+    """Yield the events of a window with who and why and what they changed, retracted ones marked.
+
+    Args:
+        reader: Of the log.
+        window: Which events.
+        doors: Only those about these; None: all.
+        with_newer: And those of kinds unknown here, which may be about any.
+    """
+    finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
+
+    def look_at(segment: Segment, page: Page) -> None:
+        finder.look_at(segment, page)
+        changes.look_at(segment, page)
+
+    found = reader.batches(window, on_page=look_at, with_newer=with_newer)
+    batches = (about(batch, doors, with_newer=with_newer) for batch in found)
+    retractions = reader.retractions(with_newer=with_newer)
+    return history(batches, finder.commit_at, retractions, changes.changes_in)
+
+
+def about(
+    batch: EventBatch, doors: Collection[DoorId] | None, *, with_newer: bool = False
+) -> EventBatch:
+    """Return the events of a batch that are about some doors; None: all.
+
+    Args:
+        batch: The events.
+        doors: The doors.
+        with_newer: And those of kinds unknown here, which may be about any.
+    """
+    if doors is None:
+        return batch
+    chosen = batch.of_doors(doors)
+    if with_newer:
+        chosen |= batch.kind > len(KINDS)
+    return batch.select(chosen)
+
+
+def comes_after(one: Moment, other: Moment) -> bool:
+    """Tell whether a moment is later than another of its sort."""
+    if one.ns is not None and other.ns is not None:
+        return one.ns > other.ns
+    return one.event is not None and other.event is not None and one.event > other.event
+
+
+def between(first: Moment, second: Moment) -> Window:
+    """Return what comes after the first moment, up to and with the second."""
+    return Window(
+        happened_from_ns=_next(first.ns),
+        happened_before_ns=_next(second.ns),
+        first_event=_next(first.event),
+        before_event=_next(second.event),
+    )
+
+
+def _next(number: int | None) -> int | None:
+    return None if number is None else number + 1

@@ -1,0 +1,39 @@
+"""When a log ends: the latest happened time of what it tells, without a replay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from semmap_log.folds.retraction import Retractions
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import batches_of
+from semmap_log.store.reading.segment_scan import Segment
+
+
+def latest_happened_ns(reader: LogReader) -> int:
+    """Return the latest happened time of all events that are not retracted; 0: there are none.
+
+    It is known from what is read of each segment anyway, when its events happened. Only where
+    something is retracted the chunks are looked into that could hold the latest. No event counts as
+    later than it was recorded: so the last segment often is enough.
+    """
+    hidden = reader.retractions(with_newer=True)
+    latest_ns = 0
+    for segment in reversed(reader.segments):
+        latest_ns = max(latest_ns, _latest_in(segment, hidden, latest_ns))
+        if latest_ns >= segment.recorded[0]:
+            break
+    return latest_ns
+
+
+def _latest_in(segment: Segment, hidden: Retractions, known_ns: int) -> int:
+    """Return the latest time in a segment; any earlier one where it is not later than another."""
+    if not hidden.ranges:
+        return segment.span[1]
+    latest_ns, greatest_ns = known_ns, segment.spans["greatest"]
+    for chunk in np.argsort(-greatest_ns).tolist():
+        if greatest_ns[chunk] <= latest_ns:
+            break
+        for _, batch in batches_of(segment, np.array([chunk])):
+            latest_ns = max(latest_ns, int(hidden.visible(batch).folds_ns.max(initial=0)))
+    return latest_ns

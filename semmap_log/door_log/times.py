@@ -1,0 +1,67 @@
+"""What a time means that somebody asks a log about, or tells it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import datetime
+
+from semmap_log.domain.events import is_whole_number
+from semmap_log.domain.moments import INSTANTS, Moment, parse_moment
+from semmap_log.errors import MomentError
+
+Time = int | str | datetime | Moment | None
+"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
+datetime (a naive one is in the log's zone), or what `moment` made of one."""
+
+
+def moment_of(time: Time, *, tz: str, end_ns: Callable[[], int]) -> Moment:
+    """Return what a time means in a log.
+
+    Args:
+        time: A moment in any of its forms.
+        tz: The log's zone.
+        end_ns: Gives what `now` is, and `2h ago` counts from; asked only where that matters.
+
+    Raises:
+        MomentError: It cannot be read.
+    """
+    if time is None:
+        return Moment()
+    if isinstance(time, Moment):
+        return time
+    if isinstance(time, datetime):
+        time = time.isoformat()
+    if isinstance(time, str):
+        return parse_moment(time, tz=tz, end_ns=0 if _is_absolute(time) else end_ns())
+    if not is_whole_number(time):
+        raise MomentError(
+            f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
+            f"datetime; got {time!r}."
+        )
+    return Moment(ns=int(time))
+
+
+def happened_ns_of(time: Time, *, tz: str, now_ns: int) -> int | None:
+    """Return when something happened by what is said of it; None: that is not said.
+
+    Args:
+        time: A moment in any of its forms, but for the number of an event.
+        tz: The log's zone.
+        now_ns: What `now` is, and `2h ago` counts from.
+
+    Raises:
+        MomentError: It cannot be read, or is the number of an event.
+    """
+    moment = moment_of(time, tz=tz, end_ns=lambda: now_ns)
+    if moment.event is not None:
+        raise MomentError(
+            f"expected when it happened, a time such as {INSTANTS}; got the number of event "
+            f"{moment.event}, of whose time `show` tells."
+        )
+    return moment.ns
+
+
+def _is_absolute(time: str) -> bool:
+    """Tell whether a text names a moment without reference to another: the usual, cheap case."""
+    return bool(re.match(r"\s*(\d{4}-|@|event:)", time))

@@ -1,0 +1,46 @@
+"""How a command becomes a commit: once, in its turn, as it was asked for."""
+
+from __future__ import annotations
+
+from mutation.mutant import guard
+
+APPENDING = (
+    guard("a command that is sent again asks for the same", "Command.is_stored_as",
+          "commit.content == self.content", "True", "test_command_content"),
+    guard("events that are sent again are the same", "GivenEvents.is_stored_as",
+          "are_same(wanted, events[-len(wanted) :])", "True", "test_command_content"),
+    guard("who and why belong to a command", "WordedCommand.content",
+          "content_of(*self.words(), self.context.at, self.context.note)",
+          "content_of(*self.words(), self.context.at)", "test_command_content"),
+    guard("no level and level 0 are the same words", "AddDoor.words",
+          "self.level or 0", "self.level", "test_command_content"),
+    guard("poses that waited are no part of an answer", "Appender._repeated",
+          "stored[poses:]", "stored", "test_command_content"),
+    guard("an expected event is asked for", "Appender._write",
+          "now.check_last_event(context.expected_event, command.door_expected(events))", "",
+          "test_command_content"),
+    guard("an expected event of a door", "DoorCommand.door_expected",
+          "return first.door_id", "return None", "test_command_content"),
+    guard("a pose that an update leaves as it is", "UpdateDoor.events",
+          'given = {"x": known.x, "y": known.y, "theta": known.theta} | given', "",
+          "test_levels", "test_keywords", "test_replay", "test_cli"),
+    guard("the level that an update leaves as it is", "UpdateDoor.events",
+          "known.level if self.level is None else now.level_meant(self.level)",
+          "now.level_meant(self.level)", "test_command_content", "test_levels"),
+    guard("poses go with one commit", "Appender._take_in",
+          "now.waiting = []", "", "test_command_content", "faults.test_interrupted"),
+    guard("a name after it was given to another", "Appender._take_in",
+          "now.doors = None", "", "test_command_content"),
+    guard("an append waits until it lasts", "Appender.append",
+          "self._keep(appended.commit, sync=sync)", "", "test_durability"),
+    guard("a log that cannot be appended to is asked nothing", "Appender.append_if_any",
+          "self._writer.check_usable()", "", "test_command_content"),
+    guard("what a copy of the map is changed by", "DoorLogWriter.state_in",
+          "DoorMapState.from_arrays(self.state.to_arrays())", "self.state", "test_state_in"),
+    guard("the end of what is not taken back", "log_end._latest_in",
+          "hidden.visible(batch).folds_ns", "batch.folds_ns", "test_log_end"),
+    guard("the end, in an earlier segment", "log_end.latest_happened_ns",
+          "latest_ns >= segment.recorded[0]", "True", "test_log_end"),
+    guard("keywords that many calls share are refused like others", "knows_keywords",
+          "known |= dict.fromkeys(_SHARED[shared.__name__])", "", "test_keywords"),
+)  # fmt: skip
