@@ -119,8 +119,6 @@ def test_events_refuse_what_they_do_not_know(kind: type[Any]) -> None:
 TAKE_ANY = {
     "semmap_log.domain.keywords.checked": "asks for unknown ones first",
     "semmap_log.batches.made_of_columns.of": "asks the kind for its fields",
-    "semmap_log.domain.events._finite": "fields to check, by name",
-    "semmap_log.domain.events._share": "fields to check, by name",
     "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.formats.ros_messages.new": "a message's fields, which its class knows",
     "semmap_log.messages.typestore.serialize": "a message's fields, which its class knows",

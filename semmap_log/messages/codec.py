@@ -92,7 +92,7 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
             raise ValueError(
                 f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}"
             )
-        return event_of(kind, fixed.unpack(data), happened_ns)
+        return event_of(KINDS[kind - 1], fixed.unpack(data), happened_ns)
     message = deserialize(ros_type(kind), data)
     cls = KINDS[kind - 1]
     if cls is FloorMap:
