@@ -16,7 +16,7 @@ from typing import Annotated, Any, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.doors import LEVEL_NOT_GIVEN, NAN, DoorState
+from semmap_log.domain.doors import LEVEL_NOT_GIVEN, NAN, DoorState, is_given
 from semmap_log.domain.doors import NO_LEVEL as NO_LEVEL  # noqa: PLC0414 - a column of events has it
 from semmap_log.domain.event_base import DoorEvent, Event
 from semmap_log.domain.meaning import (
@@ -334,7 +334,17 @@ def field_names(kind: type[Event]) -> tuple[str, ...]:
     return tuple(f.name for f in fields(kind) if f.name != "happened_ns")
 
 
+def told_fields(kind: type[Event]) -> tuple[str, ...]:
+    """Return the names of those of them that are told to others: all but salts."""
+    return tuple(f.name for f in fields(kind) if f.repr and f.name != "happened_ns")
+
+
 def defaults_of(kind: type[Event]) -> dict[str, Any]:
     """Return the defaults of a kind's own fields, as far as they have any."""
     known = ((f.name, f.default) for f in fields(kind) if f.name != "happened_ns")
     return {name: default for name, default in known if default is not MISSING}
+
+
+def may_lack_level(kind: type[Event]) -> bool:
+    """Tell whether events of a kind are on a level that need not be given: `levels` says which."""
+    return not is_given(defaults_of(kind).get("level", 0))

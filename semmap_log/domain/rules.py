@@ -151,7 +151,8 @@ class Whole(_Range):
     def dtype(self) -> str:  # type: ignore[override]
         """The least type that has room for them."""
         greatest = self.high if self.absent is None else max(self.high, self.absent)
-        return next(name for name in ("u1", "u2", "u4", "i8") if greatest <= np.iinfo(name).max)
+        names = ("u1", "u2", "u4", "i8") if self.low >= 0 else ("i8",)
+        return next(name for name in names if greatest <= np.iinfo(name).max)
 
     @property
     def is_coded(self) -> bool:  # type: ignore[override]

@@ -30,10 +30,11 @@ from semmap_log.domain.events import (
     Event,
     FloorMap,
     UnknownEvent,
-    field_names,
+    told_fields,
 )
 from semmap_log.domain.meaning import PARTS
 from semmap_log.domain.moments import format_utc
+from semmap_log.domain.rules import Rule, Time
 
 NOTE_KEYS = ("actor", "source", "reason", "correlation")
 
@@ -93,7 +94,7 @@ def _fields(event: Event) -> dict[str, Any]:
         return _floor_map_fields(event)
     if isinstance(event, UnknownEvent):
         return {"newer": True, "cdr_base64": base64.b64encode(event.data).decode()}
-    values = {name: getattr(event, name) for name in field_names(type(event)) if name != "salt"}
+    values = {name: getattr(event, name) for name in told_fields(type(event))}
     if isinstance(event, DoorUpdated):
         kept = {"door_id", *event.values_set()}
         values = {name: value for name, value in values.items() if name in kept}
@@ -101,12 +102,21 @@ def _fields(event: Event) -> dict[str, Any]:
     if isinstance(event, DoorObserved) and event.accuracy_open == event.accuracy_closed:
         values["accuracy"] = values.pop("accuracy_open")
         del values["accuracy_closed"]
-    if "at_ns" in values:
-        values["at"] = format_utc(values.pop("at_ns"))
-    return {name: _plain(value) for name, value in values.items()}
+    rules = type(event).rules.fields
+    return {
+        key_of(name, rules.get(name)): _plain(value, rules.get(name))
+        for name, value in values.items()
+    }
 
 
-def _plain(value: object) -> object:
+def key_of(name: str, rule: Rule | None) -> str:
+    """Return the key of a field: a time is told as text, and so without its unit."""
+    return name.removesuffix("_ns") if isinstance(rule, Time) else name
+
+
+def _plain(value: Any, rule: Rule | None) -> object:
+    if isinstance(rule, Time):
+        return format_utc(value)
     if isinstance(value, DoorState):
         return value.name
     if isinstance(value, float) and not math.isfinite(value):

@@ -10,21 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import (
-    KINDS,
-    DoorAnnotated,
-    Event,
-    FloorMap,
-    LevelAdded,
-    LogExported,
-    event_of,
-)
+from semmap_log.domain.events import KINDS, Event, FloorMap, event_of, field_names
 from semmap_log.messages.layout import Layout, layout
 from semmap_log.messages.typestore import OCCUPANCY_GRID, deserialize, serialize, type_name
 
 OBJECT_KINDS: frozenset[int] = frozenset(
-    kind.kind for kind in (DoorAnnotated, LevelAdded, FloorMap, LogExported)
+    kind.kind for kind in KINDS if not all(rule.dtype for rule in kind.rules.fields.values())
 )
 """Kinds with text or arrays, read as objects; all others are read as columns."""
 
@@ -56,22 +47,8 @@ def encode(event: Event, happened_ns: int) -> bytes:
         return fixed.pack(*field_getter(event.kind)(event))
     if isinstance(event, FloorMap):
         return _encode_floor_map(event, happened_ns)
-    if isinstance(event, DoorAnnotated):
-        return serialize(
-            ros_type(event.kind),
-            salt=_salt(event.salt),
-            door_id=event.door_id,
-            key=event.key,
-            value=event.value,
-        )
-    if isinstance(event, LevelAdded):
-        return serialize(
-            ros_type(event.kind), level=event.level, name=event.name, elevation=event.elevation
-        )
-    assert isinstance(event, LogExported)
-    return serialize(
-        ros_type(event.kind), format=event.format, file_name=event.file_name, at_ns=event.at_ns
-    )
+    values = {name: getattr(event, name) for name in field_names(type(event))}
+    return serialize(ros_type(event.kind), **{n: _as_array(value) for n, value in values.items()})
 
 
 def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
@@ -97,31 +74,17 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
     cls = KINDS[kind - 1]
     if cls is FloorMap:
         return _decode_floor_map(message, happened_ns, level)
-    if cls is DoorAnnotated:
-        return DoorAnnotated(
-            happened_ns=happened_ns,
-            door_id=DoorId(message.door_id),
-            key=message.key,
-            value=message.value,
-            salt=bytes(message.salt),
-        )
-    if cls is LevelAdded:
-        return LevelAdded(
-            happened_ns=happened_ns,
-            level=message.level,
-            name=message.name,
-            elevation=message.elevation,
-        )
-    return LogExported(
-        happened_ns=happened_ns,
-        format=message.format,
-        file_name=message.file_name,
-        at_ns=message.at_ns,
-    )
+    values = {name: _as_bytes(getattr(message, name)) for name in field_names(cls)}
+    return event_of(cls, values, happened_ns)
 
 
-def _salt(salt: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    return np.frombuffer(salt or bytes(16), np.uint8)
+def _as_array(value: Any) -> Any:
+    """Return a salt as a message has it; other values as they are."""
+    return np.frombuffer(value or bytes(16), np.uint8) if isinstance(value, bytes) else value
+
+
+def _as_bytes(value: Any) -> Any:
+    return bytes(value) if isinstance(value, np.ndarray) else value
 
 
 def _encode_floor_map(event: FloorMap, happened_ns: int) -> bytes:

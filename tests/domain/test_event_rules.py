@@ -333,6 +333,26 @@ def test_the_kinds_keep_their_numbers() -> None:
     assert list(range(1, 15)) == [kind.kind for kind in KINDS]
 
 
+@pytest.mark.parametrize(
+    ("kind", "name"), [(kind, name) for kind in FIXED for name in field_names(kind)]
+)
+def test_columns_have_room_for_all_that_a_rule_allows(kind: type[Any], name: str) -> None:
+    """
+    Those in the messages, and those that are made from the rule alone.
+    """
+    rule = kind.rules.fields[name]
+    stored, made = fixed_layout(kind.kind).dtype[name], np.dtype(rule.dtype)
+
+    assert (stored.kind in "iu") == (made.kind in "iu")
+    for dtype in (stored, made):
+        if dtype.kind in "iu":
+            info = np.iinfo(dtype)
+            assert info.min <= rule.low
+            assert rule.high <= info.max
+        else:
+            assert stored == made
+
+
 OBJECTS = [DoorAnnotated, LevelAdded, FloorMap, LogExported]
 
 
