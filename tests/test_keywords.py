@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from batch_columns import MODULE, written
 
 import semmap_log as sl
 from semmap_log.batches.made_of_columns import MadeOfColumns
@@ -146,8 +147,10 @@ def test_nothing_else_takes_any_keyword() -> None:
 
 def test_the_columns_spelt_out_are_the_fields_of_the_events() -> None:
     """
-    For each kind a signature: its fields, those without a default required.
+    For each kind a signature: its fields, those without a default required. Else:
+    python tools/batch_columns.py.
     """
+    assert written() == MODULE.read_text(encoding="utf-8")
     source = ast.parse(Path(inspect.getfile(MadeOfColumns)).read_text())
     spelt: dict[str, dict[str, bool]] = {}
     for node in ast.walk(source):

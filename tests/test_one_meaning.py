@@ -12,6 +12,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,8 @@ class DoorTouched(DoorEvent):
     accuracy_open: float = 1.0
     accuracy_closed: float = 1.0
     strength: float = NAN
+    touches: Annotated[int, Whole(1, 200)] = 1
+    gloved: bool = False
 
 
 AnyEvent: TypeAlias = (
@@ -45,6 +48,8 @@ uint8 state
 float64 accuracy_open
 float64 accuracy_closed
 float64 strength  # of the touch [N]; NaN: not given
+uint8 touches
+bool gloved
 """
 
 FELT = """\
@@ -64,6 +69,7 @@ with sl.create(sys.argv[1], tz="UTC") as log:
     log.append([DoorTouched(door_id=door, state=sl.DoorState.OPEN, happened_ns=happened_ns)])
     log.append(EventBatch.of(
         DoorTouched, door_id=[door, door], state=[2, 1], strength=[2.5, 3.5], accuracy_open=0.9,
+        touches=[2, 200], gloved=[False, True],
         happened_ns=[happened_ns + 10**9, happened_ns + 2 * 10**9],
     ))
 """
@@ -167,7 +173,9 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
     assert "CLOSED" in json.dumps(intervals)
     assert "CLOSED" in json.dumps(found["changed"])
     assert 3 == _value(believed, "sightings")
-    _leaves_and_comes_back(program, log, door, {None, 2.5, 3.5}, "strength")
+    _leaves_and_comes_back(program, log, door, {
+        "strength": {None, 2.5, 3.5}, "touches": {None, 1, 2, 200}, "gloved": {None, False, True},
+    })  # fmt: skip
     rows = list(csv.reader((tmp_path / "x.csv").open()))
     assert ["OPEN", "CLOSED", "OPEN"] == [row[2] for row in rows[-3:]]
 
@@ -204,13 +212,13 @@ def test_a_field_of_a_door_is_told_in_four_files(tmp_path: Path) -> None:
     assert [(None, 2.0), (2.0, 2.5), (2.5, 3.5)] == heights
     assert "height 2.5" in program.verb("history", log)
     assert "height" in json.dumps(found["changed"])
-    _leaves_and_comes_back(program, log, door, {None, 2.0, 2.5, 3.5}, "height")
+    _leaves_and_comes_back(program, log, door, {"height": {None, 2.0, 2.5, 3.5}})
 
 
 def _leaves_and_comes_back(
-    program: Program, log: Path, door: dict[str, Any], values: set[Any], column: str
+    program: Program, log: Path, door: dict[str, Any], values: Mapping[str, set[Any]]
 ) -> None:
-    """Export a log to every format, import what can come back, and look for a column."""
+    """Export a log to every format, import what can come back, and look for columns."""
     import pyarrow.parquet as pq
 
     to, again = log.parent, log.parent / "again"
@@ -223,7 +231,10 @@ def _leaves_and_comes_back(
     program.verb("compact", again)
 
     assert [door] == program.ask("replay", again)["doors"]
-    assert values == set(pq.read_table(to / "x.parquet").to_pydict()[column])
+    program.verb("export", again, to / "again.parquet")
+    table, same = (pq.read_table(to / f"{name}.parquet").to_pydict() for name in ("x", "again"))
+    assert values == {name: set(table[name]) for name in values}
+    assert table == same
 
 
 def _value(found: Any, key: str) -> Any:
