@@ -74,6 +74,15 @@ with sl.create(sys.argv[1], tz="UTC") as log:
     ))
 """
 
+COUNT_FRAMES = """
+import sys
+import semmap_log as sl
+from semmap_log.costmaps.over_time import costmap_frames
+
+with sl.read(sys.argv[1]) as log:
+    print([frame.event for frame in costmap_frames(log)])
+"""
+
 FIELD_MSG = "float64 prob_closed  # [0, 1]; NaN: not given"
 HEIGHT_MSG = f"{FIELD_MSG}\nfloat64 height       # of the frame [m]; NaN: not given"
 LAST_FIELD = "    prob_closed: Annotated[Probability, Changed.PROB_CLOSED] = NAN\n"
@@ -172,6 +181,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
     assert told.count("felt OPEN") == 2
     assert "CLOSED" in json.dumps(intervals)
     assert "CLOSED" in json.dumps(found["changed"])
+    assert [-1, 0, 2, 3, 4] == json.loads(run(program.folder, COUNT_FRAMES, log))
     assert 3 == _value(believed, "sightings")
     _leaves_and_comes_back(program, log, door, {
         "strength": {None, 2.5, 3.5}, "touches": {None, 1, 2, 200}, "gloved": {None, False, True},

@@ -293,6 +293,9 @@ STATE_KINDS = tuple(
 ADDING_KINDS = tuple(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.COMES)
 """Those that bring a door into the map."""
 
+POSE_KINDS = tuple(kind for kind in SETTING_KINDS if kind.effect.can_set & Changed.POSE)
+"""Those that may say where a door is."""
+
 DOOR_KINDS = frozenset(kind.kind for kind in KINDS if issubclass(kind, DoorEvent))
 """The numbers of the kinds that are about a door."""
 

@@ -14,16 +14,10 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import (
-    DoorAdded,
-    DoorAnnotated,
+    KINDS,
     DoorPassed,
-    DoorRemoved,
-    DoorRequested,
-    DoorUpdated,
-    FloorMap,
-    LevelAdded,
-    LogExported,
-    Retracted,
+    PatrolFinished,
+    PatrolStarted,
     RobotPose,
 )
 from semmap_log.projections.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
@@ -35,8 +29,11 @@ STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
 
 MOST_CHANGES = 200
 """So many of the last changes are told in words."""
-TOLD = (DoorAdded, DoorUpdated, DoorRemoved, DoorRequested, DoorAnnotated,
-        LevelAdded, FloorMap, LogExported, Retracted)  # fmt: skip
+TOLD = tuple(
+    kind
+    for kind in KINDS
+    if not (kind.effect.is_sighting or kind in (PatrolStarted, PatrolFinished, RobotPose))
+)
 """Kinds that are told whatever they say; sightings are where they tell of another state."""
 
 Rows = NDArray[Any]
