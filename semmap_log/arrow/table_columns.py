@@ -18,7 +18,7 @@ import numpy as np
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import KINDS, Event, field_names, told_fields
 from semmap_log.domain.meaning import ALL_CHANGED, Changed
-from semmap_log.domain.rules import Bits, OneOf, Rule, Text, Time
+from semmap_log.domain.rules import Bits, Nanoseconds, OneOf, Rule, Text
 from semmap_log.messages import comments_of
 
 SCHEMA_VERSION = 1
@@ -134,7 +134,7 @@ def _fields() -> Iterator[Column]:
             yield from OF_CELLS
         elif name != "door_id":
             says = MEANINGS.get(name) or comments_of(kind.__name__)[name]
-            ours = name.removesuffix("_ns") if isinstance(rule, Time) else name
+            ours = name.removesuffix("_ns") if isinstance(rule, Nanoseconds) else name
             yield Column(ours, _type_of(rule), says, field=name if ours != name else "")
 
 
@@ -143,7 +143,7 @@ def _type_of(rule: Rule) -> str:
     return _TYPES.get(type(rule)) or str(np.dtype(rule.dtype))
 
 
-_TYPES = {OneOf: STATE, Bits: CHANGED, Time: TIME, Text: "str"}
+_TYPES = {OneOf: STATE, Bits: CHANGED, Nanoseconds: TIME, Text: "str"}
 """Rule of a field -> the type of its column, where that is another than in numpy."""
 
 FIELDS = tuple(_fields())

@@ -26,16 +26,16 @@ from semmap_log.domain.meaning import (
 from semmap_log.domain.rules import (
     ANY_NUMBER,
     Fit,
+    Nanoseconds,
     Number,
     Rule,
-    Time,
     Whole,
     is_number,
     rules_of,
 )
 from semmap_log.errors import InvalidEventError
 
-HAPPENED = Time()
+HAPPENED = Nanoseconds()
 
 
 @dataclass(frozen=True, slots=True)

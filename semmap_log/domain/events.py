@@ -24,14 +24,14 @@ from semmap_log.domain.meaning import (
     NO_EFFECT,
     POSE_IF_SET,
     WIDTH_WITH_POSE,
-    DoorFields,
+    DoorValues,
     Effect,
     LevelNumber,
     Presence,
     Probability,
 )
 from semmap_log.domain.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
-from semmap_log.domain.rules import Bits, Cells, Number, OneOf, Rule, Text, Time, Whole
+from semmap_log.domain.rules import Bits, Cells, Nanoseconds, Number, OneOf, Rule, Text, Whole
 from semmap_log.domain.rules import is_whole_number as is_whole_number  # noqa: PLC0414 - used with events
 
 __all__ = [
@@ -57,7 +57,7 @@ __all__ = [
 ]
 
 MAX_EVENT = 2**63 - 1
-MAX_TIME_NS = Time.high
+MAX_TIME_NS = Nanoseconds.high
 LEAST_ABOVE_0 = math.nextafter(0.0, 1.0)
 """The least number that is no zero."""
 
@@ -72,11 +72,11 @@ Duration: TypeAlias = Annotated[float, Number(0, or_nan=True, unit="seconds")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DoorAdded(DoorFields, DoorEvent):
+class DoorAdded(DoorValues, DoorEvent):
     """A door came into the map (thesis: AddDoor). x, y, theta and width NaN: an unplaced door."""
 
     effect = Effect(sets=ALL_CHANGED, presence=Presence.COMES)
-    fits = (*DoorFields.fits, WIDTH_WITH_POSE)
+    fits = (*DoorValues.fits, WIDTH_WITH_POSE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,10 +89,10 @@ class _SaysWhat(DoorEvent):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DoorUpdated(DoorFields, _SaysWhat):
+class DoorUpdated(DoorValues, _SaysWhat):
     """Some fields of a door were set (thesis: UpdateDoor); those not in `changed` mean nothing."""
 
-    fits = (*DoorFields.fits, POSE_IF_SET)
+    fits = (*DoorValues.fits, POSE_IF_SET)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,7 +230,7 @@ class LogExported(Event):
 
     format: str
     file_name: str
-    at_ns: Annotated[int, Time()]
+    at_ns: Annotated[int, Nanoseconds()]
     """The moment whose state was saved."""
 
 
@@ -334,7 +334,7 @@ def _told(kind: int) -> tuple[tuple[str, Rule], ...]:
 
 def field_names(kind: type[Event]) -> tuple[str, ...]:
     """Return the names of a kind's own fields, without `happened_ns`."""
-    return tuple(f.name for f in fields(kind) if f.name != "happened_ns")
+    return tuple(kind.rules.fields)
 
 
 def told_fields(kind: type[Event]) -> tuple[str, ...]:

@@ -70,7 +70,7 @@ Probability: TypeAlias = Annotated[float, Number(0, 1, or_nan=True)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class DoorFields:
+class DoorValues:
     """The fields of a door that events set, each with the part of the door that it belongs to."""
 
     __slots__ = ()
@@ -87,10 +87,10 @@ class DoorFields:
     prob_closed: Annotated[Probability, Changed.PROB_CLOSED] = NAN
 
 
-PART_OF: Mapping[str, Changed] = marks_of(DoorFields, Changed)
+PART_OF: Mapping[str, Changed] = marks_of(DoorValues, Changed)
 """Field -> the part that it belongs to."""
 
-FIELDS: Mapping[str, str] = {name: rule.dtype for name, rule in rules_of(DoorFields).items()}
+FIELDS: Mapping[str, str] = {name: rule.dtype for name, rule in rules_of(DoorValues).items()}
 """Every field of a door that events set -> its numpy type."""
 
 PARTS: Mapping[Changed, Mapping[str, str]] = {

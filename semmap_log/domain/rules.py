@@ -190,7 +190,7 @@ class Whole(_Range):
 
 
 @dataclass(frozen=True)
-class Time(Whole):
+class Nanoseconds(Whole):
     """Nanoseconds since 1970, UTC."""
 
     low: int = 0

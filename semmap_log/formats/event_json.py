@@ -25,6 +25,7 @@ from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.commits import NO_CONTENT, Commit
 from semmap_log.domain.doors import DoorState, is_given
 from semmap_log.domain.events import (
+    KINDS,
     DoorObserved,
     DoorUpdated,
     Event,
@@ -34,7 +35,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.meaning import PARTS
 from semmap_log.domain.moments import format_utc
-from semmap_log.domain.rules import Rule, Time
+from semmap_log.domain.rules import Nanoseconds, Rule
 
 NOTE_KEYS = ("actor", "source", "reason", "correlation")
 
@@ -94,7 +95,7 @@ def _fields(event: Event) -> dict[str, Any]:
         return _floor_map_fields(event)
     if isinstance(event, UnknownEvent):
         return {"newer": True, "cdr_base64": base64.b64encode(event.data).decode()}
-    values = {name: getattr(event, name) for name in told_fields(type(event))}
+    values = {name: getattr(event, name) for name in _TOLD[event.kind]}
     if isinstance(event, DoorUpdated):
         kept = {"door_id", *event.values_set()}
         values = {name: value for name, value in values.items() if name in kept}
@@ -102,21 +103,28 @@ def _fields(event: Event) -> dict[str, Any]:
     if isinstance(event, DoorObserved) and event.accuracy_open == event.accuracy_closed:
         values["accuracy"] = values.pop("accuracy_open")
         del values["accuracy_closed"]
-    rules = type(event).rules.fields
-    return {
-        key_of(name, rules.get(name)): _plain(value, rules.get(name))
-        for name, value in values.items()
-    }
+    for name, key in _TIMES.get(event.kind, ()):
+        values[key] = format_utc(values.pop(name))
+    return {name: _plain(value) for name, value in values.items()}
 
 
-def key_of(name: str, rule: Rule | None) -> str:
+def key_of(name: str, rule: Rule) -> str:
     """Return the key of a field: a time is told as text, and so without its unit."""
-    return name.removesuffix("_ns") if isinstance(rule, Time) else name
+    return name.removesuffix("_ns") if isinstance(rule, Nanoseconds) else name
 
 
-def _plain(value: Any, rule: Rule | None) -> object:
-    if isinstance(rule, Time):
-        return format_utc(value)
+_TIMES = {
+    kind.kind: [
+        (n, key_of(n, r)) for n, r in kind.rules.fields.items() if isinstance(r, Nanoseconds)
+    ]
+    for kind in KINDS
+}
+"""Kind -> its fields that are times, and their keys."""
+
+_TOLD = {kind.kind: told_fields(kind) for kind in KINDS}
+
+
+def _plain(value: object) -> object:
     if isinstance(value, DoorState):
         return value.name
     if isinstance(value, float) and not math.isfinite(value):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -26,7 +26,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.domain.moments import parse_instant, zone
-from semmap_log.domain.rules import OneOf, Rule, Text, Time, Truth, Whole
+from semmap_log.domain.rules import Nanoseconds, OneOf, Rule, Text, Truth, Whole
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.formats.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, key_of, unpack_cells
 from semmap_log.formats.problems import shown
@@ -200,7 +200,7 @@ class _LineReader:
             values["changed"] = self.changed()
             if Changed.POSE in values["changed"] and "level" not in self.left:
                 values["level"] = self.lookup.level_of(values["door_id"])
-        if may_lack_level(kind) and "level" not in values:
+        if kind in _MAY_LACK_LEVEL and "level" not in values:
             values |= self.level(kind)
         if kind is DoorObserved and "accuracy" in self.left:
             if {"accuracy_open", "accuracy_closed"} & set(self.left):
@@ -209,12 +209,10 @@ class _LineReader:
                     "accuracy_closed; leave one form out"
                 )
             values["accuracy_open"] = values["accuracy_closed"] = self.number("accuracy")
-        for name in told_fields(kind):
-            rule = kind.rules.fields[name]
-            key = key_of(name, rule)
+        for name, key, read in _FIELDS[kind]:
             if key in self.left:
-                values[name] = self.value(rule, key)
-        missing = [key for key, name in required_keys(kind) if name not in values]
+                values[name] = read(self, key)
+        missing = [key for key, name in _REQUIRED[kind] if name not in values]
         if missing:
             raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
         return values
@@ -226,22 +224,6 @@ class _LineReader:
         if "level" in self.left:
             return {"level": self.whole("level")}
         return {} if kind is DoorUpdated else {"level": self.lookup.level(None)}
-
-    def value(self, rule: Rule, key: str) -> Any:
-        """Return a field's value, as its rule says what that is."""
-        match rule:
-            case OneOf():
-                return self.state(key)
-            case Time():
-                return self.instant(key)
-            case Truth():
-                return self.truth(key)
-            case Text():
-                return self.text(key)
-            case Whole():
-                return self.whole(key)
-            case _:
-                return self.number(key)
 
     def door_id(self, kind: type[Event]) -> DoorId:
         if "door_id" in self.left:
@@ -422,3 +404,25 @@ _KNOWN_KEYS = {
     for kind in KIND_BY_NAME.values()
 }
 """The keys that are looked at; of a `door` in a DoorAdded more is said than that it has none."""
+
+_READ: Mapping[type[Rule], Callable[[_LineReader, str], Any]] = {
+    OneOf: _LineReader.state,
+    Nanoseconds: _LineReader.instant,
+    Truth: _LineReader.truth,
+    Text: _LineReader.text,
+    Whole: _LineReader.whole,
+}
+"""Rule of a field -> what reads its value; all others are numbers."""
+
+_FIELDS = {
+    kind: [
+        (name, key_of(name, rule), _READ.get(type(rule), _LineReader.number))
+        for name, rule in kind.rules.fields.items()
+        if name in told_fields(kind)
+    ]
+    for kind in KIND_BY_NAME.values()
+}
+"""Kind -> its fields, their keys, and what reads their values."""
+
+_REQUIRED = {kind: required_keys(kind) for kind in KIND_BY_NAME.values()}
+_MAY_LACK_LEVEL = frozenset(kind for kind in KIND_BY_NAME.values() if may_lack_level(kind))

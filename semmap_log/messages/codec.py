@@ -47,8 +47,11 @@ def encode(event: Event, happened_ns: int) -> bytes:
         return fixed.pack(*field_getter(event.kind)(event))
     if isinstance(event, FloorMap):
         return _encode_floor_map(event, happened_ns)
-    values = {name: getattr(event, name) for name in field_names(type(event))}
-    return serialize(ros_type(event.kind), **{n: _as_array(value) for n, value in values.items()})
+    names, values_of = _object_fields(event.kind)
+    values = dict(zip(names, values_of(event), strict=True))
+    if "salt" in values:
+        values["salt"] = np.frombuffer(values["salt"] or bytes(16), np.uint8)
+    return serialize(ros_type(event.kind), **values)
 
 
 def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
@@ -74,17 +77,19 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
     cls = KINDS[kind - 1]
     if cls is FloorMap:
         return _decode_floor_map(message, happened_ns, level)
-    values = {name: _as_bytes(getattr(message, name)) for name in field_names(cls)}
+    names, values_of = _object_fields(kind)
+    values = dict(zip(names, values_of(message), strict=True))
+    if "salt" in values:
+        values["salt"] = bytes(values["salt"])
     return event_of(cls, values, happened_ns)
 
 
-def _as_array(value: Any) -> Any:
-    """Return a salt as a message has it; other values as they are."""
-    return np.frombuffer(value or bytes(16), np.uint8) if isinstance(value, bytes) else value
-
-
-def _as_bytes(value: Any) -> Any:
-    return bytes(value) if isinstance(value, np.ndarray) else value
+@cache
+def _object_fields(kind: int) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]:
+    """Return the fields of a kind that is read as objects, and what takes their values out."""
+    names = field_names(KINDS[kind - 1])
+    getter = attrgetter(*names)
+    return names, getter if len(names) > 1 else lambda each: (getter(each),)
 
 
 def _encode_floor_map(event: FloorMap, happened_ns: int) -> bytes:
