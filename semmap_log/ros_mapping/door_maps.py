@@ -21,7 +21,7 @@ from typing import Any
 
 from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, thesis_state
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
-from semmap_log.domain.meaning import PLACING, Changed
+from semmap_log.domain.meaning import NOTHING, PLACING, Changed
 from semmap_log.errors import InvalidEventError
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage
@@ -164,7 +164,7 @@ class DoorMaps:
         yield DoorAnnotated(door_id=door, key=self._key, value=str(number), happened_ns=happened_ns)
 
     def _updated(self, door: Door, entry: _Entry, happened_ns: int | None) -> Iterator[Event]:
-        changed = Changed(0)
+        changed = NOTHING
         if entry.is_placed:
             if (door.x, door.y, door.theta) != (entry.x, entry.y, entry.theta):
                 changed |= Changed.POSE
