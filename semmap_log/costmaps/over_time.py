@@ -31,7 +31,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.folding.replay import Scope, replay
+from semmap_log.replay.replay import Scope, replay
 
 _DRAWN = (DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorPassed)
 """The kinds of events that a door layer shows."""

@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import (
@@ -39,14 +40,10 @@ from semmap_log.door_log.removed_doors import (
     told_removed,
 )
 from semmap_log.errors import MomentError, UnknownDoorError
-from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
-from semmap_log.folding.live_fold import LiveState, fold_live
-from semmap_log.folding.replay import Scope, replay, visible_batches
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.change_finder import ChangeFinder
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.following import FollowedCommit, follow
 from semmap_log.log.reading.progress import Progress
@@ -58,8 +55,11 @@ from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.projections.levels import resolve_level
 from semmap_log.projections.projection import Projection
-from semmap_log.projections.retraction import Retractions
 from semmap_log.projections.timeline import Timeline, timelines
+from semmap_log.replay.change_finder import ChangeFinder
+from semmap_log.replay.fold import SAVE_EVERY_S, fold, fold_part
+from semmap_log.replay.live_fold import LiveState, fold_live
+from semmap_log.replay.replay import Scope, replay, visible_batches
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -150,7 +150,7 @@ class DoorLog:
             at: What was true then, with all that is known today.
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
-            checkpoint: A file to go on from, and to save to: see `semmap_log.folding.checkpoint`.
+            checkpoint: A file to go on from, and to save to: see `semmap_log.replay.checkpoint`.
             save_every_s: How often it is saved at most, before the end.
             progress: Told how far the reading is.
 

@@ -16,6 +16,7 @@ from semmap_log.log.header import LogInfo
 from semmap_log.log.writing.durability import Promise
 from semmap_log.log.writing.writer import Surroundings
 from semmap_log.log.writing.writer_opening import create_log, open_for_append
+from semmap_log.replay.written_state import WrittenState
 
 _LOCALTIME = Path("/etc/localtime")
 
@@ -61,7 +62,7 @@ def create(
     check_text("robot", robot)
     info = LogInfo(entropy(16).hex(), timezone, building, robot)
     surroundings = Surroundings(promise, clock or SystemClock(), entropy, compact)
-    return DoorLogWriter(create_log(Path(path), info, surroundings))
+    return DoorLogWriter(create_log(Path(path), info, WrittenState, surroundings))
 
 
 @knows_keywords
@@ -94,9 +95,8 @@ def append(
         InvalidEventError: No such durability.
     """
     promise = Promise.of(durability, batch_events, batch_s)
-    return DoorLogWriter(
-        open_for_append(Path(path), Surroundings(promise, clock or SystemClock(), entropy, compact))
-    )
+    surroundings = Surroundings(promise, clock or SystemClock(), entropy, compact)
+    return DoorLogWriter(open_for_append(Path(path), WrittenState, surroundings))
 
 
 @knows_keywords

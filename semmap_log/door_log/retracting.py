@@ -6,16 +6,11 @@ from collections.abc import Iterator
 
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CommandError
-from semmap_log.folding.position import (
-    NO_EVENT,
-    Retraction,
-    hiding,
-    retractions_behind,
-)
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import HistoryEntry, history
+from semmap_log.replay.position import NO_EVENT, Retraction, hiding, retractions_behind
 
 
 def check_can_retract(reader: LogReader, first: int, last: int) -> None:

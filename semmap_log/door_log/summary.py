@@ -21,10 +21,10 @@ from semmap_log.log.header import LogInfo
 from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_scan import Segment
-from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import EarlyEvents
+from semmap_log.replay.state import keyframe_at
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,12 @@ from typing import Any
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
-from semmap_log.folding.replay import Scope
 from semmap_log.formats.event_json import line_to_json
 from semmap_log.log.reading.commit_finder import CommitFinder
 from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import LogReader, OnPage
 from semmap_log.log.reading.window import Window
+from semmap_log.replay.replay import Scope
 
 
 @dataclass(slots=True)

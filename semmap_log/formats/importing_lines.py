@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from semmap_log.batches.retraction import Retractions, in_ranges
 from semmap_log.common.wording import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import (
@@ -29,7 +30,6 @@ from semmap_log.formats.import_plan import Present
 from semmap_log.formats.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.formats.line_numbers import NumberMap, Uncovered
 from semmap_log.formats.line_reading import LineReader
-from semmap_log.projections.retraction import Retractions, in_ranges
 
 MOST_KEPT = 100_000
 """Of more lines none is kept in memory: their file is read twice."""

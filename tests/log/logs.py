@@ -13,12 +13,16 @@ from mcap.records import Metadata
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorObserved, Event
+from semmap_log.log.chunks import BuiltChunk
 from semmap_log.log.compaction import compact
 from semmap_log.log.form import DIGEST_KEY, INDEX_METADATA, KEYFRAME_CHANNEL
 from semmap_log.log.header import _signed, index_metadata
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.segment import SegmentWriter
+from semmap_log.log.writing.keyframe_source import KeyframeMessage, keyframe_chunk
+from semmap_log.projections.door_map import DoorMapState
+from semmap_log.replay.keyframes import encode
 
 
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
@@ -54,6 +58,11 @@ def close_as_before(path: Path) -> None:
         patch.setattr(SegmentWriter, "_write_command_index", lambda _: None)
         patch.setattr("semmap_log.log.compaction.merge.needs_compaction", lambda _: True)
         compact(path, merge=False)
+
+
+def empty_keyframe(log_time_ns: int) -> BuiltChunk:
+    """Return the chunk of a keyframe of a log without events."""
+    return keyframe_chunk(KeyframeMessage(-1, encode(DoorMapState())), log_time_ns)
 
 
 def segment_files(log: Path) -> list[Path]:

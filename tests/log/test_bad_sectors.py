@@ -16,8 +16,7 @@ from semmap_log.errors import CorruptLogError, UnreadableLogError
 from semmap_log.log.compaction import compact
 from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.reading.window import numbers_of
-from semmap_log.log.salvage import recover_into
-from semmap_log.log.verification import verify
+from semmap_log.replay.care import recover_into, verify
 from tests.bad_disk import BLOCK, bad_disk
 from tests.log.eventful import eventful_log
 

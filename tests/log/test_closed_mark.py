@@ -17,10 +17,9 @@ from semmap_log.log.closed_mark import MOST_BYTES, read_mark
 from semmap_log.log.compaction import compact
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading import segment_folder
-from semmap_log.log.salvage import recover
-from semmap_log.log.verification import verify
 from semmap_log.log.verification.findings import Severity
 from semmap_log.log.writing import segment_chain
+from semmap_log.replay.care import recover, verify
 from tests.log.logs import segment_files
 
 DOOR = sl.DoorId(1)

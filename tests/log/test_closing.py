@@ -22,8 +22,9 @@ from semmap_log.log.reading import segment_head
 from semmap_log.log.reading import segment_scan as scan
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_reading import page_at
-from semmap_log.log.verification import Severity, verify
+from semmap_log.log.verification import Severity
 from semmap_log.log.verification.closing import SECTOR
+from semmap_log.replay.care import verify
 from tests.log.eventful import eventful_log
 from tests.log.logs import close_as_before, write_log
 

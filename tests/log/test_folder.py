@@ -25,8 +25,8 @@ from semmap_log.log.compaction.compacting import compact_segment, install_over
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain
+from semmap_log.replay.care import verify
 
 DOOR = sl.DoorId(1)
 VICTIM = b"export PATH=/usr/bin\n"

@@ -20,7 +20,7 @@ from semmap_log.log.compaction import compact
 from semmap_log.log.form import DIGEST_KEY
 from semmap_log.log.header import _signed, index_metadata, read_index
 from semmap_log.log.reading.segment_reading import read_chunk
-from semmap_log.log.verification import verify
+from semmap_log.replay.care import verify
 from tests.conftest import SteadyClock
 
 

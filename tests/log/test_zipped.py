@@ -16,9 +16,8 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import LogAccessError, LogError, NotALogError
 from semmap_log.log import zipped
-from semmap_log.log.salvage import recover, survey
-from semmap_log.log.verification import verify
 from semmap_log.log.zipped import FREE_BYTES, MOST_LIST_BYTES, MOST_RATIO
+from semmap_log.replay.care import recover, survey, verify
 from tests.log.logs import answers, segment_files
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "office"

@@ -11,8 +11,7 @@ import semmap_log as sl
 from semmap_log.errors import NewerLogError
 from semmap_log.log.compaction import compact
 from semmap_log.log.records import MESSAGE
-from semmap_log.log.salvage import recover, survey
-from semmap_log.log.verification import verify
+from semmap_log.replay.care import recover, survey, verify
 from tests.log.logs import digest_of_records, segment_files
 from tests.newer.logs import UNKNOWN, NewerLogs
 

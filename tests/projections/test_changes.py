@@ -18,11 +18,11 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import KINDS, DoorAnnotated, DoorEvent, Retracted
 from semmap_log.domain.meaning import REGISTERS
 from semmap_log.log.compaction import compact
-from semmap_log.log.reading import change_finder
-from semmap_log.log.reading.state import state_at
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.history import HistoryEntry
-from tests.log.reading.test_state import tiny_steps
+from semmap_log.replay import change_finder
+from semmap_log.replay.state import state_at
+from tests.replay.test_state import tiny_steps
 from tests.test_replay import random_log
 
 

@@ -56,7 +56,7 @@ SYNCS = (
           "os.fsync(fd)", "", "test_simulated_disk"),
     guard("sync of the folder in which a log is made", "create_log",
           "sync_folder(path.parent)", "", "test_simulated_disk"),
-    guard("sync of the folder in which half a log was made", "open_for_append",
+    guard("sync of the folder in which half a log was made", "_taken_up",
           "_may_be_half_made(reader)", "False", "test_simulated_disk"),
 )  # fmt: skip
 
@@ -77,21 +77,11 @@ LOCKS = (
     guard("lock before leftovers are removed", "open_for_append",
           'with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):\n'
           "    folder.remove_leftovers()\n"
-          "    reader = LogReader(folder)\n"
-          "    remove_merged(reader)\n"
-          "    writer = LogWriter(folder, lock, state_at(reader), surroundings)\n"
-          "    writer.go_on(reader)\n"
-          "    if _may_be_half_made(reader):\n"
-          "        sync_folder(path.parent)\n"
-          "    return writer", "LogFolder(path).remove_leftovers()\n"
+          "    return _taken_up(folder, lock, new_keyframes, surroundings)",
+          "LogFolder(path).remove_leftovers()\n"
           'with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):\n'
-          "    reader = LogReader(folder)\n"
-          "    remove_merged(reader)\n"
-          "    writer = LogWriter(folder, lock, state_at(reader), surroundings)\n"
-          "    writer.go_on(reader)\n"
-          "    if _may_be_half_made(reader):\n"
-          "        sync_folder(path.parent)\n"
-          "    return writer", "test_rivals"),
+          "    return _taken_up(folder, lock, new_keyframes, surroundings)",
+          "test_rivals"),
     guard("one thread at a time", "AppendableLog.__init__",
           "threading.RLock", '__import__("contextlib").nullcontext',
           "test_rivals", "test_durability"),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
@@ -34,7 +35,6 @@ from semmap_log.log.reading.segment_reading import (
 from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.reading.segment_set import check_adjoins, check_follows
 from semmap_log.log.reading.window import EVERYTHING, Window
-from semmap_log.projections.retraction import Retractions
 
 OnPage = Callable[[Segment, Page], None]
 """Called with the records in which the events of the next batch lie."""

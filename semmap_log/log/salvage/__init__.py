@@ -8,7 +8,7 @@ swap          the new log in the place of the old, which is kept
 run           all of it
 """
 
-from semmap_log.log.salvage.recovering import Recovered, recover, recover_into
+from semmap_log.log.salvage.recovering import Recovered, StateParts, recover, recover_into
 from semmap_log.log.salvage.recovery_plan import Loss, RecoveryPlan, survey
 
-__all__ = ["Loss", "Recovered", "RecoveryPlan", "recover", "recover_into", "survey"]
+__all__ = ["Loss", "Recovered", "RecoveryPlan", "StateParts", "recover", "recover_into", "survey"]

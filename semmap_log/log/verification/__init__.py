@@ -6,7 +6,7 @@ folder      which files make up the log, which are missing, foreign, there twice
 walk        one segment, byte for byte; behind damage it goes on at the next whole chunk
 pieces      one chunk, examined by itself
 chain       numbers, times and hashes from chunk to chunk and from segment to segment
-keyframes   each against the replay
+keyframes   by what is handed in: each against the replay
 closing     index, summary and footer, computed anew
 run         all of it
 """

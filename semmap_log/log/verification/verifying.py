@@ -36,7 +36,7 @@ from semmap_log.log.verification.folder_files import (
     mark_findings,
 )
 from semmap_log.log.verification.hash_chain import Chain, OnCommit, WholeCommit
-from semmap_log.log.verification.keyframe_check import KeyframeCheck, KeyframePlace
+from semmap_log.log.verification.keyframe_place import KeyframePlace, NewKeyframeCheck
 from semmap_log.log.verification.pieces import Piece
 from semmap_log.log.verification.walk import Flaw, Gap, SegmentWalk
 from semmap_log.log.zipped import is_zip, unpacked
@@ -51,7 +51,12 @@ _ATTEMPTS = 5
 """How often to begin anew when a compaction replaces files under our hands."""
 
 
-def verify(path: Path, head: bytes | None = None, progress: Progress | None = None) -> Verification:
+def verify(
+    path: Path,
+    new_check: NewKeyframeCheck,
+    head: bytes | None = None,
+    progress: Progress | None = None,
+) -> Verification:
     """Read all of a log, or one segment of it, and return what is wrong.
 
     Nothing is written, and no lock is taken. While a writer is at work, a commit that is half
@@ -59,6 +64,7 @@ def verify(path: Path, head: bytes | None = None, progress: Progress | None = No
 
     Args:
         path: The log's folder, one .mcap file, or a zip file with a log in it.
+        new_check: Makes what compares keyframes with the events.
         head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
             cut off since.
         progress: Told how many bytes are read.
@@ -72,10 +78,10 @@ def verify(path: Path, head: bytes | None = None, progress: Progress | None = No
             files = unpacked(path)
         except (NotALogError, CorruptLogError) as error:
             return Verification(path, (_of_zip(path, error),))
-        return verify(files.path, head, progress).moved(files.path, path)
+        return verify(files.path, new_check, head, progress).moved(files.path, path)
     for _ in range(_ATTEMPTS):
         with suppress(Vanished):
-            return Verifier(path, head, progress).run()
+            return Verifier(path, new_check, head, progress).run()
     raise LogError(f"{path}: its files change faster than they can be read; try again.")
 
 
@@ -92,6 +98,7 @@ class Verifier:
     def __init__(
         self,
         path: Path,
+        new_check: NewKeyframeCheck,
         head: bytes | None = None,
         progress: Progress | None = None,
         on_commit: OnCommit | None = None,
@@ -102,6 +109,7 @@ class Verifier:
 
         Args:
             path: As for `verify`.
+            new_check: As for `verify`.
             head: As for `verify`.
             progress: As for `verify`.
             on_commit: Takes each commit that is whole and in its place.
@@ -115,7 +123,7 @@ class Verifier:
         self._progress = progress
         self._on_commit = on_commit
         self._clock = ClockCheck()
-        self._keyframes = KeyframeCheck(self._report, self._reread)
+        self._keyframes = new_check(self._report, self._reread)
         self._bytes = self._todo = 0
         self._head_event: int | None = -1 if head == NO_HASH else None
         self._breaks = 0

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic
 
 from semmap_log.common.command_lines import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
@@ -18,14 +20,33 @@ from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_folder import check_is_log
-from semmap_log.log.reading.state import state_at
+from semmap_log.log.writing.keyframe_source import K_co, NewKeyframeSource
 from semmap_log.log.writing.writer import LogWriter, Surroundings
 from semmap_log.log.zipped import refuse_zip
-from semmap_log.projections.door_map import DoorMapState
 
 
-def create_log(path: Path, info: LogInfo, surroundings: Surroundings = Surroundings()) -> LogWriter:
+@dataclass(frozen=True, slots=True)
+class OpenedLog(Generic[K_co]):
+    """A log that was opened for writing."""
+
+    writer: LogWriter
+    keyframes: K_co
+    """Where its keyframes come from."""
+
+
+def create_log(
+    path: Path,
+    info: LogInfo,
+    new_keyframes: NewKeyframeSource[K_co],
+    surroundings: Surroundings = Surroundings(),
+) -> OpenedLog[K_co]:
     """Make a new log in a folder that does not exist, or is empty, and open it.
+
+    Args:
+        path: The folder.
+        info: What is fixed of the log.
+        new_keyframes: Makes the source of its keyframes.
+        surroundings: What the writer takes from the machine.
 
     Raises:
         LogExistsError: Something is there already.
@@ -41,14 +62,25 @@ def create_log(path: Path, info: LogInfo, surroundings: Surroundings = Surroundi
         with _locked(folder) as lock:
             _check_is_free(path, folder)  # again: somebody may have been quicker
             folder.remove_leftovers()
-            writer = LogWriter(folder, lock, DoorMapState(), surroundings)
-            writer.begin(SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH))
+            writer = LogWriter(folder, lock, surroundings)
+            keyframes = new_keyframes(folder, writer.flush)
+            header = SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH)
+            writer.begin(header, keyframes)
             sync_folder(path.parent)
-            return writer
+            return OpenedLog(writer, keyframes)
 
 
-def open_for_append(path: Path, surroundings: Surroundings = Surroundings()) -> LogWriter:
+def open_for_append(
+    path: Path,
+    new_keyframes: NewKeyframeSource[K_co],
+    surroundings: Surroundings = Surroundings(),
+) -> OpenedLog[K_co]:
     """Open a log for writing; a last segment that a crash left torn is made whole first.
+
+    Args:
+        path: Its folder.
+        new_keyframes: Makes the source of its keyframes.
+        surroundings: What the writer takes from the machine.
 
     Raises:
         NotALogError: There is none.
@@ -60,13 +92,23 @@ def open_for_append(path: Path, surroundings: Surroundings = Surroundings()) -> 
     check_is_log(LogFolder(path))  # before a lock file is put into somebody else's folder
     with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
         folder.remove_leftovers()
-        reader = LogReader(folder)
-        remove_merged(reader)
-        writer = LogWriter(folder, lock, state_at(reader), surroundings)
-        writer.go_on(reader)
-        if _may_be_half_made(reader):
-            sync_folder(path.parent)
-        return writer
+        return _taken_up(folder, lock, new_keyframes, surroundings)
+
+
+def _taken_up(
+    folder: LogFolder,
+    lock: WriterLock,
+    new_keyframes: NewKeyframeSource[K_co],
+    surroundings: Surroundings,
+) -> OpenedLog[K_co]:
+    reader = LogReader(folder)
+    remove_merged(reader)
+    writer = LogWriter(folder, lock, surroundings)
+    keyframes = new_keyframes(folder, writer.flush, reader)
+    writer.go_on(reader, keyframes)
+    if _may_be_half_made(reader):
+        sync_folder(folder.path.parent)
+    return OpenedLog(writer, keyframes)
 
 
 def _check_is_free(path: Path, folder: LogFolder | None = None) -> None:

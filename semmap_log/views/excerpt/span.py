@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.retraction import Retractions, in_ranges
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.moments import refuse_reversed
-from semmap_log.folding.replay import Scope, replay
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.retraction import Retractions, in_ranges
+from semmap_log.replay.replay import Scope, replay
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time

@@ -21,14 +21,13 @@ from semmap_log.log import records as mcap
 from semmap_log.log.commit_records import NO_HASH, CommitBuilder, Stamp
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo, SegmentHeader
-from semmap_log.log.keyframes import keyframe_chunk
 from semmap_log.log.reading import live_records
 from semmap_log.log.reading import segment_scan as scan
 from semmap_log.log.reading.resync import whole_chunks
 from semmap_log.log.reading.segment_reading import pages_of
 from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.projections.door_map import DoorMapState
+from tests.log.logs import empty_keyframe
 
 HEADER = SegmentHeader(LogInfo("ab" * 16, "UTC"), 0, 0, NO_HASH)
 SEEN = DoorObserved(door_id=DoorId(1), state=sl.DoorState.OPEN, happened_ns=5)
@@ -49,7 +48,7 @@ def _live(
         last: Changes what the last commit says.
     """
     writer = SegmentWriter(LogFolder(path.parent), path.name, HEADER)
-    writer.add(keyframe_chunk(DoorMapState(), 1))
+    writer.add(empty_keyframe(1))
     writer.install()
     made: list[Commit] = []
     stamp = STAMP

@@ -22,7 +22,7 @@ from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.window import Window
 from tests.conftest import SteadyClock
-from tests.log.reading.test_state import tiny_steps
+from tests.replay.test_state import tiny_steps
 from tests.test_replay import random_log
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.log.verification import file_bytes, pieces, verify
+from semmap_log.log.verification import file_bytes, pieces
 from semmap_log.log.verification.file_bytes import FileBytes, Vanished
+from semmap_log.replay.care import verify
 from tests.log.eventful import eventful_log
 
 DATA = random.Random(4).randbytes(50_000)

@@ -24,9 +24,9 @@ from semmap_log.log.compaction import compact
 from semmap_log.log.folder import LogFolder
 from semmap_log.log.reading import command_rows
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.salvage import recover
 from semmap_log.log.writing import segment_chain, stored_commands
 from semmap_log.log.writing.command_memory import CommandMemory
+from semmap_log.replay.care import recover
 from tests.conftest import SteadyClock
 from tests.log.eventful import flip
 from tests.log.logs import close_as_before

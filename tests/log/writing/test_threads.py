@@ -16,9 +16,9 @@ import semmap_log as sl
 from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.events import DoorAnnotated
 from semmap_log.errors import LogPoisonedError
-from semmap_log.log.verification import verify
 from semmap_log.log.writing import segment_chain
 from semmap_log.log.writing.durability import BatchTimer
+from semmap_log.replay.care import verify
 
 LEVELS = ("event", "batch", "flush", "none")
 SHORT, LONG = "x" * 10, "y" * 60_000

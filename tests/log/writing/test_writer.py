@@ -28,8 +28,8 @@ from semmap_log.errors import (
 )
 from semmap_log.log import commit_records as commits
 from semmap_log.log.commit_records import commit_hash
-from semmap_log.log.reading.state import keyframe_at
 from semmap_log.log.writing import segment_chain
+from semmap_log.replay.state import keyframe_at
 from tests.conftest import SteadyClock
 
 

@@ -6,17 +6,11 @@ import time
 from typing import Generic, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.folding.checkpoint import Checkpoint
-from semmap_log.folding.position import (
-    NO_EVENT,
-    Position,
-    events_behind,
-    hiding,
-    retractions_behind,
-)
 from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.projections.projection import Projection
+from semmap_log.replay.checkpoint import Checkpoint
+from semmap_log.replay.position import NO_EVENT, Position, events_behind, hiding, retractions_behind
 
 S = TypeVar("S")
 

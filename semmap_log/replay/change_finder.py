@@ -11,10 +11,10 @@ from semmap_log.domain.events import Retracted
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_scan import Segment
-from semmap_log.log.reading.state import state_at
 from semmap_log.log.reading.window import Window
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.value_changes import Changes, changes_of
+from semmap_log.replay.state import state_at
 
 FAR = 20_000
 """Events; a state further away is asked for anew rather than folded up to."""

@@ -22,8 +22,6 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from semmap_log.errors import CheckpointError, OutputError
-from semmap_log.folding.plain_state import dump_plain, load_plain
-from semmap_log.folding.position import Position, Retraction
 from semmap_log.log.disk import (
     left_by_killed,
     output_errors,
@@ -33,6 +31,8 @@ from semmap_log.log.disk import (
 )
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.projections.projection import Dumping, Projection, name_of, version_of
+from semmap_log.replay.plain_state import dump_plain, load_plain
+from semmap_log.replay.position import Position, Retraction
 
 S = TypeVar("S")
 

@@ -15,9 +15,9 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CheckpointError, OutputError
-from semmap_log.folding.checkpoint import CheckpointWarning
-from tests.folding.projections import Digest, Numbers, Sums
+from semmap_log.replay.checkpoint import CheckpointWarning
 from tests.log.eventful import flip
+from tests.replay.projections import Digest, Numbers, Sums
 
 
 @pytest.fixture

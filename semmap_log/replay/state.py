@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semmap_log.batches.retraction import Retractions
 from semmap_log.common.wording import counted
 from semmap_log.errors import KeyframeWarning
-from semmap_log.log import keyframes
 from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import BEGINNING, ChunkPlace, LogReader
@@ -23,7 +23,7 @@ from semmap_log.log.reading.segment_reading import page_at
 from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.reading.window import Window, numbers_of
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.retraction import Retractions
+from semmap_log.replay import keyframes
 
 
 def state_at(

@@ -28,17 +28,17 @@ from semmap_log.domain.events import (
 )
 from semmap_log.errors import CorruptLogError, KeyframeWarning, LogError
 from semmap_log.log import commit_records as commits
-from semmap_log.log import keyframes
 from semmap_log.log.compaction import compact, repaging
 from semmap_log.log.form import CHUNK_BYTES
-from semmap_log.log.keyframes import encode
 from semmap_log.log.kind_bits import KEYFRAME_BIT
-from semmap_log.log.reading import segment_reading, state
+from semmap_log.log.reading import segment_reading
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.reader import BEGINNING, ChunkPlace, LogReader
-from semmap_log.log.reading.state import state_at
-from semmap_log.log.writing import segment_chain, written_state
+from semmap_log.log.writing import segment_chain
 from semmap_log.projections.door_map import DoorMapState
+from semmap_log.replay import keyframes, state, written_state
+from semmap_log.replay.keyframes import encode
+from semmap_log.replay.state import state_at
 from tests.conftest import SteadyClock
 from tests.projections.dictionary_model import model
 from tests.test_replay import expected, plain, random_log

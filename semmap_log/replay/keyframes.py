@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.log import records as mcap
-from semmap_log.log.chunks import BuiltChunk, build_chunk
-from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.messages import read_in_place, serialize, type_name
 from semmap_log.projections.door_map import STATE_VERSION, DoorMapState
 
@@ -20,12 +17,6 @@ _LIST_TYPES = {
     "floor_map_happened_ns": "i8", "floor_map_event": "i8",
 }  # fmt: skip
 _HASH_BYTES = 32
-
-
-def keyframe_chunk(state: DoorMapState, log_time_ns: int) -> BuiltChunk:
-    """Return the chunk that holds the state, at a time of the log's own counting."""
-    record = mcap.message(KEYFRAME_CHANNEL, state.event, log_time_ns, log_time_ns, encode(state))
-    return build_chunk(record, np.zeros(1, np.int64))
 
 
 def encode(state: DoorMapState) -> bytes:
