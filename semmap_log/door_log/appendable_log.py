@@ -29,7 +29,6 @@ from semmap_log.errors import (
     CommandReusedError,
     EarlyEventsWarning,
     InvalidEventError,
-    LogError,
     LogPoisonedError,
     UnexpectedEventError,
     UnknownDoorError,
@@ -98,14 +97,8 @@ class AppendableLog(DoorLog):
     """A log that is written; answers questions, too. May be used by several threads."""
 
     def __init__(self, opened: OpenedLog[WrittenState]) -> None:
-        writer = opened.writer
-        try:
-            super().__init__(writer.folder)
-        except BaseException:
-            with suppress(LogError):
-                writer.close()  # nobody else could: its lock would last as long as the process
-            raise
-        self._writer = writer
+        super().__init__(opened.reader)
+        self._writer = writer = opened.writer
         self._written = opened.keyframes
         self._mutex = threading.RLock()
         self._poses: list[RobotPose] = []

@@ -75,7 +75,7 @@ S = TypeVar("S")
 class DoorLog:
     """A log that is read: as it was when it was opened, or last refreshed."""
 
-    def __init__(self, path: str | Path | LogFolder) -> None:
+    def __init__(self, path: str | Path | LogFolder | LogReader) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
 
         A log in a zip file is unpacked among the machine's temporary files for as long as it is
@@ -83,11 +83,16 @@ class DoorLog:
 
         A relative path is that of the moment: `os.chdir` leads nobody to another log.
 
+        Args:
+            path: Its folder, or a zip file with one log in it; or what has read it already.
+
         Raises:
             NotALogError: There is no log at that path.
             CorruptLogError: It is damaged.
         """
-        self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        if not isinstance(path, LogReader):
+            path = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        self._reader = path
         self.path = self._reader.log_folder.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None

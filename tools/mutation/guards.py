@@ -82,6 +82,10 @@ LOCKS = (
           'with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):\n'
           "    return _taken_up(folder, lock, new_keyframes, surroundings)",
           "test_rivals"),
+    guard("a writer that nobody gets is closed", "_closed_on_error",
+          "writer.close()", "", "test_writer_opening"),
+    guard("a log that was made whole is read as it is then", "_taken_up",
+          "reader.refresh()", "", "test_writer_opening"),
     guard("one thread at a time", "AppendableLog.__init__",
           "threading.RLock", '__import__("contextlib").nullcontext',
           "test_rivals", "test_durability"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic
@@ -27,9 +27,11 @@ from semmap_log.log.zipped import refuse_zip
 
 @dataclass(frozen=True, slots=True)
 class OpenedLog(Generic[K_co]):
-    """A log that was opened for writing."""
+    """A log that was opened for writing, and what was read for that: nobody reads it again."""
 
     writer: LogWriter
+    reader: LogReader
+    """The log as the writer goes on with it."""
     keyframes: K_co
     """Where its keyframes come from."""
 
@@ -67,7 +69,8 @@ def create_log(
             header = SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH)
             writer.begin(header, keyframes)
             sync_folder(path.parent)
-            return OpenedLog(writer, keyframes)
+            with _closed_on_error(writer):
+                return OpenedLog(writer, LogReader(folder), keyframes)
 
 
 def open_for_append(
@@ -108,7 +111,20 @@ def _taken_up(
     writer.go_on(reader, keyframes)
     if _may_be_half_made(reader):
         sync_folder(folder.path.parent)
-    return OpenedLog(writer, keyframes)
+    with _closed_on_error(writer):
+        reader.refresh()  # a torn segment was made whole, in another file
+        return OpenedLog(writer, reader, keyframes)
+
+
+@contextmanager
+def _closed_on_error(writer: LogWriter) -> Iterator[None]:
+    """Close a writer that nobody gets, and so nobody else could close."""
+    try:
+        yield
+    except BaseException:
+        with suppress(LogError):
+            writer.close()
+        raise
 
 
 def _check_is_free(path: Path, folder: LogFolder | None = None) -> None:
