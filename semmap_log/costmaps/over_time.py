@@ -124,7 +124,7 @@ def costmap_live(
     for followed in log.follow(known.event, poll_s=poll_s, stop=stop):
         commit, batch = followed.commit, followed.batch
         if Retracted in batch:
-            now = DoorLog(log.reader.log_folder).reader
+            now = log.reader.anew()
             windows = costmap.show(replay(now, Scope(event=commit.last_event)))
         else:
             windows = costmap.advance([batch])

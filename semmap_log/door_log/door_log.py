@@ -93,7 +93,7 @@ class DoorLog:
         if not isinstance(path, LogReader):
             path = LogReader(path if isinstance(path, LogFolder) else Path(path))
         self._reader = path
-        self.path = self._reader.log_folder.given
+        self.path = self._reader.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
@@ -208,7 +208,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         return fold_live(
-            LogReader(self._reader.log_folder),
+            self._reader.anew(),
             projection,
             checkpoint=None if checkpoint is None else Path(checkpoint),
             save_every_s=save_every_s,
@@ -317,7 +317,7 @@ class DoorLog:
         """
         if after is None:
             after = self.reader.last_event()
-        reader = LogReader(self._reader.log_folder)
+        reader = self._reader.anew()
         return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
 
     def event(self, number: int) -> RecordedEvent:

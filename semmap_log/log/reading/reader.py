@@ -22,6 +22,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.header import LogInfo
 from semmap_log.log.kind_bits import bits_of_kinds
 from semmap_log.log.pages import Page
+from semmap_log.log.reading.local_segments import LocalSegments
 from semmap_log.log.reading.newer_events import NewerEvents, without_newer
 from semmap_log.log.reading.progress import Progress, ReadProgress
 from semmap_log.log.reading.segment_folder import SegmentFolder
@@ -34,6 +35,7 @@ from semmap_log.log.reading.segment_reading import (
 )
 from semmap_log.log.reading.segment_scan import Segment, open_segment
 from semmap_log.log.reading.segment_set import check_adjoins, check_follows
+from semmap_log.log.reading.segment_store import SegmentStore
 from semmap_log.log.reading.window import EVERYTHING, Window
 
 OnPage = Callable[[Segment, Page], None]
@@ -55,17 +57,23 @@ BEGINNING = ChunkPlace(0, 0)
 class LogReader:
     """A log as it was when it was opened, or last refreshed."""
 
-    def __init__(self, folder: LogFolder | Path, *, only: Path | None = None) -> None:
-        """Open the log in that folder, or only one segment of it.
+    def __init__(self, place: LogFolder | Path | SegmentStore, *, only: Path | None = None) -> None:
+        """Open the log in a folder, or in another place.
+
+        Args:
+            place: Where it lies.
+            only: A file, if only one segment of it is wanted.
 
         Raises:
             NotALogError: There is none.
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
-        self.log_folder = LogFolder.of(folder)
+        if isinstance(place, LogFolder | Path):
+            place = LocalSegments(LogFolder.of(place))
+        self._store: SegmentStore = place
         self._only = only
-        self._files = SegmentFolder(self.log_folder)
+        self._files = SegmentFolder(self._store)
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
@@ -108,10 +116,23 @@ class LogReader:
             self._retractions, self._newer = None, None
             self._latest_ns, self._is_in_order = None, False
 
+    def anew(self) -> LogReader:
+        """Return another reader of the same log, as it is now; what was read is read again.
+
+        Raises:
+            LogError: As for a first one.
+        """
+        return LogReader(self._store, only=self._only)
+
     @property
     def folder(self) -> Path:
         """The log's folder, as it was given: for messages."""
-        return self.log_folder.path
+        return self._store.path
+
+    @property
+    def given(self) -> Path:
+        """The same, whatever becomes of the working directory."""
+        return self._store.given
 
     @property
     def info(self) -> LogInfo:

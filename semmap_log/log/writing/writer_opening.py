@@ -105,7 +105,7 @@ def _taken_up(
     surroundings: Surroundings,
 ) -> OpenedLog[K_co]:
     reader = LogReader(folder)
-    remove_merged(reader)
+    remove_merged(folder, reader.leftovers)
     writer = LogWriter(folder, lock, surroundings)
     keyframes = new_keyframes(folder, writer.flush, reader)
     writer.go_on(reader, keyframes)

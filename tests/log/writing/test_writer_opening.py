@@ -23,13 +23,13 @@ from tests.replay.test_state import START_NS, sightings, tiny_steps
 def opened(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """How often each segment is opened, by name, while the test runs."""
     found: Counter[str] = Counter()
-    open_segment = segment_folder.open_segment
+    segment_in = segment_folder.segment_in
 
-    def counted(path: Path, **how: Any) -> Any:
+    def counted(path: Path, *how: Any, **more: Any) -> Any:
         found[path.name] += 1
-        return open_segment(path, **how)
+        return segment_in(path, *how, **more)
 
-    monkeypatch.setattr(segment_folder, "open_segment", counted)
+    monkeypatch.setattr(segment_folder, "segment_in", counted)
     return found
 
 
