@@ -72,8 +72,13 @@ def segment_files(log: Path) -> list[Path]:
 
 def digest_of_records(log: Path) -> str:
     """Return one digest of all records of a log but keyframes, in order, however chunked."""
+    return digest_of_pages(LogReader(log))
+
+
+def digest_of_pages(reader: LogReader) -> str:
+    """Return the same of a log that is open."""
     whole = hashlib.sha256()
-    for _, page in LogReader(log).pages():
+    for _, page in reader.pages():
         channels = page.heads["channel_id"].tolist()
         ends = [*page.offsets.tolist()[1:], len(page.records)]
         for channel, start, end in zip(channels, page.offsets.tolist(), ends, strict=True):
@@ -84,7 +89,11 @@ def digest_of_records(log: Path) -> str:
 
 def answers(log: Path, *, moments: int = 8) -> dict[str, Any]:
     """Return what a log says to every question, at many moments, as texts that can be compared."""
-    opened = sl.read(log)
+    return answers_of(sl.read(log), moments=moments)
+
+
+def answers_of(opened: sl.DoorLog, *, moments: int = 8) -> dict[str, Any]:
+    """Return the same of a log that is open."""
     commits = list(opened.commits())
     recorded = [commit.closed_ns for commit in commits]
     chosen = recorded[:: max(1, len(recorded) // moments)]
@@ -99,7 +108,7 @@ def answers(log: Path, *, moments: int = 8) -> dict[str, Any]:
         "before": [repr(opened.replay(known_at=ns - 1)) for ns in chosen],
         "event": [repr(opened.replay(event=number)) for number in numbers],
         "entries": [repr(opened.entry(number)) for number in numbers],
-        "records": digest_of_records(log),
+        "records": digest_of_pages(opened.reader),
     }
 
 
