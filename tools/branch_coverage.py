@@ -28,6 +28,7 @@ MEASURED = (
     "semmap_log/log/writing/uniform_commit.py",
     "semmap_log/log/writing/recovery.py",
     "semmap_log/log/writing/writer_opening.py",
+    "semmap_log/log/writing/keyframe_source.py",
     "semmap_log/log/lock.py",
     "semmap_log/log/disk.py",
     "semmap_log/messages/codec.py",

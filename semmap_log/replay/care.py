@@ -10,17 +10,20 @@ from semmap_log.log import salvage, verification
 from semmap_log.log.clock import Clock
 from semmap_log.log.salvage import Recovered, RecoveryPlan, StateParts
 from semmap_log.log.verification import Progress, Verification
+from semmap_log.log.verification.file_place import FilePlace
 from semmap_log.replay.keyframe_check import ReplayKeyframeCheck
 from semmap_log.replay.written_state import WrittenState
 
 _PARTS = StateParts(ReplayKeyframeCheck, WrittenState)
 
 
-def verify(path: Path, head: bytes | None = None, progress: Progress | None = None) -> Verification:
+def verify(
+    path: Path | FilePlace, head: bytes | None = None, progress: Progress | None = None
+) -> Verification:
     """Read all of a log, or one segment of it, and return what is wrong; as `verification.verify`.
 
     Args:
-        path: The log's folder, one .mcap file, or a zip file with a log in it.
+        path: The log's folder, one .mcap file, or a zip file with a log in it; or another place.
         head: Hash of a commit that the log must hold, kept elsewhere.
         progress: Told how many bytes are read.
 

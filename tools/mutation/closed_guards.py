@@ -96,15 +96,15 @@ VERIFIED = (
           "self._marked = commit.hash", "", "test_closed_mark"),
     guard("closed.json is read before the files are listed, verified", "folder_files.arrange",
           "found.mark = _mark(found)\n"
-          "found.listed = frozenset(listed_names(_bag_metadata_of(path)))\n"
+          "found.listed = frozenset(listed_names(place.bag_metadata()))\n"
           "try:\n"
-          "    names = sorted(p for p in path.iterdir())\n"
+          "    names = sorted(place.files())\n"
           "except OSError as error:\n"
           '    raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error',
           "try:\n"
-          "    names = sorted(p for p in path.iterdir())\n"
+          "    names = sorted(place.files())\n"
           "    found.mark = _mark(found)\n"
-          "    found.listed = frozenset(listed_names(_bag_metadata_of(path)))\n"
+          "    found.listed = frozenset(listed_names(place.bag_metadata()))\n"
           "except OSError as error:\n"
           '    raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error',
           "test_closed_mark"),

@@ -184,7 +184,7 @@ BYTES = (
     guard("message indexes between their chunks", "chunk_table._check_rows",
           "(behind[:-1] > offset[1:]).any()", "False", "test_guards"),
     guard("an end that cannot be read, of a closed segment", "file_heads.look_at",
-          "status.st_size in [end for _, end in data.unreadable]", "False",
+          "file.size in [end for _, end in data.unreadable]", "False",
           "test_bad_sectors"),
     guard("a head that cannot be read", "file_heads.look_at",
           "_is_ours(head) or is_named_like_ours", "_is_ours(head)",

@@ -20,6 +20,7 @@ from semmap_log.log.salvage.recovered_log import NewLog
 from semmap_log.log.salvage.recovery_plan import Loss, RecoveryPlan, survey
 from semmap_log.log.salvage.swap import new_folder_beside, put_away, take_place
 from semmap_log.log.verification import Progress, Verifier, verify
+from semmap_log.log.verification.file_place import DiskPlace
 from semmap_log.log.verification.folder_files import arrange
 from semmap_log.log.verification.keyframe_place import NewKeyframeCheck
 from semmap_log.log.writing.keyframe_source import KeyframeSource, NewKeyframeSource
@@ -178,7 +179,7 @@ def _check_is_folder(log: Path) -> None:
     refuse_zip(log)
     if not log.is_dir():
         raise LogError(f"{log}: expected a log's folder.")
-    if not arrange(log).segments:
+    if not arrange(DiskPlace(log)).segments:
         raise LogError(f"{log}: no segment of a semmap log is in this folder.")
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from semmap_log.errors import LogAccessError, NotALogError
 from semmap_log.log.closed_mark import ClosedMark, read_mark
 from semmap_log.log.folder import LogFolder
+from semmap_log.log.form import BAG_METADATA_NAME
 from semmap_log.log.reading.segment_store import Listing
 
 PATTERN = 0xA5
+MOST_AT_ONCE = 10_007
+"""Bytes that a verification is given in one go."""
 
 
 class FarSegment:
@@ -42,6 +46,18 @@ class FarSegment:
 
     def let_go(self, start: int, end: int) -> None:
         self._here[start:end] = bytes([PATTERN]) * len(self._here[start:end])
+
+
+class FarFile(FarSegment):
+    """The same, as a verification takes it: an `OpenedFile`."""
+
+    is_regular = True
+
+    def read_into(self, target: memoryview, at: int) -> int:
+        """Give a little at a time, as a socket does."""
+        data = self.read(at, min(at + MOST_AT_ONCE, at + len(target)))
+        target[: len(data)] = data
+        return len(data)
 
 
 class FarSegments:
@@ -81,3 +97,29 @@ class FarSegments:
     def bytes_asked(self) -> int:
         """Return how many bytes were fetched, each counted as often as it was."""
         return sum(end - start for ranges in self.asked.values() for start, end in ranges)
+
+
+class FarPlace:
+    """A `FilePlace` over the same files."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.path = Path("far") / folder.name
+
+    def is_folder(self) -> bool:
+        return True
+
+    def files(self) -> list[Path]:
+        return [self.path / file.name for file in self._folder.iterdir()]
+
+    @contextmanager
+    def opened(self, file: Path) -> Iterator[FarFile]:
+        here = self._folder / file.name
+        yield FarFile(here.read_bytes(), f"object {here.stat().st_ino}", [])
+
+    def mark(self) -> ClosedMark | None:
+        return read_mark(LogFolder(self._folder))
+
+    def bag_metadata(self) -> str:
+        file = self._folder / BAG_METADATA_NAME
+        return file.read_text() if file.exists() else ""
