@@ -186,6 +186,8 @@ BYTES = (
     guard("an end that cannot be read, of a closed segment", "file_heads.look_at",
           "file.size in [end for _, end in data.unreadable]", "False",
           "test_bad_sectors"),
+    guard("a file that was exchanged while it is verified", "file_heads.bytes_of",
+          "now.identity != file.identity or now.size < file.size", "False", "test_file_place"),
     guard("a head that cannot be read", "file_heads.look_at",
           "_is_ours(head) or is_named_like_ours", "_is_ours(head)",
           "test_bad_sectors"),

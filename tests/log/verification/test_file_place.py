@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from semmap_log.errors import LogAccessError
+from semmap_log.errors import LogAccessError, LogError
 from semmap_log.log.verification.file_place import DiskPlace
 from semmap_log.replay.care import verify
 from tests.log.eventful import eventful_log
-from tests.log.reading.far_segments import FarPlace
+from tests.log.reading.far_segments import FarFile, FarPlace
 
 
 def _flipped(file: Path, at: int) -> None:
@@ -47,6 +49,25 @@ def test_a_missing_segment_and_one_that_was_cut_are_found(tmp_path: Path) -> Non
 
     assert 4 == found.exit_code
     assert found.moved(log, Path("far/log")) == verify(FarPlace(log))
+
+
+def test_a_file_that_is_exchanged_at_every_look_is_told(tmp_path: Path) -> None:
+    """
+    It is begun anew some times; then the place is named.
+    """
+    log = eventful_log(tmp_path / "log")
+    opened: list[Path] = []
+
+    class Restless(FarPlace):
+        @contextmanager
+        def opened(self, file: Path) -> Iterator[FarFile]:
+            opened.append(file)
+            with super().opened(file) as found:
+                found.identity = len(opened)
+                yield found
+
+    with pytest.raises(LogError, match=r"^far/log: its files change faster than"):
+        verify(Restless(log))
 
 
 def test_a_place_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
