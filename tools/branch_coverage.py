@@ -28,6 +28,7 @@ MEASURED = (
     "semmap_log/store/writing/uniform_commit.py",
     "semmap_log/store/writing/recovery.py",
     "semmap_log/store/writing/writer_opening.py",
+    "semmap_log/store/writing/keyframe_source.py",
     "semmap_log/store/lock.py",
     "semmap_log/io/disk.py",
     "semmap_log/messages/codec.py",

@@ -31,7 +31,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.folding.replay import Scope, replay
+from semmap_log.replay.replay import Scope, replay
 
 _DRAWN = (DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorPassed)
 """The kinds of events that a door layer shows."""
@@ -124,7 +124,7 @@ def costmap_live(
     for followed in log.follow(known.event, poll_s=poll_s, stop=stop):
         commit, batch = followed.commit, followed.batch
         if Retracted in batch:
-            now = DoorLog(log.reader.log_folder).reader
+            now = log.reader.anew()
             windows = costmap.show(replay(now, Scope(event=commit.last_event)))
         else:
             windows = costmap.advance([batch])

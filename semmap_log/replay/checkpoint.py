@@ -22,8 +22,6 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from semmap_log.errors import CheckpointError, OutputError
-from semmap_log.folding.plain_state import dump_plain, load_plain
-from semmap_log.folding.position import Position, Retraction
 from semmap_log.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.io.disk import (
     left_by_killed,
@@ -32,6 +30,8 @@ from semmap_log.io.disk import (
     refuse_own_folder,
     replace_file,
 )
+from semmap_log.replay.plain_state import dump_plain, load_plain
+from semmap_log.replay.position import Position, Retraction
 from semmap_log.store.reading.reader import LogReader
 
 S = TypeVar("S")
