@@ -24,7 +24,7 @@ MEASURED = (
     "semmap_log/log/segment.py",
     "semmap_log/log/commit_records.py",
     "semmap_log/log/batch_records.py",
-    "semmap_log/log/filling.py",
+    "semmap_log/log/chunk_builder.py",
     "semmap_log/log/writing/uniform_commit.py",
     "semmap_log/log/writing/recovery.py",
     "semmap_log/log/writing/writer_opening.py",

@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.asking import Asked, ask
+from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.door_beliefs import LATER, DoorBelief, belief, default_estimator
-from semmap_log.beliefs.typical_week import WEEK_HOURS, Pattern, first_hour, typical_week
+from semmap_log.beliefs.typical_week import WEEK_HOURS, WeekPattern, first_hour, typical_week
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.log.reading.progress import Progress
-from semmap_log.probabilities.estimator import Waiting
+from semmap_log.probabilities.estimator import StateModel
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.probabilities.local_clock import HOUR_S
 
@@ -126,10 +126,10 @@ def best_time(
     )
 
 
-def _wait_s(asked: Asked, now: DoorBelief, state: State) -> float | None:
+def _wait_s(asked: BeliefQuery, now: DoorBelief, state: State) -> float | None:
     """Return the expected wait, if the estimator follows the door's state over time."""
     learnt = asked.beliefs.learnt(asked.known_ns)
-    if not isinstance(learnt, Waiting) or not now.is_known:
+    if not isinstance(learnt, StateModel) or not now.is_known:
         return None
     seconds = learnt.wait_s(now.door.door_id, asked.known_ns, until_open=state == "open")
     return seconds if math.isfinite(seconds) else None
@@ -143,11 +143,11 @@ class _Coming:
     """(168,), of the week."""
     edges_ns: NDArray[np.int64]
     """(169,): when they begin, and the end of the last."""
-    said: Pattern
+    said: WeekPattern
     """(168,): what is expected of them; known are those that were ever seen."""
 
     @classmethod
-    def of(cls, asked: Asked, door: Door, is_seen: WeekMask) -> _Coming:
+    def of(cls, asked: BeliefQuery, door: Door, is_seen: WeekMask) -> _Coming:
         counted = first_hour(asked) + np.arange(WEEK_HOURS + 1)
         edges_ns = asked.clock.instants_ns(counted.astype(np.float64) * HOUR_S)
         edges_ns[0] = asked.known_ns
@@ -155,10 +155,10 @@ class _Coming:
         hours = counted[:-1] % WEEK_HOURS
         forecast = asked.predict(door, edges_ns[:-1] + lengths_ns // 2)
         # In spring an hour is skipped: it takes no time.
-        said = Pattern.of(forecast, is_seen.ravel()[hours] & (lengths_ns > 0))
+        said = WeekPattern.of(forecast, is_seen.ravel()[hours] & (lengths_ns > 0))
         return cls(hours, edges_ns, said)
 
-    def windows(self, said: Pattern, state: State, most: int) -> list[LikelyHours]:
+    def windows(self, said: WeekPattern, state: State, most: int) -> list[LikelyHours]:
         """Return the runs of hours with the highest probability of the state, the best first."""
         p, low, high = said.p_open, said.low, said.high
         if state == "closed":

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.beliefs.asking import Asked, ask
+from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.events import MAX_TIME_NS
@@ -96,7 +96,7 @@ def probabilities(
     return [belief(asked, door, horizon_ns) for door in asked.doors]
 
 
-def belief(asked: Asked, door: Door, horizon_ns: int = 0) -> DoorBelief:
+def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:
     """Return what is believed of one door, so long after the moment that is asked from."""
     time_ns = asked.known_ns + horizon_ns
     said = asked.predict(door, np.array([time_ns]))

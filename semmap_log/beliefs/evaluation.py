@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from semmap_log.beliefs.patrol import Patrol, visited
 from semmap_log.beliefs.protocol import Protocol
 from semmap_log.beliefs.trials import (
-    Stretches,
+    StateIntervals,
     Trials,
     holds_truth,
     reading_trials,
@@ -25,7 +25,7 @@ from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import EstimatorError
 from semmap_log.log.reading.progress import Progress
-from semmap_log.probabilities.estimator import Estimator, Learnt
+from semmap_log.probabilities.estimator import Estimator, LearntModel
 from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.scores import Reliability, Scores, mean_scores, scores
@@ -154,7 +154,7 @@ def _run(
     estimators: Sequence[Estimator],
     *,
     evidence: Evidence,
-    stretches: Mapping[DoorId, Stretches],
+    stretches: Mapping[DoorId, StateIntervals],
     clock: LocalClock,
     progress: Progress | None,
 ) -> None:
@@ -178,7 +178,7 @@ def _source(
     patrol: Patrol | None,
     evidence: Evidence,
     tests: Mapping[str, _Test],
-    stretches: Mapping[DoorId, Stretches],
+    stretches: Mapping[DoorId, StateIntervals],
 ) -> Evidence:
     if patrol is None:
         return evidence
@@ -193,7 +193,7 @@ class _Test:
     protocol: Protocol
     is_truth: bool
     clock: LocalClock
-    stretches: Mapping[DoorId, Stretches]
+    stretches: Mapping[DoorId, StateIntervals]
     """Of a truth: when each door is known."""
     ask: Callable[[DoorId, Protocol], Trials]
     """Makes what is asked about a door anew each time: kept for all doors it would fill memory."""
@@ -225,7 +225,7 @@ class _Test:
                 f"to learn from and {least[1]} to forecast; doors with fewer: {len(self.left_out)}."
             )
 
-    def forecast(self, door_id: DoorId, name: str, learnt: Learnt) -> None:
+    def forecast(self, door_id: DoorId, name: str, learnt: LearntModel) -> None:
         """Make the forecasts of a door, and score them."""
         training, split_ns = self.doors[door_id]
         trials = self._tests(door_id, training)

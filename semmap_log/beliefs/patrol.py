@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.beliefs.trials import Stretches
+from semmap_log.beliefs.trials import StateIntervals
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved
 from semmap_log.domain.keywords import knows_its_keywords
@@ -29,7 +29,7 @@ class Patrol:
     """Of its errors; each door has its own, whichever others there are."""
 
 
-def visited(truths: Mapping[DoorId, Stretches], patrol: Patrol) -> Evidence:
+def visited(truths: Mapping[DoorId, StateIntervals], patrol: Patrol) -> Evidence:
     """Return what that robot's sightings are as evidence, by the fold that real ones go through.
 
     Args:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.trials import Stretches
+from semmap_log.beliefs.trials import StateIntervals
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorObserved
 from semmap_log.domain.keywords import knows_keywords
@@ -21,16 +21,16 @@ Times = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Hits:
+class SensorHits:
     """How often a sensor read right; of a pass, the share of its sightings that did."""
 
     right: float = 0.0
     visits: int = 0
     sightings: int = 0
 
-    def __add__(self, other: Hits) -> Hits:
+    def __add__(self, other: SensorHits) -> SensorHits:
         """Return both together."""
-        return Hits(
+        return SensorHits(
             self.right + other.right, self.visits + other.visits, self.sightings + other.sightings
         )
 
@@ -59,8 +59,8 @@ class Hits:
 class DoorCalibration:
     """How a sensor read a door while its state was known."""
 
-    when_open: Hits = Hits()
-    when_closed: Hits = Hits()
+    when_open: SensorHits = SensorHits()
+    when_closed: SensorHits = SensorHits()
 
     def __add__(self, other: DoorCalibration) -> DoorCalibration:
         """Return both together."""
@@ -86,7 +86,7 @@ class Calibration:
 
 @knows_keywords
 def calibrate(
-    log: DoorLog, truths: Mapping[DoorId, Stretches], *, source: str | None = None
+    log: DoorLog, truths: Mapping[DoorId, StateIntervals], *, source: str | None = None
 ) -> Calibration:
     """Return how sightings in a log agree with what is known to be true.
 
@@ -157,7 +157,10 @@ def _numbers_from(log: DoorLog, source: str) -> NDArray[np.int64]:
 
 
 def _calibrated(
-    times_ns: Times, reads_open: NDArray[np.bool_], sensor: NDArray[np.uint32], truth: Stretches
+    times_ns: Times,
+    reads_open: NDArray[np.bool_],
+    sensor: NDArray[np.uint32],
+    truth: StateIntervals,
 ) -> DoorCalibration:
     known = truth.known_at(times_ns)
     stretch = np.searchsorted(truth.start_ns, times_ns[known], "right") - 1
@@ -169,12 +172,12 @@ def _calibrated(
     )
 
 
-def _hits(visit: NDArray[np.intp], is_right: NDArray[np.bool_]) -> Hits:
+def _hits(visit: NDArray[np.intp], is_right: NDArray[np.bool_]) -> SensorHits:
     if not len(visit):
-        return Hits()
+        return SensorHits()
     count = np.bincount(visit)
     right = np.bincount(visit, is_right)
-    return Hits(
+    return SensorHits(
         float((right[count > 0] / count[count > 0]).sum()),
         int(np.count_nonzero(count)),
         len(visit),
@@ -183,7 +186,7 @@ def _hits(visit: NDArray[np.intp], is_right: NDArray[np.bool_]) -> Hits:
 
 def truths_of_rows(
     rows: Mapping[str, tuple[Times, NDArray[np.uint8]]], resolve: Mapping[str, DoorId]
-) -> dict[DoorId, Stretches]:
+) -> dict[DoorId, StateIntervals]:
     """Return when doors are known, from rows (times, states) of each door's name, in order.
 
     A row holds until the next one; the last one of a door ends what is known of it.
@@ -192,7 +195,7 @@ def truths_of_rows(
     for name, (times_ns, states) in rows.items():
         start_ns, end_ns, state = times_ns[:-1], times_ns[1:], states[:-1]
         tells = np.isin(state, (DoorState.OPEN, DoorState.CLOSED)) & (end_ns > start_ns)
-        found[resolve[name]] = Stretches(
+        found[resolve[name]] = StateIntervals(
             start_ns[tells], end_ns[tells], state[tells] == DoorState.OPEN
         )
     return found

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Stretches:
+class StateIntervals:
     """When a door was known to be open or closed, all through."""
 
     start_ns: Times
@@ -32,7 +32,7 @@ class Stretches:
     is_open: NDArray[np.bool_]
     """(m,)."""
 
-    def between(self, since_ns: int | None, until_ns: int | None) -> Stretches:
+    def between(self, since_ns: int | None, until_ns: int | None) -> StateIntervals:
         """Return what lies in a range; None: no bound."""
         start, end = self.start_ns, self.end_ns
         if since_ns is not None:
@@ -40,7 +40,7 @@ class Stretches:
         if until_ns is not None:
             end = np.minimum(end, until_ns)
         inside = start < end
-        return Stretches(start[inside], end[inside], self.is_open[inside])
+        return StateIntervals(start[inside], end[inside], self.is_open[inside])
 
     def known_at(self, times_ns: Times) -> NDArray[np.bool_]:
         """Return at which times the state was known."""
@@ -94,7 +94,7 @@ class Trials:
         return p_open * self.accuracy_open + (1 - p_open) * (1 - self.accuracy_closed)
 
 
-def truth_trials(door_id: DoorId, stretches: Stretches, step_ns: int) -> Trials:
+def truth_trials(door_id: DoorId, stretches: StateIntervals, step_ns: int) -> Trials:
     """Return a door's true state at each step of its known time."""
     times_ns, is_open = stretches.sampled(step_ns)
     sure = np.broadcast_to(np.float64(1), len(times_ns))
@@ -134,7 +134,7 @@ def truths(
     door_ids: Sequence[DoorId],
     *,
     progress: Progress | None = None,
-) -> Iterator[tuple[DoorId, Stretches]]:
+) -> Iterator[tuple[DoorId, StateIntervals]]:
     """Yield when doors were known to be open or closed.
 
     A door that was never seen, only set, is known as its timeline says. Of one that was seen, too,
@@ -149,7 +149,7 @@ def truths(
             yield door_id, _of_timeline(by_door[door_id], door_id, end_ns)
         else:
             known = evidence.door(door_id)
-            yield door_id, Stretches(known.start_ns, known.end_ns, known.is_open)
+            yield door_id, StateIntervals(known.start_ns, known.end_ns, known.is_open)
 
 
 def _parts(
@@ -164,11 +164,11 @@ def _parts(
     return found
 
 
-def _of_timeline(batches: Sequence[EventBatch], door_id: DoorId, end_ns: int) -> Stretches:
+def _of_timeline(batches: Sequence[EventBatch], door_id: DoorId, end_ns: int) -> StateIntervals:
     states = timeline(batches, door_id, end_ns=end_ns)
     tells = (states.state == DoorState.OPEN) | (states.state == DoorState.CLOSED)
     tells &= states.end_ns > states.start_ns
-    return Stretches(
+    return StateIntervals(
         states.start_ns[tells], states.end_ns[tells], states.state[tells] == DoorState.OPEN
     )
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.asking import Asked, ask
+from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.door_beliefs import LATER
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.domain.doors import Door, DoorId
@@ -28,7 +28,7 @@ Cells = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern:
+class WeekPattern:
     """P(open) in cells of time, in any shape; low and high are its 90 % interval."""
 
     p_open: Cells
@@ -38,15 +38,17 @@ class Pattern:
     """False: the door was never seen then, or too little at all; the numbers are carried over."""
 
     @classmethod
-    def of(cls, said: Forecast, is_seen: NDArray[np.bool_]) -> Pattern:
+    def of(cls, said: Forecast, is_seen: NDArray[np.bool_]) -> WeekPattern:
         """Return a forecast as cells; those never seen are not known."""
         return cls(said.p_open, said.low, said.high, said.is_known & is_seen)
 
-    def taken(self, cells: Any) -> Pattern:
+    def taken(self, cells: Any) -> WeekPattern:
         """Return some of the cells, in the shape of that index."""
-        return Pattern(self.p_open[cells], self.low[cells], self.high[cells], self.is_known[cells])
+        return WeekPattern(
+            self.p_open[cells], self.low[cells], self.high[cells], self.is_known[cells]
+        )
 
-    def averaged(self, axis: int) -> Pattern:
+    def averaged(self, axis: int) -> WeekPattern:
         """Return the means over an axis: of what is known, or of all where nothing is.
 
         The ends are averaged, too: cells err together, so that a mean is no surer than they are.
@@ -57,7 +59,7 @@ class Pattern:
             np.asarray(np.average(cells, axis=axis, weights=weights))
             for cells in (self.p_open, self.low, self.high)
         )
-        return Pattern(p_open, low, high, known)
+        return WeekPattern(p_open, low, high, known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ class TypicalWeek:
     estimator: str
     is_known: bool
     """False: too little was seen of the door at all."""
-    hours: Pattern
+    hours: WeekPattern
     """(7, 24): Monday first, local hours."""
     evidence: EvidenceSummary
 
@@ -81,17 +83,17 @@ class TypicalWeek:
         """The hours of the week in which it was ever seen."""
         return self.evidence.coverage.is_seen
 
-    def pattern(self, by: By) -> Pattern:
+    def pattern(self, by: By) -> WeekPattern:
         """Return typical hours of the day, days of the week, or hours of the week."""
         if by == "week":
             return self.hours
         return self.by_hour() if by == "hour" else self.by_weekday()
 
-    def by_hour(self) -> Pattern:
+    def by_hour(self) -> WeekPattern:
         """Return the typical hour of the day, (24,): the mean of the days that were seen then."""
         return self.hours.averaged(0)
 
-    def by_weekday(self) -> Pattern:
+    def by_weekday(self) -> WeekPattern:
         """Return the typical day of the week, (7,): the mean of the hours that were seen then."""
         return self.hours.averaged(1)
 
@@ -131,13 +133,13 @@ def typical_weeks(
     return [typical_week(asked, door) for door in asked.doors]
 
 
-def typical_week(asked: Asked, door: Door) -> TypicalWeek:
+def typical_week(asked: BeliefQuery, door: Door) -> TypicalWeek:
     """Return a door's week: what is expected of the 168 hours that come, each at its middle."""
     hours = first_hour(asked) + 1 + np.arange(WEEK_HOURS)
     said = asked.predict(door, asked.clock.instants_ns((hours + 0.5).astype(np.float64) * HOUR_S))
     evidence = asked.evidence(door)
     of_the_week = hours % WEEK_HOURS
-    pattern = Pattern.of(said, evidence.coverage.is_seen.ravel()[of_the_week])
+    pattern = WeekPattern.of(said, evidence.coverage.is_seen.ravel()[of_the_week])
     return TypicalWeek(
         door=door,
         level_name=asked.door_map.level_name(door.level),
@@ -150,6 +152,6 @@ def typical_week(asked: Asked, door: Door) -> TypicalWeek:
     )
 
 
-def first_hour(asked: Asked) -> int:
+def first_hour(asked: BeliefQuery) -> int:
     """Return the local hour of the moment that is asked from, counted from a Monday's midnight."""
     return int(asked.clock.wall_s(np.array([asked.known_ns]))[0] // HOUR_S)

@@ -11,7 +11,7 @@ import typer
 from semmap_log.cli.common import AsJson, LogPath, console, print_json
 
 if TYPE_CHECKING:
-    from semmap_log.beliefs.trials import Stretches
+    from semmap_log.beliefs.trials import StateIntervals
     from semmap_log.domain.doors import DoorId
     from semmap_log.door_log.door_log import DoorLog
 
@@ -71,7 +71,7 @@ def run(
 
 def _truths(
     log: DoorLog, file: Path, windows: Path | None, tz: str, chosen: Collection[DoorId] | None
-) -> Mapping[DoorId, Stretches]:
+) -> Mapping[DoorId, StateIntervals]:
     """Return what a file says was true of the doors of a log."""
     from semmap_log.beliefs.sensor_calibration import truths_of_rows
     from semmap_log.formats.door_csv import read_door_csv

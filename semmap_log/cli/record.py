@@ -95,8 +95,8 @@ def run(
                 "is about lines of standard input", param_hint="--ack, --strict"
             )
         version = chosen_ros(ros1=ros1, ros2=ros2)
-        promise = Promised(durability.value, batch_events, batch_ms / 1000)
-        record_topics(context, log, version, mapping, None if dry_run else promise, as_json=as_json)
+        policy = Promised(durability.value, batch_events, batch_ms / 1000)
+        record_topics(context, log, version, mapping, None if dry_run else policy, as_json=as_json)
         return
     if mapping or dry_run or context.obj:
         raise typer.BadParameter(

@@ -35,15 +35,15 @@ def run(log: WritableLog, *, out: Out = None, yes: Yes = False, as_json: AsJson 
       semmap-log recover office --yes
       semmap-log recover office --out office-saved --yes
     """
-    from semmap_log.log.salvage import recover, recover_into, survey
+    from semmap_log.log.salvage import plan_recovery, recover, recover_into
     from semmap_log.views.health import recovery_report
 
     with progress("Reading") as told:
         if not yes:
-            found, done = survey(log, told), None
+            found, done = plan_recovery(log, told), None
         else:
             done = recover_into(log, out, progress=told) if out else recover(log, progress=told)
-            found = done.survey
+            found = done.plan
     if as_json:
         print_json(_to_json(found, done))
     else:

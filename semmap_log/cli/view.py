@@ -283,16 +283,16 @@ def _follow(
     opened: DoorLog, looks: dict[str, Any], *, web: bool, theme: ThemeName | None, browser: bool
 ) -> None:
     os.environ.setdefault("RUST_LOG", SDK_SAYS)
-    from semmap_log.views.rerun.live_view import Shown, follow_in_viewer
-    from semmap_log.views.rerun.process import Running, ViewerError
+    from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
+    from semmap_log.views.rerun.process import RerunProcess, ViewerError
     from semmap_log.views.rerun.viewer import window
     from semmap_log.views.rerun.web import web_viewer
 
-    def show(program: Running, forget: Callable[[str], None] | None = None) -> None:
+    def show(program: RerunProcess, forget: Callable[[str], None] | None = None) -> None:
         try:
             with progress("Replaying") as told:
                 follow_in_viewer(
-                    opened, program.url, Shown(**looks),
+                    opened, program.url, LiveViewOptions(**looks),
                     stop=program.has_ended, forget=forget, progress=told,
                 )  # fmt: skip
         except ViewerError:

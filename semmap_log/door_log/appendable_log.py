@@ -36,7 +36,7 @@ from semmap_log.errors import (
 )
 from semmap_log.log.clock import Clock, KeptClock, believable_ns
 from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.writing.durability import Promise
+from semmap_log.log.writing.durability import DurabilityPolicy
 from semmap_log.log.writing.writer import LogWriter
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import EarlyEvents
@@ -152,9 +152,9 @@ class AppendableLog(DoorLog):
             return self._roster
 
     @property
-    def promise(self) -> Promise:
+    def policy(self) -> DurabilityPolicy:
         """What is promised of an append when it returns."""
-        return self._writer.promise
+        return self._writer.policy
 
     @property
     def durable_before(self) -> int:
@@ -251,7 +251,7 @@ class AppendableLog(DoorLog):
                 if events:
                     appended = self._append_now(lambda: events, note, command_id, content)
         if appended is None:
-            self._writer.keep_promise(looked_at)
+            self._writer.apply_policy(looked_at)
         else:
             self._make_last(appended.commit, sync=None)
             self._warn_of_early()
@@ -506,7 +506,7 @@ class AppendableLog(DoorLog):
         before = commit.last_event + 1
         try:
             if sync is None:
-                self._writer.keep_promise(before)
+                self._writer.apply_policy(before)
             elif sync:
                 self._writer.make_durable(before)
         except LogPoisonedError as error:

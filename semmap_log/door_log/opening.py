@@ -13,8 +13,8 @@ from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.log.clock import Clock, SystemClock
 from semmap_log.log.commit_records import Entropy
 from semmap_log.log.header import LogInfo
-from semmap_log.log.writing.durability import Promise
-from semmap_log.log.writing.writer import Surroundings
+from semmap_log.log.writing.durability import DurabilityPolicy
+from semmap_log.log.writing.writer import Environment
 from semmap_log.log.writing.writer_opening import create_log, open_for_append
 
 _LOCALTIME = Path("/etc/localtime")
@@ -28,8 +28,8 @@ def create(
     building: str = "",
     robot: str = "",
     durability: Durability | str = Durability.EVENT,
-    batch_events: int = Promise.batch_events,
-    batch_s: float = Promise.batch_s,
+    batch_events: int = DurabilityPolicy.batch_events,
+    batch_s: float = DurabilityPolicy.batch_s,
     compact: bool = True,
     clock: Clock | None = None,
     entropy: Entropy = os.urandom,
@@ -54,14 +54,14 @@ def create(
         MomentError: No such zone.
         InvalidEventError: No such durability.
     """
-    promise = Promise.of(durability, batch_events, batch_s)
+    policy = DurabilityPolicy.of(durability, batch_events, batch_s)
     timezone = machine_zone() if tz is None else tz
     zone(timezone)
     check_text("building", building)
     check_text("robot", robot)
     info = LogInfo(entropy(16).hex(), timezone, building, robot)
-    surroundings = Surroundings(promise, clock or SystemClock(), entropy, compact)
-    return DoorLogWriter(create_log(Path(path), info, surroundings))
+    environment = Environment(policy, clock or SystemClock(), entropy, compact)
+    return DoorLogWriter(create_log(Path(path), info, environment))
 
 
 @knows_keywords
@@ -69,8 +69,8 @@ def append(
     path: str | Path,
     *,
     durability: Durability | str = Durability.EVENT,
-    batch_events: int = Promise.batch_events,
-    batch_s: float = Promise.batch_s,
+    batch_events: int = DurabilityPolicy.batch_events,
+    batch_s: float = DurabilityPolicy.batch_s,
     compact: bool = True,
     clock: Clock | None = None,
     entropy: Entropy = os.urandom,
@@ -93,9 +93,9 @@ def append(
         LogAccessError: It is on a read-only place.
         InvalidEventError: No such durability.
     """
-    promise = Promise.of(durability, batch_events, batch_s)
+    policy = DurabilityPolicy.of(durability, batch_events, batch_s)
     return DoorLogWriter(
-        open_for_append(Path(path), Surroundings(promise, clock or SystemClock(), entropy, compact))
+        open_for_append(Path(path), Environment(policy, clock or SystemClock(), entropy, compact))
     )
 
 

@@ -17,12 +17,12 @@ from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.backdating import early_events, remedy
 from semmap_log.door_log.door_labels import labels_of
+from semmap_log.log.clock_check import ClockCheck, SuspectCommit
 from semmap_log.log.header import LogInfo
 from semmap_log.log.reading.progress import Progress
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.reading.state import keyframe_at
-from semmap_log.log.suspicion import ClockCheck, Suspect
 from semmap_log.projections.door_map import DoorMapState
 from semmap_log.projections.early_events import EarlyEvents
 
@@ -44,7 +44,7 @@ class LogSummary:
     """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
     durability: dict[str, int]
     """What was promised when they were written (`event`, `batch` …) -> commits."""
-    suspects: list[Suspect]
+    suspects: list[SuspectCommit]
     """Commits whose wall clock cannot be right."""
     door_map: DoorMap
     warnings: list[str]

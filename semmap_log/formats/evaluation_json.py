@@ -7,7 +7,7 @@ from typing import Any
 
 from semmap_log.beliefs.evaluation import Evaluation
 from semmap_log.beliefs.protocol import Protocol
-from semmap_log.beliefs.sensor_calibration import Calibration, DoorCalibration, Hits
+from semmap_log.beliefs.sensor_calibration import Calibration, DoorCalibration, SensorHits
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.scores import Scores
@@ -88,7 +88,7 @@ def _accuracies(found: DoorCalibration) -> dict[str, Any]:
     }
 
 
-def _hits(hits: Hits) -> dict[str, Any]:
+def _hits(hits: SensorHits) -> dict[str, Any]:
     low, high = hits.interval
     return {
         "accuracy": hits.accuracy,

@@ -27,7 +27,7 @@ from semmap_log.formats.event_json import means_same
 from semmap_log.formats.event_json_reader import ParsedLine
 from semmap_log.formats.import_plan import Present
 from semmap_log.formats.line_commits import LineOptions, PlannedCommit, grouped, taken
-from semmap_log.formats.line_numbers import NumberMap, Uncovered
+from semmap_log.formats.line_numbers import NumberMap, OpenRetractions
 from semmap_log.formats.line_reading import LineReader
 from semmap_log.projections.retraction import Retractions, in_ranges
 
@@ -128,7 +128,7 @@ class _LinePlanner:
         self.checks = _Checks(present, stored)
         self.numbers = NumberMap()
         self.times = _RecordedTimes()
-        self.uncovered = Uncovered()
+        self.uncovered = OpenRetractions()
         self.last_source = -1
         self.count = self.commit_count = self.groups = self.stored_count = 0
         self.uses_note = False

@@ -46,7 +46,7 @@ class NumberMap:
         return found
 
 
-class Uncovered:
+class OpenRetractions:
     """Retracted events of a file whose retraction has not come yet."""
 
     def __init__(self) -> None:

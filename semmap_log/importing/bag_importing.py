@@ -13,8 +13,8 @@ from semmap_log.formats.bag_reading import BagChannel, BagReader, open_bag
 from semmap_log.formats.import_plan import ImportPlan
 from semmap_log.formats.ros_types import short_name
 from semmap_log.log.reading.progress import Progress
-from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping
 from semmap_log.ros_mapping.translator import Translator
 
@@ -89,7 +89,7 @@ class _Passage:
     known: Known
     mapping: RosMapping
     progress: Progress | None
-    complaints: Complaints = field(default_factory=Complaints)
+    complaints: TopicProblems = field(default_factory=TopicProblems)
     left_out: tuple[str, ...] = ()
     messages: int = 0
     actors: int = 0

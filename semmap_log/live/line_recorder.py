@@ -95,15 +95,15 @@ class LineRecorder:
 
     def _patience_s(self) -> float:
         """Return how long nothing need be done while nothing comes in."""
-        return min(POLL_S, self.log.promise.batch_s) if self._waiting else POLL_S
+        return min(POLL_S, self.log.policy.batch_s) if self._waiting else POLL_S
 
     def _may_wait(self) -> bool:
         """Tell whether lines that are written may wait for more to share their sync: `batch`."""
-        promise = self.log.promise
+        policy = self.log.policy
         return (
-            promise.level is Durability.BATCH
-            and len(self._waiting) < promise.batch_events
-            and time.monotonic() - self._waiting_since < promise.batch_s
+            policy.level is Durability.BATCH
+            and len(self._waiting) < policy.batch_events
+            and time.monotonic() - self._waiting_since < policy.batch_s
         )
 
     def _take(self, text: bytes) -> bool:
@@ -206,7 +206,7 @@ class LineRecorder:
     def _settle(self) -> None:
         """Sync once for all lines that wait, if that was promised, then answer them."""
         if self._waiting:
-            if self.log.promise.level in (Durability.EVENT, Durability.BATCH):
+            if self.log.policy.level in (Durability.EVENT, Durability.BATCH):
                 self.log.sync()
             for answer in self._waiting:
                 self.recorded += 1

@@ -24,8 +24,8 @@ from semmap_log.errors import CommandError, RosError
 from semmap_log.formats.ros_decoding import MessageType
 from semmap_log.formats.ros_types import RosVersion, short_name
 from semmap_log.live.ros_node import Received, RosNode
-from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import EXPECTED_TOPICS, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Translator
 
@@ -59,7 +59,7 @@ class LogSink:
 
     def __init__(self, log: DoorLogWriter) -> None:
         self._log = log
-        self._is_synced_at_once = log.promise.level is Durability.EVENT
+        self._is_synced_at_once = log.policy.level is Durability.EVENT
 
     def write(self, events: list[Event], note: Note) -> None:
         """Append them as one commit; as was promised of it, but for the sync that many share."""
@@ -124,7 +124,7 @@ class RosRecorder:
     counts: RecorderCounts = field(default_factory=RecorderCounts)
     stopping: bool = False
     """Set by a signal handler: finish what was received, then return."""
-    _complaints: Complaints = field(init=False)
+    _complaints: TopicProblems = field(init=False)
     _translator: Translator = field(init=False)
     _queue: queue.SimpleQueue[tuple[str, Received] | None] = field(
         default_factory=queue.SimpleQueue
@@ -138,7 +138,7 @@ class RosRecorder:
     _next_word: float = 0.0
 
     def __post_init__(self) -> None:
-        self._complaints = Complaints(self.say)
+        self._complaints = TopicProblems(self.say)
         self._translator = Translator(self.mapping, self.sink.known(), self._complaints)
 
     def run(self) -> None:

@@ -19,7 +19,7 @@ from semmap_log.log.form import (
     LAST_EVENT_CHANNEL,
     ZSTD_LEVEL,
 )
-from semmap_log.log.walking import ChunkDamage, heads_of
+from semmap_log.log.record_scan import ChunkDamage, heads_of
 
 _BODY = struct.Struct("<QQQI")
 """Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""

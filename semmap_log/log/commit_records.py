@@ -18,8 +18,8 @@ from semmap_log.domain.events import DoorAnnotated, Event, FloorMap
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.log import records as mcap
 from semmap_log.log.batch_records import Start, block_of, is_columns, record_size, sizes_of
+from semmap_log.log.chunk_builder import ChunkBuilder, wider
 from semmap_log.log.chunks import BuiltChunk
-from semmap_log.log.filling import Filling, wider
 from semmap_log.log.form import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
@@ -128,36 +128,36 @@ class CommitBuilder:
         Raises:
             InvalidEventError: One is too long.
         """
-        filling = Filling(self._stamp.recorded_ns)
+        open_chunk = ChunkBuilder(self._stamp.recorded_ns)
         for part in _parts(events):
             rest: Event | EventBatch | None = part
             while rest is not None:
-                if filling.size >= CHUNK_BYTES:
-                    yield self._full(filling)
-                    filling = Filling(filling.time)
-                rest = self._fill(filling, rest)
+                if open_chunk.size >= CHUNK_BYTES:
+                    yield self._full(open_chunk)
+                    open_chunk = ChunkBuilder(open_chunk.time)
+                rest = self._fill(open_chunk, rest)
         if self._end_event == self._stamp.first_event:
             raise CommandError("a commit wants at least one event.")
         if self._note:
-            filling.add(NOTE_CHANNEL, self._note_record(filling.time))
-        self._end_ns = filling.time
-        yield self._last_chunk(filling)
+            open_chunk.add(NOTE_CHANNEL, self._note_record(open_chunk.time))
+        self._end_ns = open_chunk.time
+        yield self._last_chunk(open_chunk)
 
-    def _fill(self, filling: Filling, events: Event | EventBatch) -> EventBatch | None:
+    def _fill(self, open_chunk: ChunkBuilder, events: Event | EventBatch) -> EventBatch | None:
         """Add an event, or as many of a batch as there is room for; return those that are left."""
         number, wall_ns = self._end_event, self._stamp.wall_clock_ns
         if not isinstance(events, EventBatch):
             happened = wall_ns if events.happened_ns is None else events.happened_ns
-            self._add(filling, events, number, happened)
+            self._add(open_chunk, events, number, happened)
             self._end_event = number + 1
             return None
-        fits, rest = _split(events, CHUNK_BYTES - filling.size)
-        filling.add_block(block_of(fits, Start(number, filling.time), wall_ns))
+        fits, rest = _split(events, CHUNK_BYTES - open_chunk.size)
+        open_chunk.add_block(block_of(fits, Start(number, open_chunk.time), wall_ns))
         self._end_event = number + len(fits)
         return rest if len(rest) else None
 
-    def _add(self, filling: Filling, event: Event, number: int, happened: int) -> None:
-        kind, time = event.kind, filling.time
+    def _add(self, open_chunk: ChunkBuilder, event: Event, number: int, happened: int) -> None:
+        kind, time = event.kind, open_chunk.time
         if kind in OBJECT_KINDS:
             channel, record = self._object(event, number, time, happened)
         else:
@@ -167,8 +167,8 @@ class CommitBuilder:
                 _MESSAGE, length, kind, number & _LOW_32_BITS, time, happened,
                 CDR_HEADER, *values(event),
             )  # fmt: skip
-        filling.add(channel, record)
-        filling.span = wider(filling.span, min(time, happened))
+        open_chunk.add(channel, record)
+        open_chunk.span = wider(open_chunk.span, min(time, happened))
 
     @property
     def commit(self) -> Commit:
@@ -222,17 +222,17 @@ class CommitBuilder:
         self._drawn_salt = self._drawn_salt or self._entropy(SALT_BYTES)
         return hashlib.sha256(self._drawn_salt + struct.pack("<q", number)).digest()[:SALT_BYTES]
 
-    def _last_chunk(self, filling: Filling) -> BuiltChunk:
+    def _last_chunk(self, open_chunk: ChunkBuilder) -> BuiltChunk:
         """Return the chunk that closes the commit: the events that are left, note and Commit."""
-        filling.hash_into(self._digests)
+        open_chunk.hash_into(self._digests)
         digests = {channel: digest.digest() for channel, digest in self._digests.items()}
         record, self._hash = closing_record(self._stamp, self._end_event, self._end_ns, digests)
-        filling.add(COMMIT_CHANNEL, record)
-        return filling.chunk()
+        open_chunk.add(COMMIT_CHANNEL, record)
+        return open_chunk.chunk()
 
-    def _full(self, filling: Filling) -> BuiltChunk:
-        filling.hash_into(self._digests)
-        return filling.chunk()
+    def _full(self, open_chunk: ChunkBuilder) -> BuiltChunk:
+        open_chunk.hash_into(self._digests)
+        return open_chunk.chunk()
 
 
 def _check_length(note: Note) -> None:

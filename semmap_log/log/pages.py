@@ -28,7 +28,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.kind_bits import UNKNOWN_BIT, bits_of_channels, kinds_of_bits
 from semmap_log.log.newer import name_of
-from semmap_log.log.walking import ChunkDamage, Walked, gather, heads_of, walk
+from semmap_log.log.record_scan import ChunkDamage, ScannedRecords, gather, heads_of, walk
 from semmap_log.messages import (
     OBJECT_KINDS,
     decode,
@@ -88,7 +88,7 @@ class Page:
     """Their file, for messages."""
     offset: int = 0
     """Where their first chunk lies in it, for messages."""
-    walked: Walked | None = None
+    scanned: ScannedRecords | None = None
     """Where each record begins, where somebody has walked them already."""
 
     @computed_once
@@ -99,14 +99,14 @@ class Page:
             CorruptLogError: They are not messages, one after the other.
         """
         try:
-            return walk(self.records) if self.walked is None else self.walked.offsets
+            return walk(self.records) if self.scanned is None else self.scanned.offsets
         except ChunkDamage as damage:
             raise CorruptLogError(self.path, self.offset, str(damage)) from None
 
     @computed_once
     def heads(self) -> Heads:
         """The fixed fields of each record."""
-        known = None if self.walked is None else self.walked.heads
+        known = None if self.scanned is None else self.scanned.heads
         return Heads(heads_of(self.records, self.offsets) if known is None else known)
 
     @computed_once

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
-from semmap_log.probabilities.estimator import Estimator, GoingOn, Learnt, Preparing
+from semmap_log.probabilities.estimator import BatchModel, Estimator, IncrementalModel, LearntModel
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
 from semmap_log.probabilities.forecast import Forecast
@@ -30,7 +30,7 @@ class Beliefs:
         self.estimator = estimator
         self.clock = clock
         self.evidence = evidence or Evidence()
-        self._learnt: tuple[Learnt, int, int] | None = None
+        self._learnt: tuple[LearntModel, int, int] | None = None
         """What was learnt, of how many words, and up to when."""
 
     def __getstate__(self) -> dict[str, Any]:
@@ -69,10 +69,10 @@ class Beliefs:
         They are the same without it; of many doors they come sooner.
         """
         learnt = self.learnt(known_ns)
-        if isinstance(learnt, Preparing):
+        if isinstance(learnt, BatchModel):
             learnt.prepare(door_ids, known_ns)
 
-    def learnt(self, until_ns: int | None = None) -> Learnt:
+    def learnt(self, until_ns: int | None = None) -> LearntModel:
         """Return what the evidence teaches; it can be asked for what was known up to then.
 
         Args:
@@ -87,13 +87,13 @@ class Beliefs:
         self._learnt = learnt, len(self.evidence), wanted_ns
         return learnt
 
-    def _learn(self, evidence: Mapping[DoorId, DoorEvidence]) -> Learnt:
+    def _learn(self, evidence: Mapping[DoorId, DoorEvidence]) -> LearntModel:
         """Return what the evidence teaches, gone on from what was learnt before, if that goes."""
         if self._learnt is not None:
             learnt, words, until_then_ns = self._learnt
-            if isinstance(learnt, GoingOn):
+            if isinstance(learnt, IncrementalModel):
                 unmoved_ns = min(self.evidence.unmoved_until_ns(words), until_then_ns)
-                return learnt.gone_on(evidence, unmoved_ns)
+                return learnt.continued(evidence, unmoved_ns)
         return self.estimator.learn(evidence, self.clock)
 
 

@@ -21,7 +21,7 @@ from semmap_log.probabilities.local_clock import LocalClock
 Times = NDArray[np.int64]
 
 
-class Learnt(Protocol):
+class LearntModel(Protocol):
     """What was learnt from the evidence about the doors of a log."""
 
     def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
@@ -35,7 +35,7 @@ class Learnt(Protocol):
 
 
 @runtime_checkable
-class Preparing(Protocol):
+class BatchModel(Protocol):
     """What was learnt, where many doors are quicker together than one after another."""
 
     def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
@@ -43,10 +43,12 @@ class Preparing(Protocol):
 
 
 @runtime_checkable
-class GoingOn(Protocol):
+class IncrementalModel(Protocol):
     """What was learnt, where some of it holds when evidence comes in: what is older than that."""
 
-    def gone_on(self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int) -> Learnt:
+    def continued(
+        self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int
+    ) -> LearntModel:
         """Return what more evidence teaches: the same as if it were learnt from the beginning.
 
         Args:
@@ -56,7 +58,7 @@ class GoingOn(Protocol):
 
 
 @runtime_checkable
-class Waiting(Protocol):
+class StateModel(Protocol):
     """What was learnt, where it follows a door's state over time."""
 
     def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
@@ -70,5 +72,5 @@ class Estimator(Protocol):
     def name(self) -> str:
         """What the command line calls it."""
 
-    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> Learnt:
+    def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntModel:
         """Return what the evidence teaches; the work may wait until it is asked for."""

@@ -13,9 +13,9 @@ from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.formats.problems import shown
 from semmap_log.projections.levels import resolve_level
-from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.stamps import happened_ns
+from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping, Unknown
 
 
@@ -35,7 +35,7 @@ class Context:
 
     mapping: RosMapping
     known: Known
-    complaints: Complaints
+    complaints: TopicProblems
     _begun: DoorMap = field(init=False)
     """The map when the reading began."""
 

@@ -10,13 +10,13 @@ from semmap_log.domain.events import DoorObserved, Event
 from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
 from semmap_log.formats.ros_decoding import MessageType, decode_message
 from semmap_log.formats.ros_types import short_name
-from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.door_maps import DoorMaps
 from semmap_log.ros_mapping.floors import FloorMaps
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.robot_poses import PoseFilter, Poses, Transforms
 from semmap_log.ros_mapping.round_topics import Rounds
 from semmap_log.ros_mapping.state_topics import RmfRequests, RmfStates, SensorReader
+from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, TopicReader
 from semmap_log.ros_mapping.topic_rules import (
     ONLY_TYPES,
@@ -48,7 +48,7 @@ class Made:
 class Translator:
     """Makes events of messages, and knows the doors as they are after each."""
 
-    def __init__(self, mapping: RosMapping, known: Known, complaints: Complaints) -> None:
+    def __init__(self, mapping: RosMapping, known: Known, complaints: TopicProblems) -> None:
         self.mapping = mapping
         self.complaints = complaints
         self._context = Context(mapping, known, complaints)

@@ -19,7 +19,7 @@ from semmap_log.views.belief_words import (
     short_number,
     with_interval,
 )
-from semmap_log.views.column_table import Both, Cell, ColumnTable, TableColumn
+from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS, age
 
@@ -80,7 +80,7 @@ def _numbers(belief: DoorBelief) -> tuple[Cell, ...]:
     state = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
     said = with_interval(belief.p_open, belief.low, belief.high)
     exact = (f"{p:.4f}" for p in (belief.p_open, belief.low, belief.high))
-    p_closed = Both(short_number(belief.p_closed), f"{belief.p_closed:.4f}")
+    p_closed = CellValue(short_number(belief.p_closed), f"{belief.p_closed:.4f}")
     return Text(said, style=STATE_COLOURS[state]), *exact, p_closed
 
 
@@ -90,11 +90,11 @@ def _evidence(belief: DoorBelief, tz: str) -> tuple[Cell, ...]:
     last_ns = seen.counts.last_seen_ns
     return (
         f"{seen.coverage.days:.1f}",
-        Both(f"{seen.counts.words:,}", str(seen.counts.words)),
-        Both(f"{seen.counts.visits:,}", str(seen.counts.visits)),
+        CellValue(f"{seen.counts.words:,}", str(seen.counts.words)),
+        CellValue(f"{seen.counts.visits:,}", str(seen.counts.visits)),
         age(last_ns, belief.known_ns),
         ABSENT if last_ns is None else format_local(last_ns, tz),
-        Both(str(unseen or ABSENT), str(unseen)),
+        CellValue(str(unseen or ABSENT), str(unseen)),
     )
 
 

@@ -60,7 +60,7 @@ def moment_in_words(ns: int, tz: str) -> str:
     return format_short(ns, tz)
 
 
-class Told(Protocol):
+class BeliefTexts(Protocol):
     """A belief, or a typical week, of a door."""
 
     @property
@@ -76,13 +76,13 @@ class Told(Protocol):
         """What was seen of it."""
 
 
-def labels_in(told: Sequence[Told]) -> list[str]:
+def labels_in(told: Sequence[BeliefTexts]) -> list[str]:
     """Return what the doors are called: level/name where several of them bear the name."""
     labels = told_apart((each.door, each.level_name) for each in told)
     return [labels.get(each.door.door_id, each.door.label) for each in told]
 
 
-def never_seen_lines(told: Sequence[Told]) -> list[str]:
+def never_seen_lines(told: Sequence[BeliefTexts]) -> list[str]:
     """Return what must be said of the hours in which nobody looked.
 
     Of a few doors, or where they are alike, for each; else the hours in which none of them was

@@ -9,10 +9,10 @@ from types import MappingProxyType
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.sensor_calibration import Calibration, DoorCalibration, Hits
+from semmap_log.beliefs.sensor_calibration import Calibration, DoorCalibration, SensorHits
 from semmap_log.common.command_lines import command_line
 from semmap_log.domain.doors import DoorId
-from semmap_log.views.column_table import Both, Cell, ColumnTable, TableColumn
+from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.health import pasteable, plain_lines
 from semmap_log.views.tables import ABSENT
@@ -60,9 +60,9 @@ def _cells(door: DoorCalibration) -> tuple[Cell, ...]:
     return (*_hits(door.when_open), *_hits(door.when_closed))
 
 
-def _hits(hits: Hits) -> tuple[Cell, ...]:
+def _hits(hits: SensorHits) -> tuple[Cell, ...]:
     """Return the accuracy as it is drawn, then alone and with its interval, and the visits."""
-    visits = Both(f"{hits.visits:,}", str(hits.visits))
+    visits = CellValue(f"{hits.visits:,}", str(hits.visits))
     if hits.accuracy is None:
         return *[ABSENT] * 4, visits
     exact = [f"{value:.3f}" for value in (hits.accuracy, *hits.interval)]

@@ -27,14 +27,14 @@ BELOW = BesideLayout(gap=GAP, indent=0, readable=16)
 
 
 @dataclass(frozen=True, slots=True)
-class Both:
+class CellValue:
     """A cell that is drawn as one text and told to programs as another."""
 
     drawn: str | Text
     told: str
 
 
-Cell = str | Text | Both
+Cell = str | Text | CellValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,12 +223,12 @@ def plain_cell(text: str) -> str:
 
 
 def _told(cell: Cell) -> str:
-    return cell.told if isinstance(cell, Both) else str(cell)
+    return cell.told if isinstance(cell, CellValue) else str(cell)
 
 
 def drawn_cell(cell: Cell) -> str | Text:
     """Return a cell as people see it."""
-    return cell.drawn if isinstance(cell, Both) else cell
+    return cell.drawn if isinstance(cell, CellValue) else cell
 
 
 def _on_one_line(drawn: str | Text) -> str | Text:
@@ -239,7 +239,7 @@ def _on_one_line(drawn: str | Text) -> str | Text:
 
 def drawn_text(cell: Cell) -> str:
     """Return the text that people see."""
-    return str(cell.drawn if isinstance(cell, Both) else cell)
+    return str(cell.drawn if isinstance(cell, CellValue) else cell)
 
 
 def _flat(text: str) -> str:

@@ -12,7 +12,7 @@ from semmap_log.beliefs.evaluation import Evaluation
 from semmap_log.common.wording import counted
 from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.scores import Scores
-from semmap_log.views.column_table import Both, Cell, ColumnTable, TableColumn, TextPicture
+from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration
 
@@ -97,7 +97,9 @@ def _best(scores: Mapping[str, Scores], figure: str) -> str | None:
 def _cell(scores: Scores, figure: str, *, is_best: bool) -> Cell:
     value = getattr(scores, figure)
     said = f"{value:+.4f}" if figure == "bias" else f"{value:.4f}"
-    return Both(Text(f"{said}{BEST if is_best else ' '}", style="bold" if is_best else ""), said)
+    return CellValue(
+        Text(f"{said}{BEST if is_best else ' '}", style="bold" if is_best else ""), said
+    )
 
 
 def _said(evaluation: Evaluation) -> str:

@@ -8,8 +8,8 @@ from rich.console import RenderableType
 
 from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
 from semmap_log.views.column_table import (
-    Both,
     Cell,
+    CellValue,
     ColumnTable,
     TableColumn,
     drawn_cell,
@@ -41,4 +41,4 @@ def pairs(rows: Iterable[tuple[str, Cell]] = ()) -> PairTable:
 
 def add_pair(table: PairTable, name: str, value: Cell, *, told_name: str | None = None) -> None:
     """Add a name and a value; where the drawn name says too little alone, programs get another."""
-    table.add(name if told_name is None else Both(name, told_name), value)
+    table.add(name if told_name is None else CellValue(name, told_name), value)

@@ -22,8 +22,8 @@ from semmap_log.domain.meaning import PART_OF
 from semmap_log.domain.moments import format_local, format_short
 from semmap_log.projections.levels import levels_of
 from semmap_log.views.column_table import (
-    Both,
     Cell,
+    CellValue,
     ColumnTable,
     TableColumn,
     TextPicture,
@@ -34,7 +34,7 @@ from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
     from semmap_log.door_log.summary import LogSummary
-    from semmap_log.log.suspicion import Suspect
+    from semmap_log.log.clock_check import SuspectCommit
     from semmap_log.projections.diff import Diff, FieldChange
     from semmap_log.projections.history import HistoryEntry
 
@@ -229,9 +229,11 @@ def summary_table(summary: LogSummary) -> RenderableType:
     add_pair(table, "time zone", tz)
     add_pair(table, "doors", str(len(summary.door_map)))
     events = f"{summary.events:,} in {counted(summary.commits, 'commit')}"
-    add_pair(table, "events", Both(events, str(summary.events)))
+    add_pair(table, "events", CellValue(events, str(summary.events)))
     for kind, count in summary.counts.items():
-        add_pair(table, "", Both(f"{count:>9,} {kind}", str(count)), told_name=f"events: {kind}")
+        add_pair(
+            table, "", CellValue(f"{count:>9,} {kind}", str(count)), told_name=f"events: {kind}"
+        )
     for name, span in (("happened", summary.happened_ns), ("recorded", summary.recorded_ns)):
         if span is not None:
             add_pair(table, name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
@@ -239,7 +241,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
         levels = (f"{level} {count:,}" for level, count in summary.durability.items())
         add_pair(table, "durability", ", ".join(levels))
     size = f"{_size(summary.bytes)} in {counted(len(summary.segments), 'file')}"
-    add_pair(table, "size", Both(size, str(summary.bytes)), told_name="bytes")
+    add_pair(table, "size", CellValue(size, str(summary.bytes)), told_name="bytes")
     add_pair(table, "head", summary.head.hex())
     wrong = [*summary.warnings, *_suspects(summary)]
     for text in wrong:
@@ -257,7 +259,7 @@ def _suspects(summary: LogSummary) -> list[str]:
     return told
 
 
-def _suspect(suspect: Suspect, tz: str) -> str:
+def _suspect(suspect: SuspectCommit, tz: str) -> str:
     return f"event {suspect.event}, {format_local(suspect.wall_clock_ns, tz)}: {suspect.why}"
 
 
@@ -289,7 +291,9 @@ def _history_page(
         is_same_commit = before and entry.command_id == before.command_id
         table.add(
             str(entry.number),
-            Both(clock if is_same_day else f"{day}\n{clock}", format_local(entry.happened_ns, tz)),
+            CellValue(
+                clock if is_same_day else f"{day}\n{clock}", format_local(entry.happened_ns, tz)
+            ),
             format_local(entry.recorded_ns, tz),
             entry.kind,
             door_id,

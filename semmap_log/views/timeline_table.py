@@ -10,7 +10,7 @@ from rich.text import Text
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import DAY_NS, SECOND_NS, format_local, format_short
 from semmap_log.projections.timeline import Interval, Timeline
-from semmap_log.views.column_table import Both, ColumnTable, TableColumn, with_line_end
+from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn, with_line_end
 from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
 
 PAGE_ROWS = 500
@@ -68,7 +68,7 @@ def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> ColumnTab
     for interval in intervals:
         ends = interval.start_ns, interval.end_ns
         table.add(
-            *(Both(_drawn_time(ns, tz), format_local(ns, tz)) for ns in ends),
+            *(CellValue(_drawn_time(ns, tz), format_local(ns, tz)) for ns in ends),
             duration(interval.duration_ns),
             f"{interval.duration_ns / SECOND_NS:.3f}",
             Text(interval.state.name, style=STATE_COLOURS.get(interval.state, OTHER_STATE_COLOUR)),

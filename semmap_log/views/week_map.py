@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.typical_week import Pattern, TypicalWeek
+from semmap_log.beliefs.typical_week import TypicalWeek, WeekPattern
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS
 from semmap_log.views.belief_words import (
     interval,
@@ -131,7 +131,7 @@ def _told_table(*of: str) -> ColumnTable:
 
 
 def _tell(
-    table: ColumnTable, week: TypicalWeek, cells: Pattern, places: Sequence[tuple[str, ...]]
+    table: ColumnTable, week: TypicalWeek, cells: WeekPattern, places: Sequence[tuple[str, ...]]
 ) -> None:
     """Add a row for each cell; those of which too little is known have no numbers."""
     numbers = zip(places, cells.p_open, cells.low, cells.high, cells.is_known, strict=True)
@@ -172,7 +172,7 @@ def _scale(width: int) -> Text:
     return Text("".join(f"{hour:<{3 * width}}" for hour in range(0, HOURS, 3)), style="dim")
 
 
-def _row(cells: Pattern, is_seen: NDArray[np.bool_], width: int) -> Text:
+def _row(cells: WeekPattern, is_seen: NDArray[np.bool_], width: int) -> Text:
     row = Text()
     for p, known, seen in zip(cells.p_open, cells.is_known, is_seen, strict=True):
         if known:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.sensor_calibration import Hits, calibrate, truths_of_rows
-from semmap_log.beliefs.trials import Stretches
+from semmap_log.beliefs.sensor_calibration import SensorHits, calibrate, truths_of_rows
+from semmap_log.beliefs.trials import StateIntervals
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.errors import EstimatorError
 
@@ -22,10 +22,10 @@ def at(hour: float) -> int:
     return START_NS + round(hour * HOUR_NS)
 
 
-def truth(*stretches: tuple[float, float, bool]) -> dict[DoorId, Stretches]:
+def truth(*stretches: tuple[float, float, bool]) -> dict[DoorId, StateIntervals]:
     start, end, is_open = zip(*stretches, strict=True)
     return {
-        DOOR: Stretches(
+        DOOR: StateIntervals(
             np.array([at(h) for h in start]), np.array([at(h) for h in end]), np.array(is_open)
         )
     }
@@ -50,8 +50,8 @@ def test_hits_and_misses_are_counted_by_the_true_state(tmp_path: Path) -> None:
 
     found = calibrate(log, truth((0, 10, True), (10, 20, False)))
 
-    assert Hits(2, 3, 3) == found.together.when_open
-    assert Hits(1, 1, 1) == found.together.when_closed
+    assert SensorHits(2, 3, 3) == found.together.when_open
+    assert SensorHits(1, 1, 1) == found.together.when_closed
     assert pytest.approx(2 / 3) == found.together.when_open.accuracy
     assert found.doors[DOOR] == found.together
 
@@ -65,7 +65,7 @@ def test_a_burst_is_one_trial(tmp_path: Path) -> None:
 
     found = calibrate(log, truth((0, 10, True)))
 
-    assert Hits(1.75, 2, 101) == found.together.when_open
+    assert SensorHits(1.75, 2, 101) == found.together.when_open
     assert 0 == found.together.when_closed.visits
     assert found.together.when_closed.accuracy is None
 
@@ -80,7 +80,7 @@ def test_a_pass_is_cut_where_the_door_moves(tmp_path: Path) -> None:
         log_of(tmp_path, *seen), truth((0, 1 + 5 / 360, True), (1 + 5 / 360, 9, False))
     )
 
-    assert (Hits(1, 1, 5), Hits(1, 1, 5)) == (
+    assert (SensorHits(1, 1, 5), SensorHits(1, 1, 5)) == (
         found.together.when_open, found.together.when_closed,
     )  # fmt: skip
 
@@ -96,8 +96,8 @@ def test_only_one_source_counts_if_asked(tmp_path: Path) -> None:
 
     lidar, both = (calibrate(log, truth((0, 9, True)), source=s) for s in ("lidar", None))
 
-    assert Hits(2, 2, 2) == lidar.together.when_open
-    assert Hits(2, 3, 3) == both.together.when_open
+    assert SensorHits(2, 2, 2) == lidar.together.when_open
+    assert SensorHits(2, 3, 3) == both.together.when_open
     with pytest.raises(EstimatorError, match="expected sightings of source 'sonar'"):
         calibrate(log, truth((0, 9, True)), source="sonar")
 
@@ -136,9 +136,9 @@ def test_what_is_declared_is_never_certain_nor_below_a_half() -> None:
     """
     Ten of ten right is no proof of a sensor without faults; none right is no sensor.
     """
-    assert pytest.approx(10.5 / 11) == Hits(10, 10, 10).declared
-    assert 0.5 == Hits(0, 10, 10).declared
-    assert Hits().declared is None
+    assert pytest.approx(10.5 / 11) == SensorHits(10, 10, 10).declared
+    assert 0.5 == SensorHits(0, 10, 10).declared
+    assert SensorHits().declared is None
 
 
 def test_rows_hold_until_the_next_one() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.beliefs.patrol import Patrol, visited
-from semmap_log.beliefs.trials import Stretches
+from semmap_log.beliefs.trials import StateIntervals
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorUpdated
 from semmap_log.probabilities.estimators import ESTIMATORS, by_name
@@ -20,11 +20,11 @@ DAYS = 24
 DOORS = (DoorId(1), DoorId(2))
 
 
-def stretches(seed: int) -> Stretches:
+def stretches(seed: int) -> StateIntervals:
     start, end, is_open = zip(
         *random_stretches(np.random.default_rng(seed), DAYS * 24), strict=True
     )
-    return Stretches(hours_ns(start), hours_ns(end), np.array(is_open))
+    return StateIntervals(hours_ns(start), hours_ns(end), np.array(is_open))
 
 
 def known_all_through() -> Evidence:

@@ -6,19 +6,19 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.beliefs.trials import Stretches
+from semmap_log.beliefs.trials import StateIntervals
 
 
 @st.composite
-def stretches(draw: st.DrawFn) -> Stretches:
+def stretches(draw: st.DrawFn) -> StateIntervals:
     edges = sorted(draw(st.sets(st.integers(0, 300), max_size=12)))
     edges = edges[: len(edges) // 2 * 2]
     start, end = np.array(edges[::2], np.int64), np.array(edges[1::2], np.int64)
     is_open = draw(st.lists(st.booleans(), min_size=len(start), max_size=len(start)))
-    return Stretches(start, end, np.array(is_open, np.bool_))
+    return StateIntervals(start, end, np.array(is_open, np.bool_))
 
 
-def states(known: Stretches) -> dict[int, bool]:
+def states(known: StateIntervals) -> dict[int, bool]:
     """Return the state at each whole time at which it is known."""
     return {
         time: is_open
@@ -30,7 +30,7 @@ def states(known: Stretches) -> dict[int, bool]:
 
 
 @given(stretches(), st.integers(1, 40))
-def test_samples_are_the_multiples_within(known: Stretches, step: int) -> None:
+def test_samples_are_the_multiples_within(known: StateIntervals, step: int) -> None:
     """
     Each multiple of the step at which the state is known, with that state; half-open.
     """
@@ -42,7 +42,7 @@ def test_samples_are_the_multiples_within(known: Stretches, step: int) -> None:
 
 
 @given(stretches())
-def test_a_time_is_known_inside_of_a_stretch(known: Stretches) -> None:
+def test_a_time_is_known_inside_of_a_stretch(known: StateIntervals) -> None:
     """
     From its start on, and no longer at its end.
     """
@@ -54,7 +54,7 @@ def test_a_time_is_known_inside_of_a_stretch(known: Stretches) -> None:
 
 
 @given(stretches(), st.integers(0, 300), st.integers(0, 300))
-def test_a_range_cuts_stretches(known: Stretches, since: int, until: int) -> None:
+def test_a_range_cuts_stretches(known: StateIntervals, since: int, until: int) -> None:
     """
     What is left is what was known in it.
     """

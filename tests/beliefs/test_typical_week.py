@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.typical_week import Pattern, typical_weeks
+from semmap_log.beliefs.typical_week import WeekPattern, typical_weeks
 from tests.beliefs.patrolled import ATTIC, FRONT, OPEN_HOURS, ROUNDS, patrolled
 
 
@@ -63,7 +63,7 @@ def test_means_are_of_what_is_known() -> None:
     p_open = np.array([[0.2, 0.9, 0.4], [0.8, 0.1, 0.6]])
     known = np.array([[True, False, False], [True, True, False]])
 
-    means = Pattern(p_open, p_open - 0.1, p_open + 0.1, known).averaged(0)
+    means = WeekPattern(p_open, p_open - 0.1, p_open + 0.1, known).averaged(0)
 
     np.testing.assert_allclose([0.5, 0.1, 0.5], means.p_open)
     np.testing.assert_allclose([0.4, 0.0, 0.4], means.low, atol=1e-12)

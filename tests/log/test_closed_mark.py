@@ -123,7 +123,7 @@ def test_recover_goes_on_with_what_is_there(log: Path, damage: Callable[[Path], 
 
     done = recover(log)
 
-    (loss,) = done.survey.losses
+    (loss,) = done.plan.losses
     assert 25 == loss.last_event
     assert 0 == verify(log).exit_code
     assert loss.first_event + 1 == events(log)  # and the commit that says so

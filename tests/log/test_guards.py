@@ -48,8 +48,8 @@ from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_reading import last_commit
 from semmap_log.log.reading.segment_scan import open_segment
 from semmap_log.log.reading.segment_set import check_follows
+from semmap_log.log.record_scan import ChunkDamage, scan_by_index, walk
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.walking import ChunkDamage, walk, walk_by_index
 from semmap_log.log.writing.durability import SharedSync
 from semmap_log.messages import layout
 from semmap_log.projections.door_map import DoorMapState
@@ -281,7 +281,7 @@ def test_an_index_cannot_point_before_its_chunk() -> None:
     index = struct.pack("<BQHI4q", 7, 38, 4, 32, 1000, -size, 1000, 0)
     file = record + record + index
 
-    found = walk_by_index(file, np.array([2 * size]), file, np.array([size]), np.array([2 * size]))
+    found = scan_by_index(file, np.array([2 * size]), file, np.array([size]), np.array([2 * size]))
 
     assert [size] == found.offsets.tolist()
 

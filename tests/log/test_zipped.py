@@ -16,7 +16,7 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import LogAccessError, LogError, NotALogError
 from semmap_log.log import zipped
-from semmap_log.log.salvage import recover, survey
+from semmap_log.log.salvage import plan_recovery, recover
 from semmap_log.log.verification import verify
 from semmap_log.log.zipped import FREE_BYTES, MOST_LIST_BYTES, MOST_RATIO
 from tests.log.logs import answers, segment_files
@@ -146,7 +146,9 @@ def test_every_writing_verb_says_that_it_is_read_only(
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize("write", [sl.append, recover, survey], ids=lambda write: write.__name__)
+@pytest.mark.parametrize(
+    "write", [sl.append, recover, plan_recovery], ids=lambda write: write.__name__
+)
 def test_nothing_is_unpacked_to_refuse_a_writer(
     tmp_path: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], Any]
 ) -> None:

@@ -11,7 +11,7 @@ import semmap_log as sl
 from semmap_log.errors import NewerLogError
 from semmap_log.log.compaction import compact
 from semmap_log.log.records import MESSAGE
-from semmap_log.log.salvage import recover, survey
+from semmap_log.log.salvage import plan_recovery, recover
 from semmap_log.log.verification import verify
 from tests.log.logs import digest_of_records, segment_files
 from tests.newer.logs import UNKNOWN, NewerLogs
@@ -170,7 +170,7 @@ def test_there_is_nothing_to_recover_of_a_whole_log(newer: NewerLogs, tmp_path: 
     log = newer.log("locked", tmp_path)
     before = segment_files(log)[0].read_bytes()
 
-    assert not survey(log).has_to_do
+    assert not plan_recovery(log).has_to_do
     assert recover(log).log is None
     assert segment_files(log)[0].read_bytes() == before
 

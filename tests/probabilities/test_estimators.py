@@ -7,7 +7,7 @@ import pytest
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.errors import EstimatorError
-from semmap_log.probabilities.estimator import Learnt
+from semmap_log.probabilities.estimator import LearntModel
 from semmap_log.probabilities.estimators import ESTIMATORS, by_name
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST
@@ -44,7 +44,7 @@ DOORS = {
 """Evidence of many kinds; what is known ends at `HOURS`."""
 
 
-def learnt(name: str, told: str) -> Learnt:
+def learnt(name: str, told: str) -> LearntModel:
     return by_name(name).learn({DOOR: DOORS[told].up_to(int(hours_ns(HOURS)))}, VIENNA)
 
 

@@ -21,8 +21,8 @@ from semmap_log.formats.ros_types import (
     RosVersion,
     ros_types,
 )
-from semmap_log.ros_mapping.complaints import Complaints
 from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import Reading, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Made, Translator
 
@@ -198,7 +198,7 @@ class Listener:
     told: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.complaints = Complaints(self.told.append)
+        self.complaints = TopicProblems(self.told.append)
         self.translator = Translator(self.mapping, self.known, self.complaints)
         for topic, reading in self.readings.items():
             self.translator.read_topic(topic, TopicRule(reading))

@@ -15,7 +15,7 @@ from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded, Robot
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.report.content import report
-from semmap_log.views.rerun.contents import RecordingContents, survey
+from semmap_log.views.rerun.contents import RecordingContents, find_scene
 from semmap_log.views.rerun.fitting import fits
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.tables import door_table
@@ -39,7 +39,7 @@ def old_log(path: Path, *names: str, doors_on: int, robot_on: int = 0) -> sl.Doo
 
 
 def scene_of(log: sl.DoorLog) -> Scene:
-    return survey(Excerpt.of(log, None, None, None))
+    return find_scene(Excerpt.of(log, None, None, None))
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from benchmark.case import Case, Peer, Work
 from benchmark.near import Near
 from benchmark.peers import OURS, on_cores
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.beliefs.asking import ask
+from semmap_log.beliefs.belief_query import ask
 from semmap_log.beliefs.door_beliefs import DoorBelief, belief, probabilities
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated

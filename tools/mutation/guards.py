@@ -79,7 +79,7 @@ LOCKS = (
           "    folder.remove_leftovers()\n"
           "    reader = LogReader(folder)\n"
           "    remove_merged(reader)\n"
-          "    writer = LogWriter(folder, lock, state_at(reader), surroundings)\n"
+          "    writer = LogWriter(folder, lock, state_at(reader), environment)\n"
           "    writer.go_on(reader)\n"
           "    if _may_be_half_made(reader):\n"
           "        sync_folder(path.parent)\n"
@@ -87,7 +87,7 @@ LOCKS = (
           'with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):\n'
           "    reader = LogReader(folder)\n"
           "    remove_merged(reader)\n"
-          "    writer = LogWriter(folder, lock, state_at(reader), surroundings)\n"
+          "    writer = LogWriter(folder, lock, state_at(reader), environment)\n"
           "    writer.go_on(reader)\n"
           "    if _may_be_half_made(reader):\n"
           "        sync_folder(path.parent)\n"
@@ -145,15 +145,15 @@ SIZES = (
     guard("columns of an index of one length", "spans_of_summary",
           "len({len(column) for column in columns}) > 1", "False",
           "test_index"),
-    guard("messages that tile a chunk", "walking.walk",
+    guard("messages that tile a chunk", "record_scan.walk",
           "opcode != Opcode.MESSAGE or length < least", "False",
           "test_guards"),
-    guard("times in a chunk's head", "_misfit",
-          'first_misfit(page.heads["log_time"], ends, rows)', "None",
+    guard("times in a chunk's head", "_violation",
+          'first_violation(page.heads["log_time"], ends, rows)', "None",
           "test_guards"),
     guard("heads of chunks against the summary", "_chunk_in",
           "_head_of(chunk) != row.item()[:-2]", "False", "test_guards"),
-    guard("event numbers without gaps in a live segment", "Reading._misfits",
+    guard("event numbers without gaps in a live segment", "Reading._violations",
           "self._sequence != ((numbers - 1) & _SEQUENCE_MASK).astype(np.uint32)",
           "np.zeros(len(numbers), np.bool_)", "test_guards", "reading.test_scan"),
     guard("log times that grow in a live segment", "Reading._is_too_early",

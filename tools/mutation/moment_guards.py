@@ -22,7 +22,7 @@ MOMENTS = (
     guard("events as the index counts them", "batches_of",
           "_check_numbers(page, batch, firsts[mine], ends[mine])", "",
           "test_window"),
-    guard("kinds of messages as the summary says", "_misfit",
+    guard("kinds of messages as the summary says", "_violation",
           'np.flatnonzero(kinds_of_chunks(page, ends) != rows["kinds"])', "np.empty(0)",
           "test_window"),
     guard("the data's CRC, where chunks are read in place", "ClosedSummary.fits_data",

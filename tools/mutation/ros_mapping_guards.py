@@ -105,9 +105,9 @@ SEEN = (
           "_TROUBLE", "ArithmeticError", "test_sightings", "test_robot"),
     guard("an event counts at once", "Translator._made",
           "known.apply(event)", "", "test_door_maps"),
-    guard("each kind of trouble is told once", "Complaints.add",
+    guard("each kind of trouble is told once", "TopicProblems.add",
           "key not in self._first", "True", "test_door_maps"),
-    guard("trouble is counted", "Complaints.add",
+    guard("trouble is counted", "TopicProblems.add",
           "self._counts[key] += 1", "self._counts[key] = 1", "test_door_maps"),
 )  # fmt: skip
 

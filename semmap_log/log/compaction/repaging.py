@@ -13,7 +13,7 @@ from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.page_reading import read_page
 from semmap_log.log.reading.segment_scan import Segment
-from semmap_log.log.walking import Walked
+from semmap_log.log.record_scan import ScannedRecords
 
 Pause = Callable[[int], None]
 """Called between steps with the bytes of records handled since the last call; each record is
@@ -140,7 +140,7 @@ class _Pending:
             segment.header.first_event,
             segment.path,
             place,
-            Walked(np.concatenate(self._offsets)),
+            ScannedRecords(np.concatenate(self._offsets)),
         )
         self.size, self._first, self._records, self._offsets = 0, None, [], []
         return page

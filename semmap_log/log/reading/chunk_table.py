@@ -27,7 +27,7 @@ from semmap_log.log.chunks import (
 )
 from semmap_log.log.kind_bits import bits_of_channels
 from semmap_log.log.reading.byte_source import ByteSource
-from semmap_log.log.walking import ChunkDamage, gather
+from semmap_log.log.record_scan import ChunkDamage, gather
 
 ROW: np.dtype[np.void] = np.dtype(
     [

@@ -15,7 +15,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.reading.byte_source import ByteSource, blocks
 from semmap_log.log.reading.chunk_table import LEAST_INDEX_BYTES, ChunkTable, rows_of_indexes
-from semmap_log.log.walking import ChunkDamage
+from semmap_log.log.record_scan import ChunkDamage
 
 _FOOTER = struct.Struct("<QQI")
 """Where the summary begins, where its offsets begin, CRC of both and of the footer before it."""

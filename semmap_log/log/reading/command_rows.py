@@ -15,7 +15,7 @@ from semmap_log.log.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL
 from semmap_log.log.reading.closed_summary import ClosedSummary
 from semmap_log.log.reading.segment_reading import pages_of
 from semmap_log.log.reading.segment_scan import Segment
-from semmap_log.log.walking import frames
+from semmap_log.log.record_scan import frames
 
 _CRC_BYTES = 4
 

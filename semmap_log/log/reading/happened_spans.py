@@ -18,7 +18,7 @@ from semmap_log.log.form import INDEX_METADATA
 from semmap_log.log.header import read_index
 from semmap_log.log.pages import Page, kinds_of
 from semmap_log.log.reading.closed_summary import ClosedSummary
-from semmap_log.log.walking import frames
+from semmap_log.log.record_scan import frames
 
 SPAN: np.dtype[np.void] = np.dtype([("events", "<i8"), ("least", "<i8"), ("greatest", "<i8")])
 """How many; times in nanoseconds UTC, inclusive, never after recording; -1 where there are none."""

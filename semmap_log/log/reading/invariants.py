@@ -12,7 +12,7 @@ from semmap_log.domain.commits import Durability
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL
 from semmap_log.log.pages import Page, kinds_of
-from semmap_log.log.reading.page_reading import TIMES_MISFIT, first_misfit
+from semmap_log.log.reading.page_reading import TIMES_VIOLATION, first_violation
 
 _SEQUENCE_MASK = 0xFFFF_FFFF
 
@@ -65,7 +65,7 @@ class Places:
 
 
 @dataclass(frozen=True, slots=True)
-class Misfit:
+class Violation:
     """The first message, of some that are read in order, that cannot be there."""
 
     message: int
@@ -112,10 +112,10 @@ class Reading:
 
     def whole_chunks(self, start: ReadPosition) -> tuple[int, str]:
         """Return how many chunks fit, and what is wrong with the next; empty if all fit."""
-        misfits = [misfit for misfit in self._misfits(start) if misfit is not None]
+        misfits = [violation for violation in self._violations(start) if violation is not None]
         if not misfits:
             return len(self._ends), ""
-        first = min(misfits, key=lambda misfit: misfit.message)
+        first = min(misfits, key=lambda violation: violation.message)
         return int(np.searchsorted(self._ends, first.message, "right")), first.problem
 
     def places_after(self, start: ReadPosition) -> Places:
@@ -132,10 +132,10 @@ class Reading:
             self._commits["hash"],
         )
 
-    def _misfits(self, start: ReadPosition) -> list[Misfit | None]:
+    def _violations(self, start: ReadPosition) -> list[Violation | None]:
         numbers = start.next_event + self._events_to
         return [
-            self._misfit_of_chunk_times(),
+            self._violation_of_chunk_times(),
             _first(self._is_unknown(), "a message on a channel that no log has"),
             _first(self._is_too_early(start), "a log time that is not after the one before"),
             _first(
@@ -146,13 +146,13 @@ class Reading:
             *self._misfits_of_commits(start, numbers),
         ]
 
-    def _misfit_of_chunk_times(self) -> Misfit | None:
+    def _violation_of_chunk_times(self) -> Violation | None:
         if self._rows is None:
             return None
-        chunk = first_misfit(self._log_time, self._ends, self._rows)
+        chunk = first_violation(self._log_time, self._ends, self._rows)
         if chunk is None:
             return None
-        return Misfit(int(self._ends[chunk - 1]) if chunk else 0, TIMES_MISFIT)
+        return Violation(int(self._ends[chunk - 1]) if chunk else 0, TIMES_VIOLATION)
 
     def _is_too_early(self, start: ReadPosition) -> NDArray[np.bool_]:
         """Each record has a later time than the one before; a keyframe may have the same."""
@@ -172,7 +172,7 @@ class Reading:
 
     def _misfits_of_commits(
         self, start: ReadPosition, numbers: NDArray[np.int64]
-    ) -> Iterator[Misfit | None]:
+    ) -> Iterator[Violation | None]:
         """Check that each Commit closes exactly the events since the last, and names its hash."""
         commits = self._commits
         if not len(commits):
@@ -196,7 +196,7 @@ class Reading:
 
 def _first(
     wrong: NDArray[np.bool_], problem: str, messages: NDArray[np.intp] | None = None
-) -> Misfit | None:
+) -> Violation | None:
     """Return the first place that is wrong; `messages`: where the places lie among all."""
     places = np.flatnonzero(wrong) if messages is None else messages[wrong]
-    return Misfit(int(places[0]), problem) if len(places) else None
+    return Violation(int(places[0]), problem) if len(places) else None

@@ -25,7 +25,7 @@ from semmap_log.log.form import (
 )
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.byte_source import ByteSource
-from semmap_log.log.walking import ChunkDamage, Walked, heads_of, walk, walk_one
+from semmap_log.log.record_scan import ChunkDamage, ScannedRecords, heads_of, scan_one, walk
 
 SMALL_BYTES = 2**14
 """Smaller chunks are walked in Python; for larger ones numpy pays."""
@@ -53,7 +53,7 @@ class ChunkRun:
         offsets = [own + start for own, start in zip(self.offsets, starts, strict=True)]
         records = self.records[0] if len(self.records) == 1 else b"".join(self.records)
         place = self.chunks[0].offset
-        return Page(records, first_event, path, place, Walked(np.concatenate(offsets)))
+        return Page(records, first_event, path, place, ScannedRecords(np.concatenate(offsets)))
 
 
 def read_part(source: ByteSource, at: int) -> ChunkRun:
@@ -151,7 +151,7 @@ def _messages(
     if chunk.size >= SMALL_BYTES:
         behind = chunk.offset + chunk.length
         window.get(behind, behind + _most_index_bytes(chunk.size))
-        offsets = walk_one(window.data, behind - window.start, records).offsets
+        offsets = scan_one(window.data, behind - window.start, records).offsets
         channels = len(np.unique(heads_of(records, offsets)["channel_id"]))
     else:
         offsets = walk(records)

@@ -27,7 +27,7 @@ from semmap_log.log.reading.invariants import Reading, ReadPosition
 from semmap_log.log.reading.live_records import ChunkRun, read_part
 from semmap_log.log.reading.page_reading import kinds_of_chunks
 from semmap_log.log.reading.resync import whole_chunks
-from semmap_log.log.walking import Walked, frames
+from semmap_log.log.record_scan import ScannedRecords, frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ class _Behind:
         """Search all that lies behind an offset."""
         chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(source.read, start, source.size):
-            page = Page(records, expected, Path(), 0, Walked(offsets))
+            page = Page(records, expected, Path(), 0, ScannedRecords(offsets))
             later = [n for n in page.event_numbers()[:1].tolist() if n > expected]
             first_event = first_event or next(iter(later), None)
             commits = page.commit_rows(page.commit_places())

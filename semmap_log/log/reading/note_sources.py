@@ -16,7 +16,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.log import records as mcap
 from semmap_log.log.form import NOTE_CHANNEL
 from semmap_log.log.pages import Page
-from semmap_log.log.walking import gather
+from semmap_log.log.record_scan import gather
 from semmap_log.messages import CDR_HEADER, deserialize, type_name
 
 NO_SOURCE = ""

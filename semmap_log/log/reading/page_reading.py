@@ -15,13 +15,13 @@ from semmap_log.log import records as mcap
 from semmap_log.log.chunks import crc_problem
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.chunk_table import ChunkTable, LoadedChunks
-from semmap_log.log.walking import (
+from semmap_log.log.record_scan import (
     ChunkDamage,
-    Walked,
+    ScannedRecords,
     gather,
-    walk_by_index,
-    walk_one,
-    walk_together,
+    scan_by_index,
+    scan_one,
+    scan_together,
 )
 
 _HEAD: np.dtype[np.void] = np.dtype(
@@ -109,13 +109,13 @@ def read_page(
     ends = starts + rows["size"]
     place = int(rows["offset"][0])
     try:
-        walked = _walk(loaded, whole, starts, ends)
+        scanned = _walk(loaded, whole, starts, ends)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, place, str(damage)) from None
-    page = Page(whole, first_event, chunks.path, place, walked)
-    misfit = _misfit(page, np.searchsorted(walked.offsets, ends), rows)
-    if misfit is not None:
-        raise CorruptLogError(chunks.path, int(rows["offset"][misfit[0]]), misfit[1])
+    page = Page(whole, first_event, chunks.path, place, scanned)
+    violation = _violation(page, np.searchsorted(scanned.offsets, ends), rows)
+    if violation is not None:
+        raise CorruptLogError(chunks.path, int(rows["offset"][violation[0]]), violation[1])
     return page
 
 
@@ -140,11 +140,11 @@ def _laid_out(
 
 def _walk(
     loaded: LoadedChunks, records: Records, starts: NDArray[np.int64], ends: NDArray[np.int64]
-) -> Walked:
+) -> ScannedRecords:
     """Return where the messages of several chunks begin."""
     if int(loaded.table.rows["size"].max()) <= _FEW_RECORDS_BYTES:
-        return Walked(walk_together(records, starts, ends))
-    return walk_by_index(loaded.data, loaded.index_starts, records, starts, ends)
+        return ScannedRecords(scan_together(records, starts, ends))
+    return scan_by_index(loaded.data, loaded.index_starts, records, starts, ends)
 
 
 def _first_misfit_of_crc(
@@ -155,17 +155,19 @@ def _first_misfit_of_crc(
     return CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), problem)
 
 
-TIMES_MISFIT = "its head does not tell the least and greatest log time of its messages"
+TIMES_VIOLATION = "its head does not tell the least and greatest log time of its messages"
 
 
 KINDS_MISFIT = "it holds other kinds of messages than the segment's summary says"
 
 
-def _misfit(page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]) -> tuple[int, str] | None:
+def _violation(
+    page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]
+) -> tuple[int, str] | None:
     """Return the place of a chunk that is not what the table says, and what is wrong with it."""
-    place = first_misfit(page.heads["log_time"], ends, rows)
+    place = first_violation(page.heads["log_time"], ends, rows)
     if place is not None:
-        return place, TIMES_MISFIT
+        return place, TIMES_VIOLATION
     wrong = np.flatnonzero(kinds_of_chunks(page, ends) != rows["kinds"])
     return (int(wrong[0]), KINDS_MISFIT) if len(wrong) else None
 
@@ -181,7 +183,7 @@ def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
     return kinds
 
 
-def first_misfit(
+def first_violation(
     log_time: NDArray[np.int64], ends: NDArray[np.intp], rows: NDArray[np.void]
 ) -> int | None:
     """Return the place of the first chunk that says other times than its messages have, if any.
@@ -203,8 +205,8 @@ def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Pa
     chunks = loaded.table
     offset = int(chunks.rows["offset"][0])
     try:
-        walked = walk_one(loaded.data, int(loaded.index_starts[0]), records)
-        page = Page(records, first_event, chunks.path, offset, walked)
+        scanned = scan_one(loaded.data, int(loaded.index_starts[0]), records)
+        page = Page(records, first_event, chunks.path, offset, scanned)
         _check_rows(page, chunks)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, offset, str(damage)) from None
@@ -212,9 +214,9 @@ def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Pa
 
 
 def _check_rows(page: Page, chunks: ChunkTable) -> None:
-    misfit = _misfit(page, np.array([len(page.offsets)]), chunks.rows)
-    if misfit is not None:
-        raise ChunkDamage(misfit[1])
+    violation = _violation(page, np.array([len(page.offsets)]), chunks.rows)
+    if violation is not None:
+        raise ChunkDamage(violation[1])
 
 
 def _check_heads(loaded: LoadedChunks) -> list[int]:

@@ -129,7 +129,7 @@ class LogReader:
         self._check_order()
         last: Page | None = None
         before: Segment | None = None
-        passage = ReadProgress(self.segments[start.segment :], progress)
+        reading = ReadProgress(self.segments[start.segment :], progress)
         for segment in self.segments[start.segment :]:
             if before is not None:
                 commit = last.last_commit() if last is not None else None
@@ -138,8 +138,8 @@ class LogReader:
             for page in pages_of(segment, start.chunk if before is None else 0):
                 yield segment, page
                 last = page
-                passage.reached(segment, page)
-            passage.passed(segment, is_read=True)
+                reading.reached(segment, page)
+            reading.passed(segment, is_read=True)
             before = segment
 
     def batches(
@@ -167,7 +167,7 @@ class LogReader:
             CorruptLogError: A chunk is not what was written, or events are missing.
         """
         self._check_order()
-        passage = ReadProgress(self.segments[start.segment :], progress)
+        reading = ReadProgress(self.segments[start.segment :], progress)
         last: Page | None = None
         for place in range(start.segment, len(self.segments)):
             segment, last_before, last = self.segments[place], last, None
@@ -183,9 +183,9 @@ class LogReader:
                         if on_page is not None:
                             on_page(segment, page)
                         yield chosen
-                    passage.reached(segment, page)
+                    reading.reached(segment, page)
                     last = page
-            passage.passed(segment, is_read=last is not None)
+            reading.passed(segment, is_read=last is not None)
 
     def commits(self, first_segment: int = 0) -> Iterator[Commit]:
         """Yield the commits of the whole log, in order, each checked to follow the one before.

@@ -18,7 +18,7 @@ from semmap_log.log.chunks import (
     StoredChunk,
     read_chunk_head,
 )
-from semmap_log.log.walking import ChunkDamage, gather, walk
+from semmap_log.log.record_scan import ChunkDamage, gather, walk
 
 _WINDOW_BYTES = 2**22
 _LOOKS: np.dtype[np.void] = np.dtype(

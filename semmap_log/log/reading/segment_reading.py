@@ -18,14 +18,14 @@ from semmap_log.log.chunks import StoredChunk
 from semmap_log.log.form import CHUNK_BYTES, count_events
 from semmap_log.log.kind_bits import COMMIT_BIT, UNKNOWN_BIT
 from semmap_log.log.pages import Page
-from semmap_log.log.reading.ahead import ahead
 from semmap_log.log.reading.chunk_table import ChunkTable
 from semmap_log.log.reading.note_sources import NoteSources
 from semmap_log.log.reading.page_reading import Unpacked, read_page, unpack
+from semmap_log.log.reading.prefetch import ahead
 from semmap_log.log.reading.segment_head import last_commit_in
 from semmap_log.log.reading.segment_scan import Segment
 from semmap_log.log.reading.window import numbers_of
-from semmap_log.log.walking import ChunkDamage
+from semmap_log.log.record_scan import ChunkDamage
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:

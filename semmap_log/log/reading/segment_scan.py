@@ -37,7 +37,7 @@ from semmap_log.log.reading.happened_spans import spans_of_summary, total_span
 from semmap_log.log.reading.live_scan import LiveScan, go_on, head_records, scan_live
 from semmap_log.log.reading.mapped_file import map_file
 from semmap_log.log.reading.segment_head import last_commit_in, stored_head
-from semmap_log.log.walking import frames
+from semmap_log.log.record_scan import frames
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from semmap_log.log.form import RECOVERING_NAME
 from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.salvage.recovered_log import NewLog
-from semmap_log.log.salvage.recovery_plan import Loss, RecoveryPlan, survey
+from semmap_log.log.salvage.recovery_plan import Loss, RecoveryPlan, plan_recovery
 from semmap_log.log.salvage.swap import new_folder_beside, put_away, take_place
 from semmap_log.log.verification import Progress, Verifier, verify
 from semmap_log.log.verification.folder_files import arrange
@@ -33,7 +33,7 @@ Entropy = Callable[[int], bytes]
 class Recovered:
     """What a recovery did."""
 
-    survey: RecoveryPlan
+    plan: RecoveryPlan
     log: Path | None
     """The log that is whole now; None: there was nothing to do."""
     kept: Path | None
@@ -63,7 +63,7 @@ def recover(
     lock = WriterLock(old)
     try:
         kept = put_away(log)
-        found = survey(log, progress)
+        found = plan_recovery(log, progress)
         if not found.has_to_do:
             return Recovered(found, log if kept else None, kept)
         header = _header(found, entropy, is_new=not found.keeps_numbers)
@@ -103,7 +103,7 @@ def recover_into(
     target = target.resolve()
     if target.exists() and not (target.is_dir() and LogFolder(target).is_empty()):
         raise LogExistsError(f"{target}: there is something here; a new log wants a new folder.")
-    found = survey(log, progress)
+    found = plan_recovery(log, progress)
     if not found.has_to_do:
         return Recovered(found, None, None)
     try:

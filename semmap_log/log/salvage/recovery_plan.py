@@ -79,7 +79,7 @@ class RecoveryPlan:
         return not self.dropped and all(loss.before_ns is None for loss in self.losses)
 
 
-def survey(path: Path, progress: Progress | None = None) -> RecoveryPlan:
+def plan_recovery(path: Path, progress: Progress | None = None) -> RecoveryPlan:
     """Read a log and return what a recovery would save and lose.
 
     Raises:

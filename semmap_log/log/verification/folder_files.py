@@ -24,7 +24,7 @@ from semmap_log.log.verification.findings import Finding, Severity
 
 
 @dataclass(slots=True)
-class Arrangement:
+class FolderFiles:
     """The files of a log, sorted out."""
 
     folder: Path
@@ -49,7 +49,7 @@ class Arrangement:
         return any(first <= number < behind for behind, first in self.missing.items())
 
 
-def arrange(path: Path) -> Arrangement:
+def arrange(path: Path) -> FolderFiles:
     """Return the segments of a log's folder, or of a single file.
 
     Raises:
@@ -57,7 +57,7 @@ def arrange(path: Path) -> Arrangement:
         LogError: It is of another format version.
         Vanished: A file went away meanwhile.
     """
-    found = Arrangement(path)
+    found = FolderFiles(path)
     if path.suffix == ".mcap" and not path.is_dir():
         one = look_at(path)
         found.segments = [one] if one else []
@@ -92,7 +92,7 @@ def arrange(path: Path) -> Arrangement:
     return found
 
 
-def bag_metadata_findings(found: Arrangement, closed: list[ClosedSegment] | None) -> list[Finding]:
+def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None) -> list[Finding]:
     """Compare metadata.yaml with the closed segments; it is a cache, but it knows what there was.
 
     What it names only now was closed while the files were read, and is no evidence against them.
@@ -125,7 +125,7 @@ def bag_metadata_findings(found: Arrangement, closed: list[ClosedSegment] | None
     return findings
 
 
-def mark_findings(found: Arrangement, next_event: int, head: bytes | None) -> list[Finding]:
+def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> list[Finding]:
     """Compare how far the log reached, as closed.json tells, with how far it does.
 
     Args:
@@ -173,7 +173,7 @@ def _bag_metadata_of(folder: Path) -> str:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
 
 
-def _mark(found: Arrangement) -> ClosedMark | None:
+def _mark(found: FolderFiles) -> ClosedMark | None:
     try:
         return read_mark(LogFolder(found.folder))
     except CorruptLogError as error:
@@ -181,7 +181,7 @@ def _mark(found: Arrangement) -> ClosedMark | None:
         return None
 
 
-def _sort_out(found: Arrangement, ours: list[SegmentFile]) -> None:
+def _sort_out(found: FolderFiles, ours: list[SegmentFile]) -> None:
     """Tell the log's segments from those of other logs, leftovers and copies."""
     ids = Counter(f.header.info.log_id for f in ours if f.header is not None)
     log_id = max(ids, key=lambda one: ids[one], default="")
@@ -208,7 +208,7 @@ def _sort_out(found: Arrangement, ours: list[SegmentFile]) -> None:
         last = file
 
 
-def _add_second(found: Arrangement, file: SegmentFile, last: SegmentFile) -> None:
+def _add_second(found: FolderFiles, file: SegmentFile, last: SegmentFile) -> None:
     """Take in a file whose number another one has, or stands for."""
     is_inside = (file.number, file.last_number) != (last.number, last.last_number)
     if file.header is not None and is_inside and file.last_number <= last.last_number:

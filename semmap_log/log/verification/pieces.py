@@ -22,8 +22,8 @@ from semmap_log.log.form import (
     LAST_EVENT_CHANNEL,
     ZSTD_LEVEL,
 )
+from semmap_log.log.record_scan import ChunkDamage
 from semmap_log.log.verification.file_bytes import WINDOW_BYTES, FileBytes
-from semmap_log.log.walking import ChunkDamage
 
 Message = tuple[int, int, int, int, int, int]
 """Channel, sequence, log time, publish time, start and end in the chunk's records."""

@@ -13,12 +13,12 @@ from mcap.opcode import Opcode
 from semmap_log.common.wording import counted
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
 from semmap_log.log.bag_metadata import ClosedSegment
+from semmap_log.log.clock_check import ClockCheck
 from semmap_log.log.commit_records import NO_HASH
 from semmap_log.log.form import FORMAT_MINOR, FORMAT_VERSION
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.newer import NOTHING_NEWER, is_later_kind
 from semmap_log.log.newer import name_of as name_of_kind
-from semmap_log.log.suspicion import ClockCheck
 from semmap_log.log.verification.closing import (
     Contents,
     closing_flaws,
@@ -30,7 +30,7 @@ from semmap_log.log.verification.file_bytes import Vanished
 from semmap_log.log.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
 from semmap_log.log.verification.findings import Finding, Severity, Verification
 from semmap_log.log.verification.folder_files import (
-    Arrangement,
+    FolderFiles,
     arrange,
     bag_metadata_findings,
     mark_findings,
@@ -109,7 +109,7 @@ class Verifier:
         """
         self.path = path
         self.chain = Chain(self._report, self._commit, keep_parts=keep_parts)
-        self.arrangement = Arrangement(path)
+        self.arrangement = FolderFiles(path)
         self.findings: list[Finding] = []
         self._head = head
         self._progress = progress
@@ -344,7 +344,7 @@ class Verifier:
         if self._on_commit is not None:
             self._on_commit(whole)
 
-    def _folder(self, found: Arrangement) -> None:
+    def _folder(self, found: FolderFiles) -> None:
         """Compare what closed.json and metadata.yaml know; a leftover's hash must have come."""
         mark = found.mark
         damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
@@ -382,7 +382,7 @@ class Verifier:
             text += "; nor were keyframes behind them"
         return Finding("newer", Severity.NOTE, self.path, None, None, text)
 
-    def _result(self, found: Arrangement) -> Verification:
+    def _result(self, found: FolderFiles) -> Verification:
         chain = self.chain
         header = next((f.header for f in found.segments if f.header is not None), None)
         since = None if self._head_event is None else chain.next_event - 1 - self._head_event

@@ -17,10 +17,10 @@ from semmap_log.log import records as mcap
 from semmap_log.log.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, floor_map_topic
 from semmap_log.log.header import SegmentHeader
 from semmap_log.log.newer import Newer, is_later_kind
+from semmap_log.log.record_scan import ChunkDamage
 from semmap_log.log.segment import Head, channel_record
 from semmap_log.log.verification.file_bytes import FileBytes
 from semmap_log.log.verification.pieces import Piece, examine, find_piece
-from semmap_log.log.walking import ChunkDamage
 from semmap_log.messages import layout
 
 _NUMBERED = struct.Struct("<BQH")

@@ -14,7 +14,7 @@ MOST_BATCH_S = 3600
 
 
 @dataclass(frozen=True)
-class Promise:
+class DurabilityPolicy:
     """What a writer promises of each append."""
 
     level: Durability = Durability.EVENT
@@ -24,7 +24,7 @@ class Promise:
     """`batch`: after so many seconds at most they are."""
 
     @classmethod
-    def of(cls, level: Durability | str, batch_events: int, batch_s: float) -> Promise:
+    def of(cls, level: Durability | str, batch_events: int, batch_s: float) -> DurabilityPolicy:
         """Return the promise of that name.
 
         Raises:

@@ -19,7 +19,7 @@ from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.segment import SegmentWriter
 from semmap_log.log.writing.command_memory import CommandMemory
-from semmap_log.log.writing.durability import SYNC_FAILED, BatchTimer, Promise, SharedSync
+from semmap_log.log.writing.durability import SYNC_FAILED, BatchTimer, DurabilityPolicy, SharedSync
 from semmap_log.log.writing.segment_chain import LogEnd, SegmentChain
 from semmap_log.log.writing.uniform_commit import uniform_commit
 from semmap_log.log.writing.written_state import WrittenState
@@ -27,10 +27,10 @@ from semmap_log.projections.door_map import DoorMapState
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class Environment:
     """What a writer takes from the machine, and what it promises; tests give their own."""
 
-    promise: Promise = field(default_factory=Promise)
+    policy: DurabilityPolicy = field(default_factory=DurabilityPolicy)
     clock: Clock = field(default_factory=SystemClock)
     entropy: Entropy = os.urandom
     compacts: bool = True
@@ -45,22 +45,22 @@ class LogWriter:
         folder: LogFolder,
         lock: WriterLock,
         state: DoorMapState,
-        surroundings: Surroundings,
+        environment: Environment,
     ) -> None:
         self.folder = folder
-        self.clock = surroundings.clock
-        self.entropy = surroundings.entropy
-        self.promise = promise = surroundings.promise
+        self.clock = environment.clock
+        self.entropy = environment.entropy
+        self.policy = policy = environment.policy
         self.next_event = 0
         self.last_ns = 0
         self._last_hash = NO_HASH
         self._lock = lock
         self._commands = CommandMemory(folder, lambda: self._chain.live, self.flush)
-        self._chain = SegmentChain(folder, self._commands.closed, compacts=surroundings.compacts)
+        self._chain = SegmentChain(folder, self._commands.closed, compacts=environment.compacts)
         self._state = WrittenState(folder, state, self.flush)
         self._syncs = SharedSync()
-        self._timer = BatchTimer(self.sync, promise.batch_s)
-        self._holds_back = promise.level is Durability.NONE
+        self._timer = BatchTimer(self.sync, policy.batch_s)
+        self._holds_back = policy.level is Durability.NONE
         self._poison = ""
         """Why nothing more may be written; empty as long as every write and sync went well."""
         self._in_commit = False
@@ -179,7 +179,7 @@ class LogWriter:
             wall_ns,
             clock.monotonic_ns(),
             clock.boot_id,
-            self.promise.level,
+            self.policy.level,
             self._syncs.durable_before,
             content,
         )
@@ -216,17 +216,17 @@ class LogWriter:
             segment.add(self._state.keyframe(log_time_ns), hold_back=self._holds_back)
             self._in_commit = is_commit_begun
 
-    def keep_promise(self, before: int) -> None:
+    def apply_policy(self, before: int) -> None:
         """Return once events below that number last as was promised; others may append meanwhile.
 
         Raises:
             LogPoisonedError: The sync failed; it is not tried again.
         """
-        level = self.promise.level
+        level = self.policy.level
         if level is Durability.EVENT:
             self.make_durable(before)
         elif level is Durability.BATCH:
-            if before - self._syncs.durable_before >= self.promise.batch_events:
+            if before - self._syncs.durable_before >= self.policy.batch_events:
                 self.make_durable(before)
             elif before > self._syncs.durable_before:
                 self._timer.start()

@@ -19,12 +19,12 @@ from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_folder import check_is_log
 from semmap_log.log.reading.state import state_at
-from semmap_log.log.writing.writer import LogWriter, Surroundings
+from semmap_log.log.writing.writer import Environment, LogWriter
 from semmap_log.log.zipped import refuse_zip
 from semmap_log.projections.door_map import DoorMapState
 
 
-def create_log(path: Path, info: LogInfo, surroundings: Surroundings = Surroundings()) -> LogWriter:
+def create_log(path: Path, info: LogInfo, environment: Environment = Environment()) -> LogWriter:
     """Make a new log in a folder that does not exist, or is empty, and open it.
 
     Raises:
@@ -41,13 +41,13 @@ def create_log(path: Path, info: LogInfo, surroundings: Surroundings = Surroundi
         with _locked(folder) as lock:
             _check_is_free(path, folder)  # again: somebody may have been quicker
             folder.remove_leftovers()
-            writer = LogWriter(folder, lock, DoorMapState(), surroundings)
+            writer = LogWriter(folder, lock, DoorMapState(), environment)
             writer.begin(SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH))
             sync_folder(path.parent)
             return writer
 
 
-def open_for_append(path: Path, surroundings: Surroundings = Surroundings()) -> LogWriter:
+def open_for_append(path: Path, environment: Environment = Environment()) -> LogWriter:
     """Open a log for writing; a last segment that a crash left torn is made whole first.
 
     Raises:
@@ -62,7 +62,7 @@ def open_for_append(path: Path, surroundings: Surroundings = Surroundings()) -> 
         folder.remove_leftovers()
         reader = LogReader(folder)
         remove_merged(reader)
-        writer = LogWriter(folder, lock, state_at(reader), surroundings)
+        writer = LogWriter(folder, lock, state_at(reader), environment)
         writer.go_on(reader)
         if _may_be_half_made(reader):
             sync_folder(path.parent)

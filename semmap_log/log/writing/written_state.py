@@ -15,7 +15,7 @@ from semmap_log.log.keyframes import keyframe_chunk
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.state import state_at
-from semmap_log.log.walking import Walked
+from semmap_log.log.record_scan import ScannedRecords
 from semmap_log.projections.door_map import DoorMapState
 
 
@@ -85,7 +85,7 @@ class WrittenState:
             b"".join(self._unfolded),
             self._first_event,
             self._folder.path,
-            walked=_joined(self._unfolded, self._offsets),
+            scanned=_joined(self._unfolded, self._offsets),
         )
         batch = page.events()
         needs_reading = self._needs_reading or Retracted in batch
@@ -96,7 +96,9 @@ class WrittenState:
         self._needs_reading = needs_reading
 
 
-def _joined(records: Sequence[bytes], offsets: Sequence[NDArray[np.int64] | None]) -> Walked | None:
+def _joined(
+    records: Sequence[bytes], offsets: Sequence[NDArray[np.int64] | None]
+) -> ScannedRecords | None:
     """Return where each record begins once those of all chunks are joined; None: not known."""
     found, start = [], 0
     for its_records, its_offsets in zip(records, offsets, strict=True):
@@ -104,4 +106,4 @@ def _joined(records: Sequence[bytes], offsets: Sequence[NDArray[np.int64] | None
             return None
         found.append(its_offsets + start)
         start += len(its_records)
-    return Walked(np.concatenate(found))
+    return ScannedRecords(np.concatenate(found))

@@ -82,7 +82,7 @@ class ChainLikelihoods:
 
     filtered: Reals
     """(n,): P(open) by all that was seen up to there."""
-    foretold: Reals
+    predicted: Reals
     """(n,): P(open) by what was seen before."""
     later: Reals
     """(n,): how what is seen later weighs: P(it | open) / (P(it | open) + P(it | closed))."""
@@ -126,12 +126,12 @@ def filtered(steps: Steps, llr: Reals) -> tuple[Reals, Reals]:
 def passage(nodes: Nodes, rates: Rates) -> ChainLikelihoods:
     """Return the likelihoods of a chain along nodes, forward and backward."""
     steps = steps_of(nodes, rates)
-    after, foretold = filtered(steps, nodes.llr)
+    after, predicted = filtered(steps, nodes.llr)
     backward = _matrices(steps, nodes.llr)[:, :, :0:-1].transpose(1, 0, 2)
     later = np.append(states(backward, np.array([0.5, 0.5]))[OPEN][::-1], 0.5)
     sees = _sigmoid(nodes.llr)
-    seen = foretold * sees + (1 - foretold) * (1 - sees)
-    return ChainLikelihoods(after, foretold, later, np.log(seen))
+    seen = predicted * sees + (1 - predicted) * (1 - sees)
+    return ChainLikelihoods(after, predicted, later, np.log(seen))
 
 
 def _matrices(steps: Steps, llr: Reals) -> Reals:

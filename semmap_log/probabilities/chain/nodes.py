@@ -44,7 +44,7 @@ class Looks:
         return Looks(self.times_ns[chosen], self.llr[chosen], self.hour[chosen])
 
 
-def lessons(evidence: DoorEvidence, clock: LocalClock, from_ns: int, until_ns: int) -> Looks:
+def training_set(evidence: DoorEvidence, clock: LocalClock, from_ns: int, until_ns: int) -> Looks:
     """Return the looks that rates are learnt from: of a visit one, its last.
 
     Args:

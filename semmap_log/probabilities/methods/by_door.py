@@ -18,7 +18,7 @@ class LearntOfDoor(Protocol):
     """What was learnt about one door."""
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return forecasts: see `Learnt.predict`."""
+        """Return forecasts: see `LearntModel.predict`."""
 
 
 D = TypeVar("D", bound=LearntOfDoor)
@@ -41,7 +41,7 @@ class LearntByDoor(Generic[D]):
         self._doors: dict[DoorId, D] = {}
 
     def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return how likely the door is open: see `Learnt`."""
+        """Return how likely the door is open: see `LearntModel`."""
         if door_id not in self.evidence:
             return Forecast.of_nothing(len(times_ns))
         return self.door(door_id).predict(times_ns, known_ns)

@@ -39,7 +39,7 @@ class DoorCount:
         self._visits_open_h = np.append(0.0, np.cumsum(is_open))
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return forecasts: see `Learnt.predict`."""
+        """Return forecasts: see `LearntModel.predict`."""
         until_ns = np.minimum(times_ns, known_ns)
         start_ns, end_ns, is_open = (
             self._evidence.start_ns, self._evidence.end_ns, self._evidence.is_open,

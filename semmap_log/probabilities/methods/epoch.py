@@ -88,8 +88,8 @@ def believed(
     # What is certain says all: it gainsays any number of earlier sightings.
     is_certain = np.abs(seen.llr) > CERTAIN_LLR - _ROUNDING
     from_closed[is_certain] = from_open[is_certain] = 0.5
-    after, foretold = filtered(Steps(from_closed, from_open), seen.llr)
-    moved = after * (1 - after) / np.maximum(foretold * (1 - foretold), _CERTAIN)
+    after, predicted = filtered(Steps(from_closed, from_open), seen.llr)
+    moved = after * (1 - after) / np.maximum(predicted * (1 - predicted), _CERTAIN)
     return Epoch(forgetting, seen, after, _carried(moved * kept, moved * (1 - kept), variance))
 
 

@@ -19,7 +19,7 @@ from semmap_log.common.computed_once import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of
-from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, lessons, looks
+from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, looks, training_set
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
 from semmap_log.probabilities.local_clock import LocalClock
@@ -75,7 +75,7 @@ class DoorFilter:
         return Memory(self._evidence, self.schedule, self._clock)
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return forecasts: see `Learnt.predict`."""
+        """Return forecasts: see `LearntModel.predict`."""
         known_ns = np.minimum(known_ns, times_ns)
         p_open, variance, is_known, days = self.schedule.expect(times_ns, known_ns)
         epochs = self._epochs_of(known_ns)
@@ -147,7 +147,7 @@ class DoorFilter:
         """Return the looks before an epoch, which teach its rates; in the first there are none."""
         first_ns = self.learnt_ns(number)
         back_ns = self._midnight_ns(_learnt_on(number) - LEARNT_FROM_D)
-        return lessons(self._evidence.up_to(first_ns - 1), self._clock, back_ns, first_ns - 1)
+        return training_set(self._evidence.up_to(first_ns - 1), self._clock, back_ns, first_ns - 1)
 
     def _epoch(self, number: int) -> Epoch:
         if number not in self._epochs:
@@ -201,10 +201,10 @@ class LearntFilter(LearntByDoor[DoorFilter]):
         self._rates: defaultdict[DoorId, LearntRates] = defaultdict(dict, rates)
         super().__init__(evidence, lambda door: DoorFilter(door, clock, self._rates[door.door_id]))
 
-    def gone_on(
+    def continued(
         self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int
     ) -> LearntFilter:
-        """Return what more evidence teaches: see `GoingOn`."""
+        """Return what more evidence teaches: see `IncrementalModel`."""
         rates = {
             door_id: {at_ns: found for at_ns, found in learnt.items() if at_ns <= unmoved_until_ns}
             for door_id, learnt in self._rates.items()

@@ -71,13 +71,13 @@ class DoorSchedule:
         self._variance: Table = by_chance + np.maximum(spread, 0)
 
     def p_open(self, times_ns: Times, known_ns: Times) -> Probabilities:
-        """Return P(open) alone: see `Learnt.predict`."""
+        """Return P(open) alone: see `LearntModel.predict`."""
         if not len(self._seen_h):
             return np.full(len(times_ns), PRIOR_P)
         return self._between_hours(self._p_open, times_ns, known_ns)
 
     def expect(self, times_ns: Times, known_ns: Times) -> Expected:
-        """Return P(open) with what it is based on: see `Learnt.predict`."""
+        """Return P(open) with what it is based on: see `LearntModel.predict`."""
         if not len(self._seen_h):
             nothing = np.zeros(len(times_ns))
             return Expected(nothing + PRIOR_P, nothing + PRIOR_P**2, nothing > 0, nothing)
@@ -91,7 +91,7 @@ class DoorSchedule:
         )
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return forecasts: see `Learnt.predict`."""
+        """Return forecasts: see `LearntModel.predict`."""
         return Forecast.around(*self.expect(times_ns, known_ns))
 
     def _between_hours(self, table: Table, times_ns: Times, known_ns: Times) -> Table:

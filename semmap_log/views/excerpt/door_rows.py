@@ -20,7 +20,7 @@ NO_STATE = 255
 
 
 @dataclass(frozen=True, slots=True)
-class Edge:
+class RecordingEdge:
     """Where a recording begins or ends, on each of its timelines."""
 
     folds_ns: int
@@ -33,7 +33,7 @@ class Edge:
         changes["recorded_ns"] = self.recorded_ns
 
 
-def opening_changes(doors: Iterable[Door], begin: Edge) -> Changes:
+def opening_changes(doors: Iterable[Door], begin: RecordingEdge) -> Changes:
     """Return one row a door that sets all of it to what it is: how a recording begins in midst."""
     listed = list(doors)
     opening = np.zeros(len(listed), CHANGE)
@@ -57,7 +57,7 @@ def sorted_by_stamp(changes: Changes) -> Changes:
 
 
 @dataclass(frozen=True, slots=True)
-class Life:
+class DoorLifetime:
     """From when to when a door is in the map, with all that is known."""
 
     added: Stamp = NEVER

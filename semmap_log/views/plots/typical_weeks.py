@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.typical_week import By, Pattern, TypicalWeek
+from semmap_log.beliefs.typical_week import By, TypicalWeek, WeekPattern
 from semmap_log.common.wording import counted
 from semmap_log.domain.moments import format_short
 from semmap_log.door_log.door_labels import told_apart
@@ -126,7 +126,7 @@ def _draw_weekdays(panel: Any, week: TypicalWeek) -> None:
     _up(panel)
 
 
-def _draw_steps(panel: Any, cells: Pattern, edges: NDArray[np.int64]) -> None:
+def _draw_steps(panel: Any, cells: WeekPattern, edges: NDArray[np.int64]) -> None:
     """Draw a step for each cell, in the band of its interval; hatched where nobody looked."""
     for known, start in zip(cells.is_known, edges[:-1], strict=True):
         if not known:

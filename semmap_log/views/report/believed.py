@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.beliefs.asking import ask
+from semmap_log.beliefs.belief_query import ask
 from semmap_log.beliefs.door_beliefs import LATER, belief, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.domain.doors import DoorId

@@ -18,19 +18,19 @@ from semmap_log.views.how_to_begin import how_to_begin
 from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.believed import beliefs_of
-from semmap_log.views.report.door_stories import (
-    DoorStory,
+from semmap_log.views.report.last_changes import changes_of
+from semmap_log.views.report.log_health import health_of
+from semmap_log.views.report.page import filled, hex_of
+from semmap_log.views.report.page_doors import (
+    PageDoor,
     bring_home,
     brought_by,
     coded_life,
     coded_states,
+    page_doors,
     placed_on,
-    stories,
 )
-from semmap_log.views.report.gathering import Gathered, gather
-from semmap_log.views.report.last_changes import changes_of
-from semmap_log.views.report.log_health import health_of
-from semmap_log.views.report.page import filled, hex_of
+from semmap_log.views.report.page_events import PageEvents, gather
 from semmap_log.views.report.patrols import rounds_of
 from semmap_log.views.report.plans import shown_levels
 from semmap_log.views.report.track import track_of
@@ -106,9 +106,9 @@ def report_data(
     rest = brought_by(found, excerpt.before().doors, excerpt.since_ns or 0)
     home = home_of_0(levels_of(now).keys() | placed_on(rest))
     bring_home(rest, found.poses, home)
-    told = stories(found, rest, excerpt.before().doors)
+    told = page_doors(found, rest, excerpt.before().doors)
     states, lag_ms = coded_states(told, span)
-    beliefs = beliefs_of(excerpt, tz, {story.door_id for story in told})
+    beliefs = beliefs_of(excerpt, tz, {page_door.door_id for page_door in told})
     levels = shown_levels(excerpt, now, told, found.poses, home)
     said = _annotations(excerpt, now)
     track = track_of(found.poses, span)
@@ -124,9 +124,9 @@ def report_data(
         "seenWithin": lag_ms,
         "levels": levels,
         "doors": [
-            _door(story, said.get(story.door_id, {}), levels)
-            | coded_life(story, span) | coded | beliefs.get(story.door_id, {})
-            for story, coded in zip(told, states, strict=True)
+            _door(page_door, said.get(page_door.door_id, {}), levels)
+            | coded_life(page_door, span) | coded | beliefs.get(page_door.door_id, {})
+            for page_door, coded in zip(told, states, strict=True)
         ],
         "track": track.runs,
         "trackWithin": round(track.within_m, 2),
@@ -137,7 +137,7 @@ def report_data(
     }  # fmt: skip
 
 
-def _span(excerpt: Excerpt, found: Gathered) -> Span:
+def _span(excerpt: Excerpt, found: PageEvents) -> Span:
     """Return what the slider goes over: never beyond `until`, and never nothing."""
     begin_ns = excerpt.since_ns if excerpt.since_ns is not None else found.first_ns or 0
     end_ms = first_ms(found.last_ns if found.last_ns is not None else begin_ns)
@@ -165,11 +165,13 @@ def _annotations(excerpt: Excerpt, now: DoorMap) -> dict[DoorId, dict[str, str]]
     return said | {door_id: dict(door.annotations) for door_id, door in now.doors.items()}
 
 
-def _door(story: DoorStory, said: dict[str, str], levels: list[dict[str, Any]]) -> dict[str, Any]:
-    name = said.get("name") or f"door {story.door_id}"
-    level = next((lv["name"] for lv in levels if lv["level"] == story.last_level), "")
+def _door(
+    page_door: PageDoor, said: dict[str, str], levels: list[dict[str, Any]]
+) -> dict[str, Any]:
+    name = said.get("name") or f"door {page_door.door_id}"
+    level = next((lv["name"] for lv in levels if lv["level"] == page_door.last_level), "")
     return {
-        "id": int(story.door_id),
+        "id": int(page_door.door_id),
         "name": name,
         "short": without_level(name, level),
         "said": [[key, value] for key, value in sorted(said.items()) if key != "name"],

@@ -13,27 +13,27 @@ from semmap_log.log.reading.window import Window
 from semmap_log.projections.history import HistoryEntry, history
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
-from semmap_log.views.report.door_stories import DoorStory
-from semmap_log.views.report.gathering import MOST_CHANGES, Rows
+from semmap_log.views.report.page_doors import PageDoor
+from semmap_log.views.report.page_events import MOST_CHANGES, Rows
 from semmap_log.views.tail_lines import LATE_NS
 from semmap_log.views.zone_times import Span
 
 
 def changes_of(
-    log: DoorLog, told: Rows, stories: Sequence[DoorStory], span: Span
+    log: DoorLog, told: Rows, page_doors: Sequence[PageDoor], span: Span
 ) -> list[dict[str, Any]]:
     """Return the last changes, the latest first.
 
     Args:
         log: Where from.
         told: Rows of `STAMP`, of events that are told whatever they say.
-        stories: The doors, with their changes of state.
+        page_doors: The doors, with their changes of state.
         span: Of the page.
     """
-    stamps = np.unique(np.concatenate([told, *(story.changes for story in stories)]))
+    stamps = np.unique(np.concatenate([told, *(page_door.changes for page_door in page_doors)]))
     latest = sorted_by_stamp(stamps)[-MOST_CHANGES:]["number"]
     lines = {entry.number: _line(entry, span) for entry in _entries(log, latest[latest >= 0])}
-    doors = {None, *(story.door_id for story in stories)}
+    doors = {None, *(page_door.door_id for page_door in page_doors)}
     in_turn = [lines[number] for number in reversed(latest.tolist()) if number in lines]
     return [line for line in in_turn if line["door"] in doors]
 

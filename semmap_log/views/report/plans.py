@@ -16,8 +16,8 @@ from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import FloorMap
 from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import strips_of
-from semmap_log.views.report.door_stories import DoorStory
-from semmap_log.views.report.gathering import Rows
+from semmap_log.views.report.page_doors import PageDoor
+from semmap_log.views.report.page_events import Rows
 
 if TYPE_CHECKING:
     from semmap_log.views.excerpt.span import Excerpt
@@ -30,7 +30,7 @@ OCCUPIED = 100
 
 
 def shown_levels(
-    excerpt: Excerpt, now: DoorMap, told: Sequence[DoorStory], poses: Rows, home: int | None
+    excerpt: Excerpt, now: DoorMap, told: Sequence[PageDoor], poses: Rows, home: int | None
 ) -> list[dict[str, Any]]:
     """Return the levels with something on them, numbers ascending; at least one.
 
@@ -41,7 +41,7 @@ def shown_levels(
         poses: Where the robot was.
         home: Where level 0 is shown, and what is said of it is already; None: nowhere.
     """
-    used = {int(n) for story in told for n in np.unique(story.picture.placements["level"])}
+    used = {int(n) for page_door in told for n in np.unique(page_door.picture.placements["level"])}
     used |= set(np.unique(poses["level"]).tolist())
     if excerpt.doors is None:
         used |= {n for n, level in now.levels.items() if level.floor_map_event is not None}
@@ -69,11 +69,11 @@ def _level(number: int, now: DoorMap, floor: FloorMap | None, bounds: Bounds) ->
     }  # fmt: skip
 
 
-def _bounds(number: int, told: Sequence[DoorStory], poses: Rows) -> Bounds:
+def _bounds(number: int, told: Sequence[PageDoor], poses: Rows) -> Bounds:
     here = poses[poses["level"] == number]
     bounds = Bounds().around(here["x"], here["y"])
-    for story in told:
-        places = story.picture.placements
+    for page_door in told:
+        places = page_door.picture.placements
         with np.errstate(over="ignore", invalid="ignore"):
             ends = strips_of(places[places["level"] == number]).reshape(-1, 2)
         bounds = bounds.around(ends[:, 0], ends[:, 1])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.views.report.gathering import Rows
+from semmap_log.views.report.page_events import Rows
 from semmap_log.views.zone_times import MS_NS, Span
 
 TOLERANCE_M = 0.3

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.beliefs.asking import Asked, ask
+from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.door_beliefs import LATER, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.domain.doors import DoorId
@@ -88,7 +88,7 @@ def _read_of(doors: Sequence[SceneDoor]) -> set[DoorId]:
 
 
 def _curves(
-    now: Asked, doors: Sequence[SceneDoor], scene: Scene
+    now: BeliefQuery, doors: Sequence[SceneDoor], scene: Scene
 ) -> Iterator[tuple[DoorId, Points]]:
     """Yield the curves of doors of which enough was known at some time.
 
@@ -107,7 +107,7 @@ def _curves(
                 yield door.door_id, points
 
 
-def _midnights_ns(now: Asked, scene: Scene) -> list[int]:
+def _midnights_ns(now: BeliefQuery, scene: Scene) -> list[int]:
     """Return the local midnights within a recording."""
     ends_ns = np.array([scene.begin.folds_ns, scene.end.folds_ns])
     first, last = (now.clock.hour_of(ends_ns) // 24).tolist()

@@ -24,8 +24,8 @@ from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
     NEVER,
-    Edge,
-    Life,
+    DoorLifetime,
+    RecordingEdge,
     by_door,
     opening_changes,
     strips_of,
@@ -39,10 +39,10 @@ from semmap_log.views.rerun.scene import ROOT, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.taken_back import TakenBack, taken_back
 
 GIVEN = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)
-NOWHERE = Edge(-1, -1, -1)
+NOWHERE = RecordingEdge(-1, -1, -1)
 
 
-def survey(excerpt: Excerpt) -> Scene:
+def find_scene(excerpt: Excerpt) -> Scene:
     """Return what a recording of that part of a log has to show."""
     taken = RecordingContents(excerpt)
     for batch in excerpt.read():
@@ -171,9 +171,9 @@ class _Found:
             self.state = int(states[-1])
 
     @property
-    def life(self) -> Life:
+    def life(self) -> DoorLifetime:
         """When it is there; a removal before its adding was of no door."""
-        return Life(self.added, self.removed if self.removed > self.added else NEVER)
+        return DoorLifetime(self.added, self.removed if self.removed > self.added else NEVER)
 
     @property
     def last_level(self) -> int:
@@ -211,7 +211,7 @@ class _Pass:
         self._last_commit: NDArray[np.int64] = np.full(1, -1)
         self.begin = self.end = NOWHERE
         if excerpt.since_ns is not None:
-            self.begin = Edge(excerpt.since_ns, excerpt.number_before(), excerpt.since_ns)
+            self.begin = RecordingEdge(excerpt.since_ns, excerpt.number_before(), excerpt.since_ns)
             self.end = self.begin
             self._begin_in_midst()
 
@@ -248,7 +248,7 @@ class _Pass:
         folds_ns = batch.folds_ns
         happened, recorded = self._stands(batch.number, folds_ns, batch.recorded_ns)
         if self.begin is NOWHERE:
-            self.begin = Edge(int(folds_ns[0]), int(batch.number[0]) - 1,
+            self.begin = RecordingEdge(int(folds_ns[0]), int(batch.number[0]) - 1,
                               int(batch.recorded_ns[0]) - 1)  # fmt: skip
         self.events += len(batch)
         if happened.any():

@@ -12,11 +12,16 @@ import numpy as np
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.projections.door_changes import CHANGE, Changes
-from semmap_log.views.excerpt.door_rows import Edge, by_door, opening_changes, sorted_by_stamp
+from semmap_log.views.excerpt.door_rows import (
+    RecordingEdge,
+    by_door,
+    opening_changes,
+    sorted_by_stamp,
+)
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.costmap_pictures import CostmapWriter
-from semmap_log.views.rerun.door_pen import DoorPen, write_style
+from semmap_log.views.rerun.door_writer import DoorWriter, write_style
 from semmap_log.views.rerun.knowledge import as_recorded
 from semmap_log.views.rerun.rows import EVENT, EVERYWHERE, HAPPENED, MOST_ROWS, RECORDED, RowWriter
 from semmap_log.views.rerun.scene import Scene, SceneDoor
@@ -41,13 +46,13 @@ class DoorsWriter:
         self._pens = (writer, palette, costmap)
         self._plain: dict[DoorId, _PlainDoor] = {}
         self._others: dict[DoorId, list[Changes]] = {}
-        self._finished: dict[DoorId, list[DoorPen]] = {}
+        self._finished: dict[DoorId, list[DoorWriter]] = {}
         """Of the others, once all that is late has come."""
         for door_id, door in scene.doors.items():
             beside = max(scene.levels[level].doors for level in door.lines)
             write_style(writer, door, palette, doors_beside=beside)
             if door.is_plain:
-                self._plain[door_id] = _PlainDoor(DoorPen(*self._pens, door, EVERYWHERE))
+                self._plain[door_id] = _PlainDoor(DoorWriter(*self._pens, door, EVERYWHERE))
             else:
                 self._others[door_id] = []
         self._take(self._opening(scene.doors.values()))
@@ -92,13 +97,13 @@ class DoorsWriter:
         there = [door.before for door in doors if door.is_plain and door.before is not None]
         return opening_changes(there, self._scene.begin)
 
-    def _write_both(self, door: SceneDoor, changes: Changes) -> list[DoorPen]:
+    def _write_both(self, door: SceneDoor, changes: Changes) -> list[DoorWriter]:
         """Write a door with late events, or ones that were taken back: their order is known now."""
         numbers = changes["number"]
         happened = changes[self._excerpt.has_happened(numbers, changes["folds_ns"])]
         opening = opening_changes([door.before] if door.before else [], self._scene.begin)
         recorded = changes[self._excerpt.was_recorded(numbers, changes["recorded_ns"])]
-        along = [DoorPen(*self._pens, door, lines) for lines in ([HAPPENED], [RECORDED, EVENT])]
+        along = [DoorWriter(*self._pens, door, lines) for lines in ([HAPPENED], [RECORDED, EVENT])]
         along[0].draw(np.concatenate([opening, sorted_by_stamp(happened)]), self._scene.end)
         along[1].draw(as_recorded(recorded, door.known), self._scene.end)
         return along
@@ -107,7 +112,7 @@ class DoorsWriter:
 class _PlainDoor:
     """Lets a door's changes wait until they make a good chunk, then draws them."""
 
-    def __init__(self, pen: DoorPen) -> None:
+    def __init__(self, pen: DoorWriter) -> None:
         self._pen = pen
         self._waiting: list[Changes] = []
         self.rows_waiting = 0
@@ -118,7 +123,7 @@ class _PlainDoor:
         if self.rows_waiting >= MOST_ROWS:
             self.write()
 
-    def write(self, end: Edge | None = None) -> None:
+    def write(self, end: RecordingEdge | None = None) -> None:
         """Draw what waits; with `end`, it is the last."""
         changes = np.concatenate([np.empty(0, CHANGE), *self._waiting])
         self._waiting, self.rows_waiting = [], 0

@@ -20,7 +20,7 @@ from semmap_log.views.rerun.event_markers import EventsWriter
 from semmap_log.views.rerun.floor import write_floors
 from semmap_log.views.rerun.log_lines import EventLines
 from semmap_log.views.rerun.nothing import write_nothing
-from semmap_log.views.rerun.pump import pumped
+from semmap_log.views.rerun.pipe_to_file import piped_to
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.robot_track import RobotWriter
 from semmap_log.views.rerun.round_lanes import Lane, write_rounds
@@ -51,14 +51,14 @@ def write_recording(
     """
     # The log's identity: opening the log again replaces it in a viewer, rather than adding to it.
     recording_id = excerpt.log.info.log_id
-    with pumped(path) as pump, open_recording(recording_id) as recording:
-        recording.save(pump.inlet, default_blueprint=blueprint)
+    with piped_to(path) as pipe, open_recording(recording_id) as recording:
+        recording.save(pipe.inlet, default_blueprint=blueprint)
         converter = Converter(
             recording, excerpt, scene, excerpt.log.commits(),
             palette=palette, costmap=costmap, beliefs=beliefs, rounds=rounds,
         )  # fmt: skip
         for batch in excerpt.batches(progress):
-            pump.check()
+            pipe.check()
             converter.take(batch)
         converter.finish()
         recording.flush()

@@ -31,19 +31,19 @@ ROOM = 0.25
 explores should not outgrow it again at once."""
 
 
-def fits(batch: EventBatch, survey: RecordingContents, scene: Scene) -> bool:
-    """Tell whether the next events can be shown as more rows of a scene; the survey takes them.
+def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
+    """Tell whether the next events can be shown as more rows of a scene; the contents take them in.
 
     Args:
         batch: The next events.
-        survey: Of all that came before.
+        contents: Of all that came before.
         scene: What is shown of that.
     """
-    if any(kind in batch for kind in NEVER_FIT) or survey.is_late(batch):
+    if any(kind in batch for kind in NEVER_FIT) or contents.is_late(batch):
         return False
-    survey.take(batch)
+    contents.take(batch)
     if any(kind in batch for kind in MAY_CHANGE_THE_SCENE):
-        return _look(scene) == _look(survey.scene()) and _is_inside(survey.scene(), scene)
+        return _look(scene) == _look(contents.scene()) and _is_inside(contents.scene(), scene)
     return RobotPose not in batch or _is_robot_inside(batch, scene)
 
 

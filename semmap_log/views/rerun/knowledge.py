@@ -17,7 +17,7 @@ from semmap_log.domain.events import DoorAdded, DoorRemoved
 from semmap_log.domain.meaning import PARTS, REGISTER_OF, REGISTERS
 from semmap_log.projections.door_changes import CHANGE, EVERYTHING, THERE, Changes, Stamp
 from semmap_log.projections.door_map import DoorMapState
-from semmap_log.views.excerpt.door_rows import ALWAYS, Edge
+from semmap_log.views.excerpt.door_rows import ALWAYS, RecordingEdge
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class KnownDoor:
         return int(self.row["level"][0])
 
     @classmethod
-    def of(cls, state: DoorMapState, door_id: DoorId, since: Edge) -> KnownDoor:
+    def of(cls, state: DoorMapState, door_id: DoorId, since: RecordingEdge) -> KnownDoor:
         """Return what a fold of what was known has of a door."""
         row = np.zeros(1, CHANGE)
         since.stamp(row)

@@ -36,7 +36,7 @@ SEND_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class LiveViewOptions:
     """What of a log is shown, and how."""
 
     since: Time = None
@@ -53,7 +53,7 @@ class Shown:
 def follow_in_viewer(
     log: DoorLog,
     url: str,
-    shown: Shown = Shown(),
+    shown: LiveViewOptions = LiveViewOptions(),
     *,
     stop: Callable[[], bool],
     forget: Callable[[str], None] | None = None,
@@ -78,12 +78,12 @@ def follow_in_viewer(
     replaced: str | None = None
     for turn in count():
         log.refresh()
-        survey = _survey(source.excerpt)
-        scene = survey.scene() if turn == 0 else with_room(survey.scene())
+        contents = _contents(source.excerpt)
+        scene = contents.scene() if turn == 0 else with_room(contents.scene())
         source.learn(scene)
         recording_id = log.info.log_id if turn == 0 else f"{log.info.log_id}-{turn}"
         with open_recording(recording_id) as recording:
-            tail = _Tail(source, survey, scene, recording)
+            tail = _Tail(source, contents, scene, recording)
             tail.begin(url, progress if turn == 0 else None)
             if replaced is not None and forget is not None:
                 forget(replaced)
@@ -98,7 +98,7 @@ class _Source:
     """What all recordings of one following show."""
 
     excerpt: Excerpt
-    shown: Shown
+    shown: LiveViewOptions
     beliefs: BeliefsShown | None = None
     has_learnt: bool = False
 
@@ -122,11 +122,11 @@ class _Tail:
     """One recording that goes on, as long as what comes fits into it."""
 
     def __init__(
-        self, source: _Source, survey: RecordingContents, scene: Scene, recording: Any
+        self, source: _Source, contents: RecordingContents, scene: Scene, recording: Any
     ) -> None:
         self.is_outdated = False
         """Something came that does not fit."""
-        self._source, self._survey, self._scene = source, survey, scene
+        self._source, self._contents, self._scene = source, contents, scene
         self._recording = recording
         self._commits = _Commits(source.excerpt.log.commits())
         self._waiting: list[FollowedCommit] = []
@@ -171,7 +171,7 @@ class _Tail:
         batches = [
             part for each in commits if len(part := self._source.excerpt.part_of(each.batch))
         ]
-        if not all(fits(batch, self._survey, self._scene) for batch in batches):
+        if not all(fits(batch, self._contents, self._scene) for batch in batches):
             return False
         self._commits.coming.extend(each.commit for each in commits)
         for batch in batches:
@@ -206,8 +206,8 @@ def _deliver(recording: Any) -> None:
         raise ViewerError(f"The rerun viewer takes nothing more: {error}.") from None
 
 
-def _survey(excerpt: Excerpt) -> RecordingContents:
-    survey = RecordingContents(excerpt)
+def _contents(excerpt: Excerpt) -> RecordingContents:
+    contents = RecordingContents(excerpt)
     for batch in excerpt.read():
-        survey.take(batch)
-    return survey
+        contents.take(batch)
+    return contents

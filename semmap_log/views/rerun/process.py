@@ -30,7 +30,7 @@ class ViewerError(SemmapError):
 
 
 @dataclass(frozen=True, slots=True)
-class Running:
+class RerunProcess:
     """A rerun that runs."""
 
     process: subprocess.Popen[bytes]
@@ -92,7 +92,7 @@ class Running:
 
 
 @contextmanager
-def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[Running]:
+def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[RerunProcess]:
     """Start rerun on a port of its own; end it, whatever happens.
 
     Raises:
@@ -109,7 +109,7 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[Runnin
                 start_new_session=True,  # Ctrl-C is for us; we end it when we are done with it
             )  # fmt: skip
         try:
-            yield Running(process, port, log)
+            yield RerunProcess(process, port, log)
         finally:
             _end(process)
 

@@ -1,7 +1,7 @@
 """A log as a rerun recording (.rrd): written by replay, whole or not at all, in flat memory.
 
 One file holds the data and its layout, so that `rerun x.rrd` opens ready to look at. Two passes: a
-quick one finds names, lifetimes and bounds (`survey`), the second converts batch by batch.
+quick one finds names, lifetimes and bounds (`find_scene`), the second converts batch by batch.
 
 At a moment of the timeline `happened` it shows what `replay(at=...)` gives, with all that is known
 today; of `recorded` what `replay(known_at=...)` gives, what was known then: late events from when
@@ -26,7 +26,7 @@ from semmap_log.domain.events import RobotPose
 from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.views.excerpt.span import Excerpt, instant_ns
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.rerun.contents import survey
+from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.thinning import LeftOut
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def save_rrd(
     refuse_own_folder(log.path, path)
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)
-    scene = survey(excerpt)
+    scene = find_scene(excerpt)
     shown = beliefs_to_show(excerpt, scene, doors) if beliefs else None
     rounds = round_lanes(excerpt, scene)
     blueprint = layout(

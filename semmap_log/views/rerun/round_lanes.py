@@ -18,7 +18,7 @@ from semmap_log.domain.events import PatrolFinished, PatrolStarted
 from semmap_log.projections.history import HistoryEntry
 from semmap_log.projections.patrol_rounds import ROUND_KINDS, Round, rounds
 from semmap_log.projections.retraction import in_ranges
-from semmap_log.views.excerpt.door_rows import Edge
+from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.drawable import drawable_name, unique_parts
@@ -32,7 +32,7 @@ ROW = np.dtype([("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("l
 NO_ROUND = ""
 """A gap in the lane."""
 
-Value = tuple[Edge, str]
+Value = tuple[RecordingEdge, str]
 """From when on a lane says what."""
 
 
@@ -91,7 +91,9 @@ class _Driving:
     said: dict[str, list[Value]] = field(default_factory=lambda: defaultdict(list))
     _rounds: dict[str, dict[int, Round]] = field(default_factory=lambda: defaultdict(dict))
 
-    def set(self, edge: Edge, patrol: int, driven: Round | None, robots: Iterable[str]) -> None:
+    def set(
+        self, edge: RecordingEdge, patrol: int, driven: Round | None, robots: Iterable[str]
+    ) -> None:
         """Let a round be driven from then on; None: no longer, or not at all.
 
         Args:
@@ -107,9 +109,9 @@ class _Driving:
             latest = max(self._rounds[robot].values(), key=_start, default=None)
             self._say(edge, robot, NO_ROUND if latest is None else _label(latest))
 
-    def _say(self, edge: Edge, robot: str, label: str) -> None:
+    def _say(self, edge: RecordingEdge, robot: str, label: str) -> None:
         begin, values = self.scene.begin, self.said[robot]
-        edge = Edge(max(edge.folds_ns, begin.folds_ns), max(edge.number, begin.number),
+        edge = RecordingEdge(max(edge.folds_ns, begin.folds_ns), max(edge.number, begin.number),
                     max(edge.recorded_ns, begin.recorded_ns))  # fmt: skip
         if values and values[-1][0] == edge:
             values.pop()
@@ -128,7 +130,7 @@ def _on_happened(
         over = one.end_ns is not None and one.end_ns <= ns
         if ns <= scene.end.folds_ns:
             driven = one if starts and not over else None
-            driving.set(Edge(ns, 0, ns), one.patrol, driven, [one.actor])
+            driving.set(RecordingEdge(ns, 0, ns), one.patrol, driven, [one.actor])
     return driving.said
 
 
@@ -148,10 +150,10 @@ def _on_recorded(
 
 def _learnings(
     by_patrol: Mapping[int, Sequence[HistoryEntry]], excerpt: Excerpt
-) -> list[tuple[Edge, int]]:
+) -> list[tuple[RecordingEdge, int]]:
     """Return when the log learnt something of which patrol, in that order."""
     reader, known = excerpt.log.reader, excerpt.retractions
-    learnt = [(Edge(e.folds_ns, e.number, e.recorded_ns), patrol)
+    learnt = [(RecordingEdge(e.folds_ns, e.number, e.recorded_ns), patrol)
               for patrol, entries in by_patrol.items() for e in entries]  # fmt: skip
     numbers = {e.number: patrol for patrol, entries in by_patrol.items() for e in entries}
     placed = np.array(sorted(numbers), np.int64)
@@ -159,7 +161,7 @@ def _learnings(
         hit = placed[slice(*np.searchsorted(placed, [first, last + 1]))]
         if len(hit):
             ns = reader.event(number).recorded_ns
-            learnt += [(Edge(ns, number, ns), numbers[n]) for n in hit.tolist()]
+            learnt += [(RecordingEdge(ns, number, ns), numbers[n]) for n in hit.tolist()]
     return sorted(learnt, key=lambda one: one[0].number)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.events import FloorMap
 from semmap_log.views.bounds import Bounds
-from semmap_log.views.excerpt.door_rows import Edge, Life
+from semmap_log.views.excerpt.door_rows import DoorLifetime, RecordingEdge
 from semmap_log.views.rerun.knowledge import KnownDoor
 
 EntityPath = tuple[str, ...]
@@ -34,7 +34,7 @@ class SceneDoor:
     """Of its lane and curves; and of its line, on the level where it was put last."""
     lines: Mapping[int, EntityPath]
     """Level -> path of its line there, for every level it is on at some time."""
-    life: Life
+    life: DoorLifetime
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""
     known: Sequence[KnownDoor] = field(compare=False)
@@ -79,9 +79,9 @@ class Scene:
     """That stand on any of its timelines."""
     commits: NDArray[np.int64]
     """Number of the first event of each commit."""
-    begin: Edge
+    begin: RecordingEdge
     """Before every event; its happened time is that of the first row."""
-    end: Edge
+    end: RecordingEdge
     """Of the last happened time, the greatest number, and the last recorded time."""
 
     @property

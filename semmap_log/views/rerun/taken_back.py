@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.folding.position import Retraction, retractions_behind
 from semmap_log.log.reading.window import Window
-from semmap_log.views.excerpt.door_rows import Edge
+from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.excerpt.span import Excerpt
 
 
@@ -16,7 +16,7 @@ from semmap_log.views.excerpt.span import Excerpt
 class TakenBack:
     """A retraction."""
 
-    edge: Edge
+    edge: RecordingEdge
     """When it was recorded."""
     doors: frozenset[DoorId]
     """Those that the events which it hides are about."""
@@ -30,7 +30,7 @@ def taken_back(excerpt: Excerpt) -> Iterator[TakenBack]:
         if excerpt.until_ns is not None and recorded_ns >= excerpt.until_ns:
             return
         if doors := _doors(excerpt, one):
-            yield TakenBack(Edge(recorded_ns, one.number, recorded_ns), doors)
+            yield TakenBack(RecordingEdge(recorded_ns, one.number, recorded_ns), doors)
 
 
 def _doors(excerpt: Excerpt, retraction: Retraction) -> frozenset[DoorId]:

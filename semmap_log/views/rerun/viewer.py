@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from semmap_log.log.disk import output_errors, replace_file
-from semmap_log.views.rerun.process import Running, ViewerError, running
+from semmap_log.views.rerun.process import RerunProcess, ViewerError, running
 
 LOAD_S = 60.0
 ANSWER_S = 45.0
@@ -127,7 +127,7 @@ def headless(
 class Viewer:
     """A viewer that runs, and the line to it."""
 
-    program: Running
+    program: RerunProcess
 
     @property
     def url(self) -> str:

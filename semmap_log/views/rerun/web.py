@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import urlencode
 
-from semmap_log.views.rerun.process import LOCAL, Running, ViewerError, reserved_port, running
+from semmap_log.views.rerun.process import LOCAL, RerunProcess, ViewerError, reserved_port, running
 
 START_S = 60.0
 MEMORY_LIMIT = "75%"
@@ -23,7 +23,7 @@ Theme = Literal["light", "dark"]
 class WebViewer:
     """A web server of rerun's, and what it serves."""
 
-    program: Running
+    program: RerunProcess
     page_port: int
 
     @property

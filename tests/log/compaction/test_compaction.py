@@ -23,8 +23,8 @@ from semmap_log.log.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.log.pages import Page
 from semmap_log.log.reading.segment_reading import last_commit, page_at
 from semmap_log.log.reading.segment_scan import open_segment
+from semmap_log.log.record_scan import walk
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.walking import walk
 from semmap_log.log.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.log.logs import (

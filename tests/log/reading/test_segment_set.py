@@ -20,8 +20,8 @@ from semmap_log.log.reading import segment_folder
 from semmap_log.log.reading.reader import LogReader
 from semmap_log.log.reading.segment_reading import chunk_of, commit_of, pages_of
 from semmap_log.log.reading.segment_scan import open_segment
+from semmap_log.log.record_scan import walk
 from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.walking import walk
 from semmap_log.log.writing import segment_chain
 
 

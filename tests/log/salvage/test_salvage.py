@@ -20,7 +20,7 @@ from semmap_log.log.folder import LogFolder
 from semmap_log.log.form import RECOVERING_NAME
 from semmap_log.log.lock import WriterLock
 from semmap_log.log.reading.segment_scan import open_segment
-from semmap_log.log.salvage import recover, recover_into, survey, swap
+from semmap_log.log.salvage import plan_recovery, recover, recover_into, swap
 from semmap_log.log.salvage.recovered_log import ACTOR
 from semmap_log.log.salvage.renumbering import Renumbering
 from semmap_log.log.verification import verify
@@ -69,7 +69,7 @@ def test_a_good_log_is_left_alone(log: Path, tmp_path: Path) -> None:
     """
     before = contents(log)
 
-    found, done = survey(log), recover(log)
+    found, done = plan_recovery(log), recover(log)
     into = recover_into(log, tmp_path / "new")
 
     assert not found.has_to_do
@@ -86,7 +86,7 @@ def test_a_survey_writes_nothing_and_names_what_is_lost(log: Path) -> None:
     spoil(log, 0, 2)  # the door `back` and its name
     before = contents(log)
 
-    found = survey(log)
+    found = plan_recovery(log)
 
     (loss,) = found.losses
     assert before == contents(log)
@@ -116,8 +116,8 @@ def test_into_another_folder(log: Path, tmp_path: Path) -> None:
     assert ((), 3 - 2) == (made.findings, made.segments)
     assert [*was[:2], *was[4:]] == [entry_with_old_numbers(e) for e in survivors]
     assert [*kept[:1], *kept[2:]] == promised(tmp_path / "new")[:-1]
-    assert done.survey.info is not None
-    assert done.survey.info.log_id != new.info.log_id
+    assert done.plan.info is not None
+    assert done.plan.info.log_id != new.info.log_id
     assert ACTOR == last[3]
     assert "lost were events 2..3" in last[4]
     assert [tmp_path / "log", tmp_path / "new"] == sorted(tmp_path.iterdir())
@@ -168,7 +168,7 @@ def test_nothing_lost_keeps_numbers_hashes_and_the_id(log: Path) -> None:
     done = recover(log)
 
     found = verify(log, head)
-    assert done.survey.keeps_numbers
+    assert done.plan.keeps_numbers
     assert (0, 1) == (found.exit_code, found.events_after_head)
     assert was == told(log)[:-1]
     assert log_id == sl.read(log).info.log_id
@@ -185,7 +185,7 @@ def test_a_retraction_follows_its_events(log: Path) -> None:
     assert (6, 6) == (moved.first_event, moved.last_event)
 
     spoil(log, 0, open_place(log, 6))
-    found = survey(log)
+    found = plan_recovery(log)
     recover(log)
 
     assert (7,) == found.dropped
@@ -235,7 +235,7 @@ def test_a_torn_tail_is_no_damage(original: Path, tmp_path: Path) -> None:
 
     done = recover(folder)
 
-    assert (3, False, None) == (verify(folder).exit_code, done.survey.has_to_do, done.log)
+    assert (3, False, None) == (verify(folder).exit_code, done.plan.has_to_do, done.log)
 
 
 @pytest.mark.slow
@@ -269,9 +269,9 @@ def test_whatever_was_damaged(
         damage(log / f"log_00000{number}.mcap", place, what)
     if not any(file.stat().st_size for file in log.glob("*.mcap")):
         with pytest.raises(LogError, match="no segment of a semmap log is in this folder"):
-            survey(log)
+            plan_recovery(log)
         return
-    found = survey(log)
+    found = plan_recovery(log)
     if not found.has_to_do:
         return
 
@@ -285,7 +285,7 @@ def test_whatever_was_damaged(
     assert len(survivors) == found.events
     assert found.events + len(found.dropped) == found.verification.events
     if in_place:
-        assert not recover(log).survey.has_to_do
+        assert not recover(log).plan.has_to_do
 
 
 def restore(original: Path, log: Path, tmp_path: Path) -> None:
@@ -374,7 +374,7 @@ def test_killed_at_any_step(step: int, log: Path, original: Path, tmp_path: Path
     """
     spoil(log, 0, 2)
     damaged = contents(log)
-    old = survey(log).verification.findings
+    old = plan_recovery(log).verification.findings
 
     died = _recover_killed(log, step)
 

@@ -21,8 +21,8 @@ from semmap_log.log.form import KEYFRAME_CHANNEL
 from semmap_log.log.kind_bits import KEYFRAME_BIT
 from semmap_log.log.reading.segment_reading import read_chunk
 from semmap_log.log.reading.segment_scan import open_segment
+from semmap_log.log.record_scan import frames
 from semmap_log.log.verification import Finding, Severity, Verification, verify
-from semmap_log.log.walking import frames
 from tests.log.eventful import contents, eventful_log, flip
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"

@@ -13,7 +13,7 @@ NOW = np.zeros(1, np.int64)
 DOORS = {DoorId(i): DoorEvidence.nothing(DoorId(i), 0) for i in range(1, 30)}
 
 
-class Learnt:
+class LearntModel:
     """What was learnt about a door: its own number."""
 
     def __init__(self, door_id: DoorId) -> None:
@@ -29,9 +29,9 @@ class Teacher:
     def __init__(self) -> None:
         self.taught: list[int] = []
 
-    def __call__(self, door: DoorEvidence) -> Learnt:
+    def __call__(self, door: DoorEvidence) -> LearntModel:
         self.taught.append(door.door_id)
-        return Learnt(door.door_id)
+        return LearntModel(door.door_id)
 
 
 def test_a_door_is_learnt_when_it_is_first_asked_for() -> None:

@@ -15,7 +15,7 @@ import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorObserved, LogExported, PatrolStarted
 from semmap_log.errors import MomentError
-from semmap_log.views.report import door_stories as coding
+from semmap_log.views.report import page_doors as coding
 from semmap_log.views.report.content import report
 from tests.conftest import SteadyClock
 from tests.views.report.pages import (

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from semmap_log.views.report import track as tracks
-from semmap_log.views.report.gathering import POSE
+from semmap_log.views.report.page_events import POSE
 from semmap_log.views.report.track import track_of
 from semmap_log.views.zone_times import MS_NS, Span
 

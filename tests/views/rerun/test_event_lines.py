@@ -32,7 +32,7 @@ from semmap_log.domain.events import (
 from semmap_log.projections.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
-from semmap_log.views.rerun.contents import survey
+from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.log_lines import EventLine, EventLines
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START
@@ -90,7 +90,7 @@ def lines_of(tmp_path: Path, *commits: Event) -> list[EventLine]:
             clock.now_ns += 60 * SECOND
             log.append([event], note=sl.Note(actor="rover", reason="round 1"))
     excerpt = Excerpt(sl.read(tmp_path / "log"))
-    lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
+    lines = EventLines(find_scene(excerpt), excerpt, excerpt.log.commits())
     return [line for batch in excerpt.batches() for line in lines.of(batch, door_changes(batch))]
 
 
@@ -154,7 +154,7 @@ def test_times_are_those_of_the_building(tmp_path: Path) -> None:
         log.append([DoorObserved(door_id=ONE, state=DoorState.OPEN)])
     excerpt = Excerpt(sl.read(tmp_path / "log"))
 
-    lines = EventLines(survey(excerpt), excerpt, excerpt.log.commits())
+    lines = EventLines(find_scene(excerpt), excerpt, excerpt.log.commits())
 
     told = [
         line.text for batch in excerpt.batches() for line in lines.of(batch, door_changes(batch))

@@ -19,7 +19,7 @@ import semmap_log as sl
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import RobotPose
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
-from semmap_log.views.rerun.live_view import Shown, follow_in_viewer
+from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
 from semmap_log.views.rerun.viewer import Viewer
 from tests.views.rerun.pictures import a_viewer, has_colour
 from tests.views.rerun.some_logs import room
@@ -50,7 +50,7 @@ def _followed(log: sl.DoorLogWriter, *, is_empty: bool = False, **shown: Any) ->
         def follow() -> None:
             try:
                 follow_in_viewer(
-                    sl.read(log.path), viewer.url, Shown(**{"beliefs": False, **shown}),
+                    sl.read(log.path), viewer.url, LiveViewOptions(**{"beliefs": False, **shown}),
                     stop=is_over.is_set, forget=viewer.forget,
                 )  # fmt: skip
             except BaseException as error:

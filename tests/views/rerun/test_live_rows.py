@@ -30,7 +30,7 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.views.rerun import live_view as live
-from semmap_log.views.rerun.live_view import Shown, follow_in_viewer
+from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
 from semmap_log.views.rerun.process import running
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
@@ -89,7 +89,7 @@ class Growing:
         ):
             rerun.wait_for("listen", rerun.is_listening, most_s=ARRIVES_S)
             follow_in_viewer(
-                sl.read(self.path), rerun.url, Shown(beliefs=False),
+                sl.read(self.path), rerun.url, LiveViewOptions(beliefs=False),
                 stop=lambda: self._look(writer), forget=self.replaced.append,
             )  # fmt: skip
             self._wait_until_written(rrd)

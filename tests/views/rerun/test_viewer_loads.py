@@ -15,7 +15,7 @@ from semmap_log.domain.doors import Door
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT
-from semmap_log.views.rerun.contents import survey
+from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.scene import SceneLevel
 from semmap_log.views.rerun.viewer import Viewer
@@ -75,7 +75,7 @@ def test_every_door_is_where_it_is_in_the_colour_of_its_state(
     As replay has it at that moment, half way and at the end; a few are hidden by the names or the
     robot.
     """
-    scene = survey(Excerpt(log))
+    scene = find_scene(Excerpt(log))
     at_ns = scene.begin.folds_ns + int(share * scene.span_ns)
     doors = log.replay(at=at_ns).doors.values()
     viewer.go_to("happened", at_ns)

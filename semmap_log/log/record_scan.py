@@ -39,13 +39,13 @@ def walk(records: bytes | memoryview) -> NDArray[np.int64]:
     return np.array(offsets, np.int64)
 
 
-def walk_by_index(
+def scan_by_index(
     file: memoryview | bytes,
     behind: NDArray[np.int64],
     records: bytes | memoryview,
     starts: NDArray[np.int64],
     ends: NDArray[np.int64],
-) -> Walked:
+) -> ScannedRecords:
     """Return where the messages of one or more chunks begin, at numpy's speed.
 
     Their MessageIndexes are only a hint. They have no CRC, so nothing in them is believed: what is
@@ -60,24 +60,24 @@ def walk_by_index(
         ends: … and where they end.
 
     Raises:
-        ChunkDamage: As `walk_together`.
+        ChunkDamage: As `scan_together`.
     """
     found = (_columns_of_few if len(behind) <= _FEW else _columns_of_many)(file, behind, starts)
     offsets = np.sort(np.concatenate(found), kind="stable")  # which merges what is sorted already
     heads = _tile(records, offsets, starts, ends)
     if heads is not None:
-        return Walked(offsets, heads)
-    return Walked(walk_together(records, starts, ends))
+        return ScannedRecords(offsets, heads)
+    return ScannedRecords(scan_together(records, starts, ends))
 
 
-def walk_one(file: memoryview | bytes, behind: int, records: bytes | memoryview) -> Walked:
+def scan_one(file: memoryview | bytes, behind: int, records: bytes | memoryview) -> ScannedRecords:
     """Return the same of one chunk, whose records are at hand.
 
     Raises:
-        ChunkDamage: As `walk_together`.
+        ChunkDamage: As `scan_together`.
     """
     start, end = np.zeros(1, np.int64), np.array([len(records)])
-    return walk_by_index(file, np.array([behind]), records, start, end)
+    return scan_by_index(file, np.array([behind]), records, start, end)
 
 
 def _columns_of_few(
@@ -136,7 +136,7 @@ _MESSAGE_INDEX = int(Opcode.MESSAGE_INDEX)
 _MESSAGE = int(Opcode.MESSAGE)
 
 
-def walk_together(
+def scan_together(
     records: bytes | memoryview, starts: NDArray[np.int64], ends: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return where the messages of many small chunks begin, ascending.
@@ -198,7 +198,7 @@ def _tile(
     return heads if (heads["opcode"] == _MESSAGE).all() else None
 
 
-class Walked(NamedTuple):
+class ScannedRecords(NamedTuple):
     """What was found of some chunks' messages."""
 
     offsets: NDArray[np.int64]

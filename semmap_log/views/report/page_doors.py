@@ -24,8 +24,15 @@ from semmap_log.projections.door_changes import (
     of_presence,
 )
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
-from semmap_log.views.excerpt.door_rows import ALWAYS, NEVER, Edge, Life, by_door, opening_changes
-from semmap_log.views.report.gathering import STAMP, Gathered, Rows
+from semmap_log.views.excerpt.door_rows import (
+    ALWAYS,
+    NEVER,
+    DoorLifetime,
+    RecordingEdge,
+    by_door,
+    opening_changes,
+)
+from semmap_log.views.report.page_events import STAMP, PageEvents, Rows
 from semmap_log.views.zone_times import MS_NS, Span
 
 MOST_STATES = 100_000
@@ -34,11 +41,11 @@ SHORTEST_STEP_MS = 60_000
 
 
 @dataclass(frozen=True, slots=True)
-class DoorStory:
+class PageDoor:
     """A door that is in the map at some time of the page."""
 
     door_id: DoorId
-    life: Life
+    life: DoorLifetime
     states: Rows
     """Rows of `STATE_CHANGE` while it was in the map, in the order in which they count."""
     picture: DoorPicture
@@ -59,7 +66,7 @@ class DoorStory:
         return int(places["level"][-1]) if len(places) else 0
 
 
-def brought_by(found: Gathered, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
+def brought_by(found: PageEvents, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
     """Return what brings, places or removes doors, also those that are there when it begins.
 
     Args:
@@ -67,7 +74,7 @@ def brought_by(found: Gathered, before: Mapping[DoorId, Door], since_ns: int) ->
         before: The doors just before the first of them.
         since_ns: When that is.
     """
-    opening = opening_changes(before.values(), Edge(since_ns, -1, -1))
+    opening = opening_changes(before.values(), RecordingEdge(since_ns, -1, -1))
     return np.concatenate([opening, found.rest])
 
 
@@ -83,7 +90,7 @@ def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
         rows["level"][rows["level"] == 0] = home or 0
 
 
-def stories(found: Gathered, rest: Changes, before: Mapping[DoorId, Door]) -> list[DoorStory]:
+def page_doors(found: PageEvents, rest: Changes, before: Mapping[DoorId, Door]) -> list[PageDoor]:
     """Return the doors that are in the map at some time, ids ascending.
 
     Args:
@@ -95,10 +102,10 @@ def stories(found: Gathered, rest: Changes, before: Mapping[DoorId, Door]) -> li
         _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
         for mine in by_door(rest)
     ]
-    return [story for story in told if story is not None]
+    return [page_door for page_door in told if page_door is not None]
 
 
-def _story(before: Door | None, rest: Changes, states: Rows) -> DoorStory | None:
+def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
     """Return one door's story; None: it never was in the map.
 
     Args:
@@ -114,21 +121,21 @@ def _story(before: Door | None, rest: Changes, states: Rows) -> DoorStory | None
     said = np.concatenate([_opening_state(before), states[first:behind]])
     # What is known of a door that was there when the page begins was told before it begins.
     born = ALWAYS if life.added[1] < 0 else life.added
-    return DoorStory(
+    return PageDoor(
         DoorId(door_id),
         life,
-        said[Life(born, life.removed).covers(said)],
+        said[DoorLifetime(born, life.removed).covers(said)],
         DoorFold().take(rest),
     )
 
 
-def _life(changes: Changes) -> Life:
+def _life(changes: Changes) -> DoorLifetime:
     added, removed = (
         _first_stamp(changes[of_presence(changes, presence)])
         for presence in (Presence.COMES, Presence.GOES)
     )
     # A removal before the adding was of no door.
-    return Life(added, removed if removed > added else NEVER)
+    return DoorLifetime(added, removed if removed > added else NEVER)
 
 
 def _first_stamp(rows: Changes) -> Stamp:
@@ -144,17 +151,18 @@ def _opening_state(before: Door | None) -> Rows:
     return np.array([row], STATE_CHANGE)
 
 
-def coded_states(told: list[DoorStory], span: Span) -> tuple[Iterator[dict[str, Any]], int]:
+def coded_states(told: list[PageDoor], span: Span) -> tuple[Iterator[dict[str, Any]], int]:
     """Return each door's states as `t` and `s`, and by how much `last seen` may lag, milliseconds.
 
     `t` are the times in milliseconds, of the first after the page's begin, of the others after the
     one before; `s` the states, a digit each.
     """
-    times = [_counting_ms(story.states, span) for story in told]
+    times = [_counting_ms(page_door.states, span) for page_door in told]
     held = [np.append(t[1:] != t[:-1], True)[: len(t)] for t in times]
     times = [t[kept] for t, kept in zip(times, held, strict=True)]
     states = [
-        known_states(story.states["state"][kept]) for story, kept in zip(told, held, strict=True)
+        known_states(page_door.states["state"][kept])
+        for page_door, kept in zip(told, held, strict=True)
     ]
     step_ms = _step_ms(times, states)
     thinned = (
@@ -198,17 +206,17 @@ def _deltas(times: Rows) -> list[int]:
     return deltas
 
 
-def coded_life(story: DoorStory, span: Span) -> dict[str, Any]:
+def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
     """Return when a door came and went, where it was, and the probabilities that were set."""
-    removed = story.life.removed
+    removed = page_door.life.removed
     return {
-        "added": span.since_begin(story.life.added[0]),
+        "added": span.since_begin(page_door.life.added[0]),
         "removed": None if removed == NEVER else span.since_begin(removed[0]),
-        "places": [_place(row, span) for row in story.picture.placements],
+        "places": [_place(row, span) for row in page_door.picture.placements],
         "probs": [
             [span.since_begin(int(row["folds_ns"])),
              _number(row["prob_open"], 6), _number(row["prob_closed"], 6)]
-            for row in story.picture.probabilities
+            for row in page_door.picture.probabilities
         ],
     }  # fmt: skip
 

@@ -9,7 +9,7 @@ import pytest
 
 from semmap_log.probabilities.chain import forgetting
 from semmap_log.probabilities.chain.forgetting import forgettings_of
-from semmap_log.probabilities.chain.nodes import Looks, lessons, looks
+from semmap_log.probabilities.chain.nodes import Looks, looks, training_set
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.known import evidence, hours_ns
 
@@ -23,7 +23,7 @@ def test_a_visit_is_one_lesson_however_long_one_looked() -> None:
     told = evidence(visits=[(0.50, True), (0.51, False), (0.52, True), (0.9, False)])
     told = replace(told, visit=np.array([0, 0, 0, 1]))
 
-    found = lessons(told, UTC, int(hours_ns(0)), int(hours_ns(1.5)))
+    found = training_set(told, UTC, int(hours_ns(0)), int(hours_ns(1.5)))
 
     seen = found.only(found.llr != 0)
     assert hours_ns([0.52, 0.9]).tolist() == seen.times_ns.tolist()
@@ -37,7 +37,7 @@ def test_visits_of_two_sensors_may_mix() -> None:
     told = evidence(visits=[(0.50, True), (0.51, True), (0.52, True), (0.53, True)])
     told = replace(told, visit=np.array([0, 1, 1, 0]))
 
-    found = lessons(told, UTC, int(hours_ns(0)), int(hours_ns(1)))
+    found = training_set(told, UTC, int(hours_ns(0)), int(hours_ns(1)))
 
     seen = found.only(found.llr != 0)
     assert hours_ns([0.52, 0.53]).tolist() == seen.times_ns.tolist()
@@ -49,7 +49,7 @@ def test_of_times_without_a_look_only_changes_of_the_hour_are_left() -> None:
     """
     told = evidence(visits=[(0.2, True)])
 
-    found = lessons(told, UTC, int(hours_ns(0)), int(hours_ns(2.9)))
+    found = training_set(told, UTC, int(hours_ns(0)), int(hours_ns(2.9)))
 
     assert hours_ns([0.0, 0.2, 1.0, 2.0]).tolist() == found.times_ns.tolist()
 
@@ -63,7 +63,7 @@ def test_doors_learnt_in_groups_learn_the_same(monkeypatch: pytest.MonkeyPatch) 
     for _ in range(4):
         times = np.sort(rng.uniform(0, 24 * 9, 150))
         visits = list(zip(times.tolist(), (rng.random(150) < 0.4).tolist(), strict=True))
-        doors.append(lessons(evidence(visits=visits), UTC, *map(int, hours_ns([0, 24 * 9]))))
+        doors.append(training_set(evidence(visits=visits), UTC, *map(int, hours_ns([0, 24 * 9]))))
     doors.insert(2, looks(evidence(), UTC, int(hours_ns(0)), int(hours_ns(48))))
     together = forgettings_of(doors)
 

@@ -11,7 +11,7 @@ from functools import partial
 
 import pytest
 
-from semmap_log.log.reading.ahead import ahead
+from semmap_log.log.reading.prefetch import ahead
 
 
 def squares(count: int) -> list[Callable[[], int]]:
@@ -56,7 +56,7 @@ def test_an_error_comes_in_its_place() -> None:
 _BEGIN = """
     import atexit, os, signal, sys, threading
     from functools import partial
-    from semmap_log.log.reading.ahead import ahead
+    from semmap_log.log.reading.prefetch import ahead
 
     os.sched_getaffinity = lambda _: {0, 1}
     signal.alarm(100)  # what hangs fails

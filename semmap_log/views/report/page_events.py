@@ -43,7 +43,7 @@ Rows = NDArray[Any]
 
 
 @dataclass(slots=True)
-class Gathered:
+class PageEvents:
     """What was found, in the order in which it counts: by (folds_ns, number)."""
 
     states: Rows
@@ -60,12 +60,12 @@ class Gathered:
     last_ns: int | None
 
 
-def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None) -> Gathered:
+def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None) -> PageEvents:
     """Read the events of an excerpt."""
     reading = _Reading()
     for batch in excerpt.happened(progress):
         reading.take(batch)
-    return reading.gathered()
+    return reading.page_events()
 
 
 @dataclass(slots=True)
@@ -90,10 +90,10 @@ class _Reading:
             self.poses.append(_poses(batch))
         self._tell(batch)
 
-    def gathered(self) -> Gathered:
+    def page_events(self) -> PageEvents:
         states, rest = np.concatenate(self.states), np.concatenate(self.rest)
         poses = np.concatenate(self.poses)
-        return Gathered(
+        return PageEvents(
             states=states[np.lexsort((states["number"], states["folds_ns"], states["door_id"]))],
             rest=sorted_by_stamp(rest),
             poses=poses[np.argsort(poses["folds_ns"], kind="stable")],

@@ -10,7 +10,7 @@ import numpy as np
 from semmap_log.domain.doors import DoorState
 from semmap_log.projections.door_changes import CHANGE, Changes
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
-from semmap_log.views.excerpt.door_rows import Edge, strips_of
+from semmap_log.views.excerpt.door_rows import RecordingEdge, strips_of
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.costmap_doors import DoorRows
 from semmap_log.views.rerun.costmap_pictures import CostmapWriter
@@ -27,7 +27,7 @@ LINE_UI_POINTS = 2.5
 STATE_NAMES = np.array([state.name for state in DoorState])
 
 
-class DoorPen:
+class DoorWriter:
     """Turns a door's events into rows and writes them."""
 
     def __init__(
@@ -46,7 +46,7 @@ class DoorPen:
         self._fold = DoorFold()
         self._last_point: Changes = np.empty(0, CHANGE)
 
-    def draw(self, changes: Changes, end: Edge | None = None) -> None:
+    def draw(self, changes: Changes, end: RecordingEdge | None = None) -> None:
         """Draw what the next events do.
 
         Args:
@@ -84,7 +84,7 @@ class DoorPen:
             here["width"][~is_placed | (placements["level"] != level)] = np.nan
             self._writer.rows(path, here, _lines, self._timelines)
 
-    def _write_curves(self, picture: DoorPicture, end: Edge | None) -> None:
+    def _write_curves(self, picture: DoorPicture, end: RecordingEdge | None) -> None:
         """Write the points of the curves, each chunk from the last point of the one before.
 
         Looking for the neighbours of what it shows, the viewer does not go beyond the chunks that
@@ -100,7 +100,7 @@ class DoorPen:
             self._writer.rows(self._door.path, points, _points, self._timelines)
             self._last_point = points[-1:]
 
-    def _ends_of_curve(self, removals: Changes, end: Edge | None) -> Changes:
+    def _ends_of_curve(self, removals: Changes, end: RecordingEdge | None) -> Changes:
         """Return the last probabilities once more, where the door or the recording ends.
 
         They hold until they are set again; without this, one that was set once would be a dot.

@@ -16,7 +16,7 @@ from semmap_log.log.chunks import NO_SPAN, BuiltChunk, assemble_chunk
 
 
 @dataclass(slots=True)
-class Filling:
+class ChunkBuilder:
     """Message records for a chunk, whose log times are one nanosecond apart."""
 
     start_ns: int

@@ -19,7 +19,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.views.bounds import bounds_of_floor
 from semmap_log.views.excerpt.span import Excerpt
-from semmap_log.views.rerun.contents import survey
+from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.scene import Scene
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, room, small_log
@@ -29,7 +29,7 @@ def scene_of(tmp_path: Path, *events: Event) -> Scene:
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         for event in events:
             log.append([event])
-    return survey(Excerpt(sl.read(tmp_path / "log")))
+    return find_scene(Excerpt(sl.read(tmp_path / "log")))
 
 
 def placed(door_id: int, level: int, x: float = 0.0) -> DoorAdded:
@@ -44,7 +44,7 @@ def test_one_level_needs_no_name_in_the_paths(tmp_path: Path) -> None:
     """
     `/map/doors/front`, as short as a lane's head should be.
     """
-    scene = survey(Excerpt(small_log(tmp_path / "log")))
+    scene = find_scene(Excerpt(small_log(tmp_path / "log")))
 
     assert {1: ("map", "doors", "front"), 2: ("map", "doors", "door_2")} == {
         door_id: door.path for door_id, door in scene.doors.items()
@@ -142,7 +142,7 @@ def test_the_pass_counts_what_the_layout_needs(tmp_path: Path) -> None:
     """
     Changes of state, whether there are probabilities, lifetimes, and where the robot is.
     """
-    scene = survey(Excerpt(small_log(tmp_path / "log")))
+    scene = find_scene(Excerpt(small_log(tmp_path / "log")))
 
     front, other = scene.doors[DoorId(1)], scene.doors[DoorId(2)]
     assert (2, True, 0, False) == (
@@ -158,7 +158,7 @@ def test_an_excerpt_knows_the_doors_before_it(tmp_path: Path) -> None:
     """
     log = small_log(tmp_path / "log")
 
-    scene = survey(Excerpt.of(log, "event:4", None, None))
+    scene = find_scene(Excerpt.of(log, "event:4", None, None))
 
     assert log.event(4).happened_ns == scene.begin.folds_ns
     before = scene.doors[DoorId(1)].before

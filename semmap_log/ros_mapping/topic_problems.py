@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(slots=True)
-class Complaints:
+class TopicProblems:
     """A count for each topic and kind of trouble, with what was seen first."""
 
     tell: Callable[[str], None] = lambda _: None

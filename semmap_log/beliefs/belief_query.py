@@ -23,7 +23,7 @@ from semmap_log.probabilities.local_clock import LocalClock
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class BeliefQuery:
     """What is known at a moment, and the doors that are asked about."""
 
     beliefs: Beliefs
@@ -36,7 +36,7 @@ class Asked:
     doors: list[Door]
     """Those asked about, ids ascending."""
 
-    def by(self, estimator: str) -> Asked:
+    def by(self, estimator: str) -> BeliefQuery:
         """Return the same by another estimator, from the same evidence.
 
         Raises:
@@ -45,7 +45,7 @@ class Asked:
         learnt = Beliefs(by_name(estimator), self.clock, self.beliefs.evidence)
         return replace(self, beliefs=learnt, estimator=estimator)
 
-    def as_of(self, known_ns: int) -> Asked:
+    def as_of(self, known_ns: int) -> BeliefQuery:
         """Return the same as known at another moment, later knowledge of the doors' names kept."""
         return replace(self, known_ns=known_ns)
 
@@ -77,7 +77,7 @@ def ask(
     tz: str | None,
     doors: Iterable[DoorId | str] | None,
     progress: Progress | None = None,
-) -> Asked:
+) -> BeliefQuery:
     """Learn from what had happened by a moment, or was known then.
 
     Args:
@@ -104,7 +104,7 @@ def ask(
         else {_door_then(log, door, door_map, happened, known) for door in doors}
     )
     clock = LocalClock(log.info.timezone if tz is None else tz)
-    return Asked(
+    return BeliefQuery(
         beliefs=learn(
             log, at=happened, known_at=known, estimator=estimator, tz=clock.tz, progress=progress
         ),

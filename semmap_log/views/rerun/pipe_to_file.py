@@ -18,22 +18,22 @@ PIECE_BYTES = 2**20
 
 
 @contextmanager
-def pumped(path: Path) -> Iterator[Pump]:
+def piped_to(path: Path) -> Iterator[PipeToFile]:
     """Hand out a pipe whose bytes go to the file; all of them are there when the block ends.
 
     Raises:
         OSError: The file cannot be written.
     """
     with path.open("wb") as file:
-        pump = Pump(file)
+        pipe = PipeToFile(file)
         try:
-            yield pump
+            yield pipe
         finally:
-            pump.close()
-        pump.check()
+            pipe.close()
+        pipe.check()
 
 
-class Pump:
+class PipeToFile:
     """Copies a pipe to a file."""
 
     def __init__(self, file: BinaryIO) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from semmap_log.domain.events import KINDS, DoorEvent, Event
 from semmap_log.log import records as mcap
-from semmap_log.log.walking import HEAD_DTYPE, heads_of, walk
+from semmap_log.log.record_scan import HEAD_DTYPE, heads_of, walk
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 
 

@@ -16,7 +16,7 @@ _UNITS = ((365 * 86_400, "years"), (86_400, "days"), (3_600, "h"), (60, "min"), 
 
 
 @dataclass(frozen=True, slots=True)
-class Suspect:
+class SuspectCommit:
     """A commit whose wall clock cannot be right."""
 
     event: int
@@ -36,18 +36,18 @@ class ClockCheck:
     def __init__(self) -> None:
         self._previous: Commit | None = None
 
-    def add(self, commit: Commit) -> Suspect | None:
+    def add(self, commit: Commit) -> SuspectCommit | None:
         """Take the next commit; return what is suspect about it."""
-        why = suspicion(self._previous, commit)
+        why = clock_problem(self._previous, commit)
         self._previous = commit
-        return Suspect(commit.first_event, commit.wall_clock_ns, why) if why else None
+        return SuspectCommit(commit.first_event, commit.wall_clock_ns, why) if why else None
 
     def forget(self) -> None:
         """Begin anew: the next commit is not the one that came after the last."""
         self._previous = None
 
 
-def suspicion(previous: Commit | None, commit: Commit) -> str:
+def clock_problem(previous: Commit | None, commit: Commit) -> str:
     """Return why a commit's wall clock cannot be right; empty if it can.
 
     Args:
@@ -59,16 +59,16 @@ def suspicion(previous: Commit | None, commit: Commit) -> str:
         return "the wall clock was not set from here on: it says a time before the year 2000"
     if previous is None:
         return ""
-    walked = commit.wall_clock_ns - previous.wall_clock_ns
-    if walked < 0:
-        return f"the wall clock went back by {_length(-walked)}"
+    moved = commit.wall_clock_ns - previous.wall_clock_ns
+    if moved < 0:
+        return f"the wall clock went back by {_length(-moved)}"
     if commit.boot_id != previous.boot_id or not any(commit.boot_id):
         return ""
-    drift = walked - (commit.monotonic_clock_ns - previous.monotonic_clock_ns)
+    drift = moved - (commit.monotonic_clock_ns - previous.monotonic_clock_ns)
     if drift > JUMP_NS:
         return f"the wall clock jumped ahead by {_length(drift)}"
     if drift < -JUMP_NS:
-        done = "stood still for" if not walked else "fell behind by"
+        done = "stood still for" if not moved else "fell behind by"
         return f"the wall clock {done} {_length(-drift)}"
     return ""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.views.rerun.pump import pumped
+from semmap_log.views.rerun.pipe_to_file import piped_to
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def test_every_byte_arrives(tmp_path: Path) -> None:
     """
     data = os.urandom(3_000_000)
 
-    with pumped(tmp_path / "x") as pump, Path(pump.inlet).open("wb") as inlet:
+    with piped_to(tmp_path / "x") as pump, Path(pump.inlet).open("wb") as inlet:
         inlet.write(data)
 
     assert data == (tmp_path / "x").read_bytes()
@@ -43,7 +43,7 @@ def test_a_full_disk_is_an_error_and_not_a_standstill(tmp_path: Path) -> None:
     """
     with (
         pytest.raises(OSError, match="File too large"),
-        pumped(tmp_path / "x") as pump,
+        piped_to(tmp_path / "x") as pump,
         Path(pump.inlet).open("wb") as inlet,
     ):
         inlet.write(bytes(3_000_000))
@@ -56,7 +56,7 @@ def test_the_error_is_known_before_the_end(tmp_path: Path) -> None:
     """
 
     def fill() -> None:
-        with pumped(tmp_path / "x") as pump:
+        with piped_to(tmp_path / "x") as pump:
             with Path(pump.inlet).open("wb") as inlet:
                 inlet.write(bytes(3_000_000))
             while True:
@@ -70,5 +70,5 @@ def test_an_error_of_the_writers_own_stays_the_error(tmp_path: Path) -> None:
     """
     The pump is closed on the way out.
     """
-    with pytest.raises(RuntimeError, match="ours"), pumped(tmp_path / "x"):
+    with pytest.raises(RuntimeError, match="ours"), piped_to(tmp_path / "x"):
         raise RuntimeError("ours")
