@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from semmap_log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.door_log.opening import append, create, read
     from semmap_log.errors import SemmapError
-    from semmap_log.projections.projection import Projection
+    from semmap_log.folds.projection import Projection
 
 __all__ = [
     "Door",
@@ -51,7 +51,7 @@ _HOMES = {
     "door_log.door_log_writer": ("DoorLogWriter",),
     "door_log.opening": ("append", "create", "read"),
     "errors": ("SemmapError",),
-    "projections.projection": ("Projection",),
+    "folds.projection": ("Projection",),
 }
 
 __getattr__ = lazy_names(__name__, _HOMES)

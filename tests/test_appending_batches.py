@@ -153,7 +153,7 @@ def test_chunks_are_cut_at_the_same_places(
     A commit of many chunks, here small ones.
     """
     allowed = [e for e in events if not isinstance(e, (DoorAdded, DoorRemoved, Retracted))]
-    from semmap_log.log import commit_records as commits
+    from semmap_log.store import commit_records as commits
 
     folder = tmp_path_factory.mktemp("chunks")
     with pytest.MonkeyPatch.context() as patch:

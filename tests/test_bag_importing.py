@@ -19,7 +19,7 @@ from semmap_log.importing import bag_importing
 from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
 from tests.exporting.lively import END, lively_log
-from tests.formats.bags_of_others import Said, write_mcap, write_ros1, write_with_rosbag
+from tests.formats.bags.bags_of_others import Said, write_mcap, write_ros1, write_with_rosbag
 from tests.ros_mapping.robots import START, Robot, S
 from tests.views.rerun.some_logs import START as LIVELY_START
 

@@ -16,7 +16,7 @@ from semmap_log.common.command_lines import command_line
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALogError
-from semmap_log.formats.mcap_reading import own_log
+from semmap_log.formats.bags.mcap_reading import own_log
 from semmap_log.importing.importing import import_file
 
 AWKWARD = 'my robot\'s "log" $HOME; `x` ä'

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.log.reading import segment_scan as scan
+from semmap_log.store.reading import segment_scan as scan
 
 LONG_S = 20
 """Whoever waits longer waits for ever."""

@@ -17,10 +17,10 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.events import DoorAnnotated, DoorObserved
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.log.compaction import compact
-from semmap_log.log.reading.following import FollowedCommit
-from semmap_log.log.reading.segment_scan import open_segment
-from semmap_log.log.writing import segment_chain
+from semmap_log.store.compaction import compact
+from semmap_log.store.reading.following import FollowedCommit
+from semmap_log.store.reading.segment_scan import open_segment
+from semmap_log.store.writing import segment_chain
 from tests.calls import MOST_CALLS_A_LOOK, calls_of
 
 
@@ -234,7 +234,7 @@ def test_another_log_in_its_place_is_noticed(rolled: Path) -> None:
 WRITER = """
 import sys, itertools
 import semmap_log as sl
-from semmap_log.log.writing import segment_chain
+from semmap_log.store.writing import segment_chain
 segment_chain.ROLL_COMMITS = 7
 log = sl.append(sys.argv[1])
 door = next(iter(log.replay().doors))

@@ -122,7 +122,7 @@ TAKE_ANY = {
     "semmap_log.domain.events._finite": "fields to check, by name",
     "semmap_log.domain.events._share": "fields to check, by name",
     "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
-    "semmap_log.formats.ros_messages.new": "a message's fields, which its class knows",
+    "semmap_log.formats.ros.ros_messages.new": "a message's fields, which its class knows",
     "semmap_log.messages.typestore.serialize": "a message's fields, which its class knows",
 }
 """Functions outside the command line that take any keyword, and why nothing is swallowed."""

@@ -28,10 +28,10 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.errors import InvalidEventError, LevelNameWarning, UnknownLevelError
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.levels import level_shown, levels_of, resolve_level
 from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.live.line_recorder import LineAnswer, LineRecorder
-from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.levels import level_shown, levels_of, resolve_level
 
 PLACE = {"x": 1.0, "y": 2.0, "theta": 0.0, "width": 0.9}
 POSE = {"x": 1.0, "y": 2.0, "theta": 0.0}

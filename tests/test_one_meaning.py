@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 import semmap_log
-from semmap_log.log.form import KINDS_OF_MINOR
+from semmap_log.store.form import KINDS_OF_MINOR
 from tests.newer.program import edit, run
 
 MOST_FILES = 5

@@ -32,10 +32,10 @@ from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.door_log.commands import Gatekeeper
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.folding.replay import visible_batches
-from semmap_log.log.keyframes import decode, encode
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.store.keyframes import decode, encode
 from tests.conftest import SteadyClock
-from tests.projections.dictionary_model import ALL, Told, model
+from tests.folds.dictionary_model import ALL, Told, model
 
 START_NS = 1_772_400_000 * 10**9
 

@@ -42,9 +42,9 @@ from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.protocol import Protocol
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.errors import FormatError, SemmapError
-from semmap_log.formats.csv_windows import read_windows
-from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.formats.evaluation_json import scores_to_json
+from semmap_log.formats.files.csv_windows import read_windows
+from semmap_log.formats.files.door_csv import read_door_csv
+from semmap_log.formats.json.evaluation_json import scores_to_json
 from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.probabilities.estimators import by_name
 

@@ -26,9 +26,9 @@ from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import Event
 from semmap_log.domain.moments import parse_instant
 from semmap_log.errors import SemmapError
-from semmap_log.formats.building import read_building
-from semmap_log.formats.import_plan import Present, plan_doors
-from semmap_log.log.compaction import compact
+from semmap_log.formats.files.building import read_building
+from semmap_log.importing.import_plan import Present, plan_doors
+from semmap_log.store.compaction import compact
 
 ROOT = Path(__file__).resolve().parent.parent
 MONDAY = "2026-03-02"

@@ -1,6 +1,6 @@
 """Say which tests a module has.
 
-    python tools/tests_of.py semmap_log/log/chunks.py
+    python tools/tests_of.py semmap_log/store/chunks.py
     python tools/tests_of.py chunks thesis_yaml
 
 Tests named as the module come first, then those that import it, then those that import what

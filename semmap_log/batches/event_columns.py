@@ -17,7 +17,6 @@ from semmap_log.domain.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, DoorState, is_gi
 from semmap_log.domain.events import (
     KINDS,
     MAX_EVENT,
-    MAX_TIME_NS,
     NO_LEVEL,
     DoorAdded,
     DoorUpdated,
@@ -27,6 +26,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.meaning import ALL_CHANGED, Changed
 from semmap_log.errors import InvalidEventError
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 
 Rows = NDArray[np.void]

@@ -20,7 +20,7 @@ from semmap_log.door_log.appendable_log import Appended
 from semmap_log.door_log.command_content import content_of
 from semmap_log.door_log.door_log import Time
 from semmap_log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.progress import Progress
 
 DIGITS = 6
 """Of the probabilities: a change beyond them is none."""

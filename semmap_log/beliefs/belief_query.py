@@ -15,7 +15,7 @@ from semmap_log.domain.moments import Moment
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.door_log.known_later import known_later, moment_asked_ns
 from semmap_log.errors import UnknownDoorError
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.progress import Progress
 from semmap_log.probabilities.belief_fold import Beliefs
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.forecast import Forecast

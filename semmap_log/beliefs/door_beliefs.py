@@ -10,12 +10,12 @@ import numpy as np
 from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.domain.doors import Door, DoorId
-from semmap_log.domain.events import MAX_TIME_NS
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import MomentError
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.clock import MAX_TIME_NS
+from semmap_log.io.progress import Progress
 
 NEAR_NS = 24 * HOUR_NS
 """So far ahead the last sightings still tell something; beyond, only habits do."""

@@ -24,7 +24,7 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import EstimatorError
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.progress import Progress
 from semmap_log.probabilities.estimator import Estimator, LearntModel
 from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.progress import Progress
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Estimator
 

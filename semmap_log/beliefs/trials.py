@@ -13,9 +13,9 @@ from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import STATE_KINDS
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.log.reading.progress import Progress
+from semmap_log.folds.timeline import timeline
+from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
-from semmap_log.projections.timeline import timeline
 
 Times = NDArray[np.int64]
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import HOUR_S

@@ -136,7 +136,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
 
 
 def _kinds_of_lines() -> str:
-    from semmap_log.formats.event_json_keys import help_text
+    from semmap_log.formats.json.event_json_keys import help_text
 
     return help_text()
 

@@ -57,7 +57,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.beliefs.best_times import best_time
-    from semmap_log.formats.beliefs_json import best_time_to_json
+    from semmap_log.formats.json.beliefs_json import best_time_to_json
     from semmap_log.views.best_time_table import best_time_table
 
     opened = sl.read(log)

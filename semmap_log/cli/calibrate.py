@@ -55,7 +55,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.beliefs.sensor_calibration import calibrate
-    from semmap_log.formats.evaluation_json import calibration_to_json
+    from semmap_log.formats.json.evaluation_json import calibration_to_json
     from semmap_log.views.calibration_table import calibration_table
 
     opened = sl.read(log)
@@ -74,7 +74,7 @@ def _truths(
 ) -> Mapping[DoorId, StateIntervals]:
     """Return what a file says was true of the doors of a log."""
     from semmap_log.beliefs.sensor_calibration import truths_of_rows
-    from semmap_log.formats.door_csv import read_door_csv
+    from semmap_log.formats.files.door_csv import read_door_csv
 
     told = read_door_csv(file, windows=windows, tz=tz)
     ids = {name: log.resolve_ever(name) for name in told.doors}

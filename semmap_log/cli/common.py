@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from semmap_log.domain.doors import DoorId
     from semmap_log.door_log.door_log import DoorLog, Time
     from semmap_log.door_log.door_log_writer import About
-    from semmap_log.log.reading.progress import Progress
+    from semmap_log.io.progress import Progress
     from semmap_log.views.palette import Palette
 
 

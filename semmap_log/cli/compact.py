@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from semmap_log.log.compaction import Compacted
+    from semmap_log.store.compaction import Compacted
 
 
 def run(
@@ -39,7 +39,7 @@ def run(
       semmap-log compact office --dry-run
       semmap-log compact office --no-merge --json
     """
-    from semmap_log.log.compaction import compact, plan_compaction
+    from semmap_log.store.compaction import compact, plan_compaction
 
     if dry_run:
         done = plan_compaction(log, merge=not no_merge)

@@ -50,7 +50,7 @@ class Layer(str, Enum):
 
 
 class By(str, Enum):
-    """`semmap_log.projections.door_layer_fold.By`, as typer wants its choices."""
+    """`semmap_log.folds.door_layer_fold.By`, as typer wants its choices."""
 
     state = "state"
     belief = "belief"
@@ -148,9 +148,9 @@ def run(
     import semmap_log as sl
     from semmap_log.costmaps import CostmapOptions, costmap_at
     from semmap_log.exporting.costmap_files import write_costmap
-    from semmap_log.formats.bags import tells_a_bag
-    from semmap_log.formats.costmap_json import costmap_to_json
-    from semmap_log.formats.map_server import read_map
+    from semmap_log.formats.bags.bag_writing import tells_a_bag
+    from semmap_log.formats.files.map_server import read_map
+    from semmap_log.formats.json.costmap_json import costmap_to_json
 
     refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
                resolution=resolution, every=every)  # fmt: skip

@@ -47,7 +47,7 @@ def run(
       semmap-log diff office event:100 event:200 --json
     """
     import semmap_log as sl
-    from semmap_log.formats.door_json import diff_to_json
+    from semmap_log.formats.json.door_json import diff_to_json
     from semmap_log.views.tables import diff_table
 
     _refuse_twice(log, first, second, since, until)

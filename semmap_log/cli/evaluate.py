@@ -87,8 +87,8 @@ def run(
     from semmap_log.beliefs.evaluation import evaluate
     from semmap_log.beliefs.protocol import Protocol
     from semmap_log.domain.moments import parse_duration
-    from semmap_log.formats.evaluation_json import evaluation_to_json
-    from semmap_log.log.disk import refuse_own_folder, utf8_name
+    from semmap_log.formats.json.evaluation_json import evaluation_to_json
+    from semmap_log.io.disk import refuse_own_folder, utf8_name
     from semmap_log.probabilities.estimators import ESTIMATORS, by_name
     from semmap_log.views.evaluation_table import evaluation_table
 

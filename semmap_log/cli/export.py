@@ -122,7 +122,7 @@ def run(
     import semmap_log as sl
     from semmap_log.common.repeats import told_once
     from semmap_log.exporting.log_files import export
-    from semmap_log.formats.bags import tells_a_bag
+    from semmap_log.formats.bags.bag_writing import tells_a_bag
 
     is_bag = markers or tells_a_bag(out)
     if is_bag:

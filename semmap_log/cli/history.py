@@ -71,7 +71,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.domain.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
-    from semmap_log.formats.door_json import entry_to_json
+    from semmap_log.formats.json.door_json import entry_to_json
     from semmap_log.views.tables import history_pages
 
     for name in kind or []:
@@ -88,7 +88,7 @@ def run(
                 "draws the states; it goes with DOOR, --since, --until and --palette only",
                 param_hint="--plot",
             )
-        from semmap_log.log.disk import refuse_own_folder
+        from semmap_log.io.disk import refuse_own_folder
         from semmap_log.views.plots.lanes import Lanes  # needs matplotlib
 
         refuse_own_folder(opened.path, plot)

@@ -215,7 +215,7 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
     """
     import semmap_log as sl
     from semmap_log.errors import FormatError
-    from semmap_log.formats.bag_reading import is_bag
+    from semmap_log.formats.bags.bag_reading import is_bag
     from semmap_log.importing.importing import command_id_of, plan_bag_import
 
     opened = sl.read(log)

@@ -75,7 +75,7 @@ def make_log(
 ) -> None:
     """Make a new log, with a floor plan if there is one, and say so."""
     import semmap_log as sl
-    from semmap_log.formats.map_server import read_map
+    from semmap_log.formats.files.map_server import read_map
     from semmap_log.importing.importing import ImportOptions, import_file
 
     # Read before anything is made: a map that is none must not leave half a log.

@@ -33,7 +33,7 @@ PLOTS = (".png", ".svg")
 
 
 class By(str, Enum):
-    """`semmap_log.formats.beliefs_json.By`, as typer wants its choices."""
+    """`semmap_log.formats.json.beliefs_json.By`, as typer wants its choices."""
 
     hour = "hour"
     weekday = "weekday"
@@ -106,7 +106,7 @@ def run(
     import semmap_log as sl
     from semmap_log.beliefs.door_beliefs import probabilities
     from semmap_log.domain.moments import parse_duration
-    from semmap_log.formats.beliefs_json import beliefs_to_json
+    from semmap_log.formats.json.beliefs_json import beliefs_to_json
     from semmap_log.views.belief_table import belief_table
 
     typical = by is not None or plot is not None
@@ -161,8 +161,8 @@ def _show_typical(
 ) -> None:
     import semmap_log as sl
     from semmap_log.beliefs.typical_week import typical_weeks
-    from semmap_log.formats.beliefs_json import weeks_to_json
-    from semmap_log.log.disk import refuse_own_folder
+    from semmap_log.formats.json.beliefs_json import weeks_to_json
+    from semmap_log.io.disk import refuse_own_folder
 
     opened = sl.read(log)
     tell_how_to_begin(opened)

@@ -16,7 +16,7 @@ from semmap_log.cli.ros import open_node
 if TYPE_CHECKING:
     from semmap_log.domain.commits import Note
     from semmap_log.domain.events import Event
-    from semmap_log.formats.ros_types import RosVersion
+    from semmap_log.formats.ros.ros_types import RosVersion
     from semmap_log.live.ros_recorder import EventSink
     from semmap_log.ros_mapping.topic_rules import RosMapping
 
@@ -94,7 +94,7 @@ def _record(
 
 
 def _show(event: Event, note: Note) -> None:
-    from semmap_log.formats.event_json import event_to_json
+    from semmap_log.formats.json.event_json import event_to_json
 
     said = {"actor": note.actor, "source": note.source, "reason": note.reason}
     typer.echo(json_text(event_to_json(event, note=said)))

@@ -41,7 +41,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.domain.doors import DoorState
-    from semmap_log.formats.door_json import door_map_to_json
+    from semmap_log.formats.json.door_json import door_map_to_json
     from semmap_log.views.tables import door_table
 
     opened = sl.read(log)

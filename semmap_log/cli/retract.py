@@ -16,7 +16,7 @@ from semmap_log.common.wording import counted
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import About
-    from semmap_log.projections.history import HistoryEntry
+    from semmap_log.folds.history import HistoryEntry
 
 MOST_SHOWN = 20
 
@@ -52,7 +52,7 @@ def run(
     read = sl.read(log)
     hidden = newly_hidden(read.reader, appended.first_event)
     if as_json:
-        from semmap_log.formats.door_json import entry_to_json
+        from semmap_log.formats.json.door_json import entry_to_json
 
         entries = [entry_to_json(entry) for entry in hidden]
         tell(appended, as_json=True, first_event=first, last_event=last, hidden=entries)

@@ -257,7 +257,7 @@ def _chosen_log(
         FormatError: The file that is to fill it cannot be read: nothing is made.
         OutputError: It cannot be made.
     """
-    from semmap_log.formats.thesis_yaml import read_thesis_yaml
+    from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
 
     if (log is None) == (log_option is None):
         raise typer.BadParameter("give the log: LOG, or --log LOG", param_hint="LOG")
@@ -281,8 +281,8 @@ def _floors(
     Raises:
         UnknownLevelError: The level is not there: better told now than to who adds a door.
     """
-    from semmap_log.formats.map_server import read_map
-    from semmap_log.projections.levels import resolve_level
+    from semmap_log.folds.levels import resolve_level
+    from semmap_log.formats.files.map_server import read_map
 
     if level is None and floor_map is None:
         return {}

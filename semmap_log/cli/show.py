@@ -22,7 +22,7 @@ def run(
       semmap-log show office 42
     """
     import semmap_log as sl
-    from semmap_log.formats.door_json import entry_to_json
+    from semmap_log.formats.json.door_json import entry_to_json
     from semmap_log.views.tables import entry_table
 
     opened = sl.read(log)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from semmap_log.domain.commits import Note
     from semmap_log.domain.doors import DoorId
     from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.log.reading.following import FollowedCommit
+    from semmap_log.store.reading.following import FollowedCommit
 
     Told = tuple[RecordedEvent, Note]
     """An event, and what its commit says."""
@@ -68,7 +68,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.printer import is_for_people
-    from semmap_log.log.reading.following import commits_after
+    from semmap_log.store.reading.following import commits_after
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import ROW
 
@@ -121,7 +121,7 @@ def _last(
     opened: DoorLog, count: int, after: int, wanted: Callable[[RecordedEvent], bool]
 ) -> Iterable[Told]:
     """Return the last events that are wanted, of those behind a number."""
-    from semmap_log.log.reading.following import commits_after
+    from semmap_log.store.reading.following import commits_after
 
     end, back = _end(opened), count
     while count:
@@ -169,7 +169,7 @@ def _say_why_nothing(opened: DoorLog, door: str | None, after: int | None) -> No
 
 
 def _json_line(recorded: RecordedEvent, note: Note) -> str:
-    from semmap_log.formats.event_json import NOTE_KEYS, event_to_json
+    from semmap_log.formats.json.event_json import NOTE_KEYS, event_to_json
 
     said = {key: getattr(note, key) for key in NOTE_KEYS}
     return json_text(event_to_json(recorded, note=said))

@@ -139,7 +139,7 @@ def run(
     pixels = (1920, 1080) if size is None else _pixels(size)
 
     import semmap_log as sl
-    from semmap_log.log.disk import refuse_own_folder
+    from semmap_log.io.disk import refuse_own_folder
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
@@ -238,7 +238,7 @@ def _recording(
     opened: DoorLog, save: Path | None, looks: dict[str, Any]
 ) -> Iterator[tuple[Path, RrdSummary]]:
     """Write the recording, to be kept or to be gone at the end; hand out path and summary."""
-    from semmap_log.log.disk import utf8_name
+    from semmap_log.io.disk import utf8_name
     from semmap_log.views.rerun.recording import save_rrd
 
     with tempfile.TemporaryDirectory(prefix="semmap-log-") as folder:

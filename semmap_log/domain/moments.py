@@ -14,8 +14,9 @@ from decimal import Decimal
 from functools import lru_cache
 from zoneinfo import ZoneInfo
 
-from semmap_log.domain.events import MAX_EVENT, MAX_TIME_NS
+from semmap_log.domain.events import MAX_EVENT
 from semmap_log.errors import MomentError
+from semmap_log.io.clock import MAX_TIME_NS
 
 SECOND_NS = 1_000_000_000
 HOUR_NS = 3_600 * SECOND_NS

@@ -34,12 +34,12 @@ from semmap_log.errors import (
     UnexpectedEventError,
     UnknownDoorError,
 )
-from semmap_log.log.clock import Clock, KeptClock, believable_ns
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.writing.durability import DurabilityPolicy
-from semmap_log.log.writing.writer import LogWriter
-from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.early_events import EarlyEvents
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.early_events import EarlyEvents
+from semmap_log.io.clock import Clock, KeptClock, believable_ns
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.writing.durability import DurabilityPolicy
+from semmap_log.store.writing.writer import LogWriter
 
 if TYPE_CHECKING:
     from typing_extensions import Self

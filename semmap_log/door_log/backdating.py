@@ -30,10 +30,10 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.meaning import PART_OF, PLACING, changed
 from semmap_log.domain.moments import SECOND_NS
-from semmap_log.log.kind_bits import bits_of_kinds
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
+from semmap_log.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
+from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.window import Window
 
 
 def early_events(reader: LogReader) -> EarlyEvents:

@@ -19,7 +19,6 @@ from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given, next_door_id
 from semmap_log.domain.events import (
     KINDS,
-    MAX_TIME_NS,
     NO_LEVEL,
     DoorAdded,
     DoorAnnotated,
@@ -46,10 +45,11 @@ from semmap_log.errors import (
     UnknownDoorError,
     UnknownLevelError,
 )
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
+from semmap_log.folds.levels import level_called, only_level, told
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.messages import OBJECT_KINDS
-from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.early_events import MAY_BE_EARLY, Addings, EarlyEvents
-from semmap_log.projections.levels import level_called, only_level, told
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,9 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import STATE_KINDS, DoorAdded
 from semmap_log.domain.moments import HOUR_NS, format_local
+from semmap_log.folds.time_shares import TimeShares, time_shares
+from semmap_log.folds.timeline import Times, timelines
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.projections.time_shares import TimeShares, time_shares
-from semmap_log.projections.timeline import Times, timelines
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from semmap_log.domain.doors import Door, DoorId, DoorMap
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.folds.door_map import DoorMapState
 
 
 def labels_of(door_map: DoorMap) -> dict[DoorId, str]:

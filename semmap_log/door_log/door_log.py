@@ -42,24 +42,24 @@ from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.folding.live_fold import LiveState, fold_live
 from semmap_log.folding.replay import Scope, replay, visible_batches
-from semmap_log.log.folder import LogFolder
-from semmap_log.log.header import LogInfo
-from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
-from semmap_log.log.pages import Page
-from semmap_log.log.reading.change_finder import ChangeFinder
-from semmap_log.log.reading.commit_finder import CommitFinder
-from semmap_log.log.reading.following import FollowedCommit, follow
-from semmap_log.log.reading.progress import Progress
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.segment_scan import Segment
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.diff import Diff, diff
-from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.history import HistoryEntry, history
-from semmap_log.projections.levels import resolve_level
-from semmap_log.projections.projection import Projection
-from semmap_log.projections.retraction import Retractions
-from semmap_log.projections.timeline import Timeline, timelines
+from semmap_log.folds.diff import Diff, diff
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.folds.levels import resolve_level
+from semmap_log.folds.projection import Projection
+from semmap_log.folds.retraction import Retractions
+from semmap_log.folds.timeline import Timeline, timelines
+from semmap_log.io.progress import Progress
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.header import LogInfo
+from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
+from semmap_log.store.pages import Page
+from semmap_log.store.reading.change_finder import ChangeFinder
+from semmap_log.store.reading.commit_finder import CommitFinder
+from semmap_log.store.reading.following import FollowedCommit, follow
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
     from typing_extensions import Self

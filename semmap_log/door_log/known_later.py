@@ -6,7 +6,7 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import Moment, format_local
 from semmap_log.door_log.backdating import early_events, remedy
 from semmap_log.door_log.door_log import DoorLog, Time, about
-from semmap_log.log.reading.window import Window
+from semmap_log.store.reading.window import Window
 
 
 def known_later(log: DoorLog, at: Time, known_at: Time, *, door: DoorId | None = None) -> str:

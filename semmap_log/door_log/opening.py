@@ -10,12 +10,12 @@ from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import zone
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.clock import Clock, SystemClock
-from semmap_log.log.commit_records import Entropy
-from semmap_log.log.header import LogInfo
-from semmap_log.log.writing.durability import DurabilityPolicy
-from semmap_log.log.writing.writer import Environment
-from semmap_log.log.writing.writer_opening import create_log, open_for_append
+from semmap_log.io.clock import Clock, SystemClock
+from semmap_log.store.commit_records import Entropy
+from semmap_log.store.header import LogInfo
+from semmap_log.store.writing.durability import DurabilityPolicy
+from semmap_log.store.writing.writer import Environment
+from semmap_log.store.writing.writer_opening import create_log, open_for_append
 
 _LOCALTIME = Path("/etc/localtime")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from semmap_log.domain.doors import DoorId
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.folds.door_map import DoorMapState
 
 ID_PREFIX = "id:"
 """`id:7` is the door of that id, whatever doors are called."""

@@ -12,10 +12,10 @@ from semmap_log.folding.position import (
     hiding,
     retractions_behind,
 )
-from semmap_log.log.reading.commit_finder import CommitFinder
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.history import HistoryEntry, history
+from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.store.reading.commit_finder import CommitFinder
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.window import Window
 
 
 def check_can_retract(reader: LogReader, first: int, last: int) -> None:

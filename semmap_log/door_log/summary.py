@@ -17,14 +17,14 @@ from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.backdating import early_events, remedy
 from semmap_log.door_log.door_labels import labels_of
-from semmap_log.log.clock_check import ClockCheck, SuspectCommit
-from semmap_log.log.header import LogInfo
-from semmap_log.log.reading.progress import Progress
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.segment_scan import Segment
-from semmap_log.log.reading.state import keyframe_at
-from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.early_events import EarlyEvents
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.early_events import EarlyEvents
+from semmap_log.io.progress import Progress
+from semmap_log.store.clock_check import ClockCheck, SuspectCommit
+from semmap_log.store.header import LogInfo
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.state import keyframe_at
 
 
 @dataclass(frozen=True, slots=True)

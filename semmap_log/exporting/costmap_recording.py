@@ -12,10 +12,10 @@ from semmap_log.costmaps import CostmapFrame, CostmapOptions, costmap_frames
 from semmap_log.domain.events import FloorMap
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.formats.bags import bytes_of, new_bag
-from semmap_log.formats.grid_messages import GRIDS, UPDATES, GridFrame, write_grids
-from semmap_log.log.disk import refuse_own_folder
-from semmap_log.log.reading.progress import Progress
+from semmap_log.formats.bags.bag_writing import bytes_of, new_bag
+from semmap_log.formats.ros.grid_messages import GRIDS, UPDATES, GridFrame, write_grids
+from semmap_log.io.disk import refuse_own_folder
+from semmap_log.io.progress import Progress
 
 Which = Literal["master", "door"]
 """Floor, doors and the costs around them; or the doors alone."""

@@ -10,8 +10,8 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import FormatError
-from semmap_log.log.disk import output_errors, refuse_own_folder, replace_file
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.disk import output_errors, refuse_own_folder, replace_file
+from semmap_log.io.progress import Progress
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.report.content import report
 

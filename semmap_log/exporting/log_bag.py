@@ -10,10 +10,10 @@ from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_labels import labels_of
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.exporting.stream import StreamOptions, log_stream
-from semmap_log.formats.bags import bytes_of, new_bag, ros_version_of
-from semmap_log.formats.door_markers import is_drawn
-from semmap_log.log.disk import refuse_own_folder
-from semmap_log.log.reading.progress import Progress
+from semmap_log.formats.bags.bag_writing import bytes_of, new_bag, ros_version_of
+from semmap_log.formats.ros.door_markers import is_drawn
+from semmap_log.io.disk import refuse_own_folder
+from semmap_log.io.progress import Progress
 
 
 @dataclass(frozen=True, slots=True)

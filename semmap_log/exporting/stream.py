@@ -21,15 +21,15 @@ from semmap_log.exporting.in_order import Times, moments, times_of
 from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.exporting.stream_plan import ROBOT, THESIS, StreamPlan, plan_of
 from semmap_log.exporting.stream_topics import LevelDoors, ThesisDoors, WholeTopic, heights_of
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.door_markers import DoorMarkers
-from semmap_log.formats.event_messages import LogLine, log_message, pose_message
-from semmap_log.formats.grid_messages import grid_message
-from semmap_log.formats.ros_messages import Messages
-from semmap_log.formats.ros_types import RosVersion, encoded
-from semmap_log.formats.thesis_messages import ThesisMessages
-from semmap_log.log.reading.progress import Progress
-from semmap_log.projections.history import HistoryEntry
+from semmap_log.folds.history import HistoryEntry
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.door_markers import DoorMarkers
+from semmap_log.formats.ros.event_messages import LogLine, log_message, pose_message
+from semmap_log.formats.ros.grid_messages import grid_message
+from semmap_log.formats.ros.ros_messages import Messages
+from semmap_log.formats.ros.ros_types import RosVersion, encoded
+from semmap_log.formats.ros.thesis_messages import ThesisMessages
+from semmap_log.io.progress import Progress
 from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.palette import DEFAULT, Palette
 

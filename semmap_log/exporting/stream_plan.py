@@ -10,8 +10,15 @@ from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import DoorAdded, DoorUpdated, FloorMap, RobotPose
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.exporting.in_order import Times
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import DOOR_MAP, GRID, MARKERS, POSE_STAMPED, RosVersion, log_type
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import (
+    DOOR_MAP,
+    GRID,
+    MARKERS,
+    POSE_STAMPED,
+    RosVersion,
+    log_type,
+)
 
 ROBOT = BagTopic("/semmap/robot_pose", POSE_STAMPED, is_latched=False)
 THESIS = BagTopic("/lta_semantic_map_door_db", DOOR_MAP, is_latched=True)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.exporting.latest_doors import LatestDoors
-from semmap_log.formats.array_messages import EncodedElement
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.door_markers import DoorLook, DoorMarkers, is_drawn
-from semmap_log.formats.ros_messages import check_stamp
-from semmap_log.formats.thesis_messages import ThesisMessages
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.array_messages import EncodedElement
+from semmap_log.formats.ros.door_markers import DoorLook, DoorMarkers, is_drawn
+from semmap_log.formats.ros.ros_messages import check_stamp
+from semmap_log.formats.ros.thesis_messages import ThesisMessages
 from semmap_log.views.palette import Palette
 
 Send = Callable[[BagTopic, int, bytes], None]

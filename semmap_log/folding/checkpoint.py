@@ -24,15 +24,15 @@ from typing import Any, Generic, TypeVar
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.folding.plain_state import dump_plain, load_plain
 from semmap_log.folding.position import Position, Retraction
-from semmap_log.log.disk import (
+from semmap_log.folds.projection import Dumping, Projection, name_of, version_of
+from semmap_log.io.disk import (
     left_by_killed,
     output_errors,
     read_own,
     refuse_own_folder,
     replace_file,
 )
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.projections.projection import Dumping, Projection, name_of, version_of
+from semmap_log.store.reading.reader import LogReader
 
 S = TypeVar("S")
 

@@ -9,10 +9,10 @@ from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.position import Position
 from semmap_log.folding.replay import Scope, visible_batches
 from semmap_log.folding.running import RunningFold
-from semmap_log.log.reading.progress import Progress
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.projection import Projection
+from semmap_log.folds.projection import Projection
+from semmap_log.io.progress import Progress
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.window import Window
 
 S = TypeVar("S")
 

@@ -11,10 +11,10 @@ from typing import Generic, TypeVar
 from semmap_log.errors import CorruptLogError
 from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folding.running import RunningFold
-from semmap_log.log.reading.following import are_same
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.segment_scan import Segment
-from semmap_log.projections.projection import Projection
+from semmap_log.folds.projection import Projection
+from semmap_log.store.reading.following import are_same
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_scan import Segment
 
 S = TypeVar("S")
 

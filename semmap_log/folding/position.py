@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
-from semmap_log.log.kind_bits import EVENT_BITS, bits_of_kinds
-from semmap_log.log.reading.progress import Progress
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.retraction import Retractions
+from semmap_log.folds.retraction import Retractions
+from semmap_log.io.progress import Progress
+from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.window import Window
 
 NO_EVENT = -1
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.log.reading.progress import Progress
-from semmap_log.log.reading.reader import LogReader, OnPage
-from semmap_log.log.reading.state import state_at
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.io.progress import Progress
+from semmap_log.store.reading.reader import LogReader, OnPage
+from semmap_log.store.reading.state import state_at
+from semmap_log.store.reading.window import Window
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,9 @@ from semmap_log.folding.position import (
     hiding,
     retractions_behind,
 )
-from semmap_log.log.reading.progress import Progress
-from semmap_log.log.reading.reader import LogReader
-from semmap_log.projections.projection import Projection
+from semmap_log.folds.projection import Projection
+from semmap_log.io.progress import Progress
+from semmap_log.store.reading.reader import LogReader
 
 S = TypeVar("S")
 

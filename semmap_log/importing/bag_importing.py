@@ -9,10 +9,11 @@ from pathlib import Path
 from semmap_log.domain.events import Event, FloorMap
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError
-from semmap_log.formats.bag_reading import BagChannel, BagReader, open_bag
-from semmap_log.formats.import_plan import ImportPlan
-from semmap_log.formats.ros_types import short_name
-from semmap_log.log.reading.progress import Progress
+from semmap_log.formats.bags.bag_protocol import BagChannel, BagReader
+from semmap_log.formats.bags.bag_reading import open_bag
+from semmap_log.formats.ros.ros_types import short_name
+from semmap_log.importing.import_plan import ImportPlan
+from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping

@@ -19,22 +19,22 @@ from semmap_log.door_log.command_content import are_same
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, FormatError
-from semmap_log.formats.bag_reading import READABLE_BAGS, files_of, is_bag
-from semmap_log.formats.building import read_building
-from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.formats.door_table import DoorTable, TableDoor
-from semmap_log.formats.foreign_file import open_regular
-from semmap_log.formats.import_plan import ImportPlan, Present, plan_doors
-from semmap_log.formats.importing_lines import plan_event_lines
-from semmap_log.formats.importing_sightings import plan_sightings
-from semmap_log.formats.line_commits import LineOptions
-from semmap_log.formats.map_server import DEFAULT_RULES, is_map, picture_of, read_map
-from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.folds.levels import resolve_level
+from semmap_log.formats.bags.bag_reading import READABLE_BAGS, files_of, is_bag
+from semmap_log.formats.files.building import read_building
+from semmap_log.formats.files.door_csv import read_door_csv
+from semmap_log.formats.files.door_table import DoorTable, TableDoor
+from semmap_log.formats.files.map_server import DEFAULT_RULES, is_map, picture_of, read_map
+from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.importing.bag_importing import plan_bag
+from semmap_log.importing.import_plan import ImportPlan, Present, plan_doors
+from semmap_log.importing.importing_lines import plan_event_lines
+from semmap_log.importing.importing_sightings import plan_sightings
+from semmap_log.importing.line_commits import LineOptions
 from semmap_log.importing.line_importing import StoredCommits, append_lines
-from semmap_log.log.disk import utf8_name
-from semmap_log.log.reading.progress import Progress
-from semmap_log.projections.levels import resolve_level
+from semmap_log.io.disk import utf8_name
+from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.mapping_file import read_mapping
 from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
 

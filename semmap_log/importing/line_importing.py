@@ -9,12 +9,12 @@ from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import DoorAdded, DoorRemoved, Event
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import FormatError
-from semmap_log.formats.importing_lines import LinesPlan
-from semmap_log.formats.line_commits import PlannedCommit, PlannedEvent
-from semmap_log.formats.line_numbers import NumberMap
-from semmap_log.log.kind_bits import bits_of_kinds
-from semmap_log.log.reading.progress import Progress
-from semmap_log.log.reading.window import Window
+from semmap_log.importing.importing_lines import LinesPlan
+from semmap_log.importing.line_commits import PlannedCommit, PlannedEvent
+from semmap_log.importing.line_numbers import NumberMap
+from semmap_log.io.progress import Progress
+from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.reading.window import Window
 
 TOLD_EVERY = 1000
 """Events between two words of progress."""

@@ -13,7 +13,7 @@ from uuid import uuid4
 from semmap_log.common.wording import counted
 from semmap_log.domain.doors import DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
-from semmap_log.formats.ros_types import decoded, log_type
+from semmap_log.formats.ros.ros_types import decoded, log_type
 from semmap_log.live.action_names import action_name
 from semmap_log.live.ros_node import GoalAnswer, Received, RosNode, Values
 from semmap_log.live.serving.served_doors import DOOR_DB, MARKERS_NAME

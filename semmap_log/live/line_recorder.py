@@ -20,14 +20,14 @@ from semmap_log.door_log.appendable_log import POSES_WAIT_S, Appended
 from semmap_log.door_log.command_content import content_of
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, CommandReusedError, FormatError, SemmapError
-from semmap_log.formats.event_json import means_same
-from semmap_log.formats.event_json_reader import (
+from semmap_log.formats.json.event_json import means_same
+from semmap_log.formats.json.event_json_reader import (
     DoorLookup,
     ParsedLine,
     command_id_of,
     parse_event_line,
 )
-from semmap_log.formats.strict_json import load_object
+from semmap_log.formats.parsing.strict_json import load_object
 
 READ_BYTES = 2**16
 MAX_LINE_BYTES = 2**23

@@ -10,9 +10,9 @@ from threading import Event
 
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.exporting.stream import LogStream, StreamMessage
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_messages import Messages
-from semmap_log.formats.ros_types import CLOCK, encoded
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_messages import Messages
+from semmap_log.formats.ros.ros_types import CLOCK, encoded
 from semmap_log.live.pace import Pace
 from semmap_log.live.ros_node import Publisher, RosNode
 

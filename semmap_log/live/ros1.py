@@ -14,8 +14,8 @@ from types import ModuleType
 from typing import Any
 
 from semmap_log.errors import RosError
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion, long_name
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import RosVersion, long_name
 from semmap_log.live.ros1_actions import caller_of, given_id, patient_server_class
 from semmap_log.live.ros1_links import (
     make_each_link_once,
@@ -42,7 +42,7 @@ SENT_WITHIN_S = 5.0
 
 
 def open_ros1_node(name: str, ros_args: Sequence[str] = ()) -> Ros1Node:
-    """Join the network of a master; see `ros_node.open_node`."""
+    """Join the network of a master; see `joining.open_node`."""
     for argument in ros_args:
         if argument.startswith("__ns:="):  # rospy looks for it when it is imported, in sys.argv
             os.environ["ROS_NAMESPACE"] = argument.partition(":=")[2]

@@ -9,8 +9,8 @@ from http.client import HTTPException
 from types import ModuleType
 from typing import Any
 
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import ros1_definition, short_name
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import ros1_definition, short_name
 
 QUEUED = 1000
 """Messages of a topic that wait for a slow subscriber; beyond, rospy drops the oldest."""

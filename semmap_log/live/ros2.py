@@ -9,8 +9,8 @@ from contextlib import suppress
 from typing import Any
 
 from semmap_log.errors import RosError
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import RosVersion
 from semmap_log.live.ros2_actions import action_class, callers_of, patient_server_class
 from semmap_log.live.ros2_topics import (
     MatchedReader,
@@ -41,7 +41,7 @@ ACKNOWLEDGED_WITHIN_S = 5.0
 
 
 def open_ros2_node(name: str, ros_args: Sequence[str] = ()) -> Ros2Node:
-    """Join the domain of the environment; see `ros_node.open_node`."""
+    """Join the domain of the environment; see `joining.open_node`."""
     try:
         import rclpy
         from rclpy.context import Context

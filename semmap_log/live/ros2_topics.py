@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import Any
 
 from semmap_log.errors import RosError
-from semmap_log.formats.bags import BagTopic
+from semmap_log.formats.bags.bag_protocol import BagTopic
 
 PACKAGE = "lta_semantic_map"
 

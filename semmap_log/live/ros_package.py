@@ -7,8 +7,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from semmap_log.errors import OutputError
+from semmap_log.io.disk import whole_folder
 from semmap_log.live.ros1_messages import generate
-from semmap_log.log.disk import whole_folder
 
 NAME = "lta_semantic_map"
 COMPILED = "__pycache__"

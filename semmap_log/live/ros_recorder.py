@@ -21,8 +21,8 @@ from semmap_log.domain.events import Event
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, RosError
-from semmap_log.formats.ros_decoding import MessageType
-from semmap_log.formats.ros_types import RosVersion, short_name
+from semmap_log.formats.ros.ros_decoding import MessageType
+from semmap_log.formats.ros.ros_types import RosVersion, short_name
 from semmap_log.live.ros_node import Received, RosNode
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.topic_problems import TopicProblems

@@ -23,7 +23,7 @@ from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, thesis_sta
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
 from semmap_log.domain.meaning import PLACING, Changed
 from semmap_log.errors import InvalidEventError
-from semmap_log.formats.problems import shown
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage
 from semmap_log.ros_mapping.topic_rules import ReadDoorMap
 

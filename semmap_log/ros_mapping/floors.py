@@ -11,7 +11,7 @@ import numpy as np
 from semmap_log.domain.doors import MAX_LEVEL
 from semmap_log.domain.events import Event, FloorMap
 from semmap_log.door_log.command_content import are_same
-from semmap_log.formats.problems import shown
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, yaw_of
 from semmap_log.ros_mapping.topic_rules import ReadFloorMap
 

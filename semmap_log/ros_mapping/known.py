@@ -21,7 +21,7 @@ from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import UnknownDoorError
 from semmap_log.folding.replay import replay
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.folds.door_map import DoorMapState
 
 
 class Known:

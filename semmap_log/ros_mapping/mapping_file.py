@@ -24,10 +24,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.formats.problems import Problems, shown
-from semmap_log.formats.ros_types import long_name, short_name
-from semmap_log.formats.strict_yaml import Mapping, Node, Scalar, Sequence, load_yaml
-from semmap_log.formats.yaml_values import described, mapping_of, number_of, text_of
+from semmap_log.formats.parsing.problems import Problems, shown
+from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, Sequence, load_yaml
+from semmap_log.formats.parsing.yaml_values import described, mapping_of, number_of, text_of
+from semmap_log.formats.ros.ros_types import long_name, short_name
 from semmap_log.ros_mapping.topic_rules import (
     ONLY_TYPES,
     READINGS,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from semmap_log.domain.events import Event, RobotPose
-from semmap_log.formats.problems import shown
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, yaw_of
 from semmap_log.ros_mapping.topic_rules import ReadPose, ReadTransforms
 from semmap_log.ros_mapping.transforms import TransformTree

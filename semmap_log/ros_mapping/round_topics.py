@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from semmap_log.domain.events import Event, PatrolFinished, PatrolStarted
-from semmap_log.formats.problems import shown
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, field_of
 from semmap_log.ros_mapping.topic_rules import ReadPatrol
 

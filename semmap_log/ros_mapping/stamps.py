@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from semmap_log.domain.events import MAX_TIME_NS
+from semmap_log.io.clock import MAX_TIME_NS
 
 
 def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorObserved, DoorRequested, Event
-from semmap_log.formats.problems import shown
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, DoorsByName, TopicMessage, field_of
 from semmap_log.ros_mapping.topic_rules import Accuracy, ReadRmfRequest, ReadRmfState, ReadSensor
 

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
-from semmap_log.formats.problems import shown
-from semmap_log.projections.levels import resolve_level
+from semmap_log.folds.levels import resolve_level
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.stamps import happened_ns
 from semmap_log.ros_mapping.topic_problems import TopicProblems

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.formats.ros_types import (
+from semmap_log.formats.ros.ros_types import (
     DOOR_MAP,
     GRID,
     POSE_STAMPED,

@@ -8,8 +8,8 @@ from typing import Any
 
 from semmap_log.domain.events import DoorObserved, Event
 from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
-from semmap_log.formats.ros_decoding import MessageType, decode_message
-from semmap_log.formats.ros_types import short_name
+from semmap_log.formats.ros.ros_decoding import MessageType, decode_message
+from semmap_log.formats.ros.ros_types import short_name
 from semmap_log.ros_mapping.door_maps import DoorMaps
 from semmap_log.ros_mapping.floors import FloorMaps
 from semmap_log.ros_mapping.known import Known

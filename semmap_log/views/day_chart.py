@@ -17,7 +17,7 @@ from semmap_log.common.wording import counted
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.day import Day
-from semmap_log.projections.time_shares import TimeShares
+from semmap_log.folds.time_shares import TimeShares
 from semmap_log.views.column_table import GAP, ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS

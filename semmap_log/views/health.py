@@ -11,12 +11,12 @@ from rich.text import Text
 from semmap_log.common.command_lines import command_line
 from semmap_log.common.wording import counted
 from semmap_log.domain.moments import format_local
-from semmap_log.log.verification.findings import Finding, Severity, Verification
+from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from semmap_log.log.salvage import Loss, Recovered, RecoveryPlan
+    from semmap_log.store.salvage import Loss, Recovered, RecoveryPlan
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
 """Exit code of `verify` -> what it says."""

@@ -20,7 +20,7 @@ from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.domain.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.domain.meaning import PART_OF
 from semmap_log.domain.moments import format_local, format_short
-from semmap_log.projections.levels import levels_of
+from semmap_log.folds.levels import levels_of
 from semmap_log.views.column_table import (
     Cell,
     CellValue,
@@ -34,9 +34,9 @@ from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
     from semmap_log.door_log.summary import LogSummary
-    from semmap_log.log.clock_check import SuspectCommit
-    from semmap_log.projections.diff import Diff, FieldChange
-    from semmap_log.projections.history import HistoryEntry
+    from semmap_log.folds.diff import Diff, FieldChange
+    from semmap_log.folds.history import HistoryEntry
+    from semmap_log.store.clock_check import SuspectCommit
 
 ABSENT = "-"
 """Stands for what is not known or was not given."""

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import DAY_NS, SECOND_NS, format_local, format_short
-from semmap_log.projections.timeline import Interval, Timeline
+from semmap_log.folds.timeline import Interval, Timeline
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn, with_line_end
 from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
 

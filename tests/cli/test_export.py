@@ -11,8 +11,8 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.domain.events import DoorAdded
 from tests.conftest import SteadyClock
-from tests.formats.marked import doors_in, shown_after
-from tests.formats.played import Played, played
+from tests.formats.bags.marked import doors_in, shown_after
+from tests.formats.bags.played import Played, played
 from tests.views.rerun.some_logs import SECOND, START, small_log
 
 Run = Callable[..., tuple[int, str, str]]

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.log.reading.segment_scan import open_segment
+from semmap_log.store.reading.segment_scan import open_segment
 from tests.cli.test_verify import semmap
-from tests.log.eventful import contents, eventful_log, flip
+from tests.store.eventful import contents, eventful_log, flip
 
 pytestmark = pytest.mark.usefixtures("terminal")
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from semmap_log.log.reading.segment_scan import open_segment
-from tests.log.eventful import contents, eventful_log, flip
+from semmap_log.store.reading.segment_scan import open_segment
+from tests.store.eventful import contents, eventful_log, flip
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames, cost
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import Changed, DoorUpdated, FloorMap, LevelAdded, Retracted
 from semmap_log.errors import CommandError, CostmapError, UnknownLevelError
-from semmap_log.projections.door_layer_fold import DoorLayerProjection, door_lines
+from semmap_log.folds.door_layer_fold import DoorLayerProjection, door_lines
 
 GRID = GridGeometry(200, 160, 0.1, -10.0, -8.0)
 INFLATED = CostmapOptions(level=0, inflate_m=0.5, inscribed_m=0.2, door_inflate_m=0.8)

@@ -25,9 +25,9 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.domain.events import FloorMap, LevelAdded
-from semmap_log.log.form import topics
-from semmap_log.log.header import LogInfo, SegmentHeader
 from semmap_log.messages import layout
+from semmap_log.store.form import topics
+from semmap_log.store.header import LogInfo, SegmentHeader
 
 PAGE = (ROOT / "docs" / "log_format.md").read_text(encoding="utf-8")
 (READER,) = [block.text for block in blocks_of(PAGE) if block.language == "python"]

@@ -11,7 +11,7 @@ from semmap_log.domain.doors import Door, DoorMap
 from semmap_log.domain.events import DoorAnnotated, FloorMap, LevelAdded, PatrolStarted, RobotPose
 from semmap_log.views.palette import DEFAULT, Palette
 from tests.conftest import SteadyClock
-from tests.formats.marked import Seen
+from tests.formats.bags.marked import Seen
 from tests.views.rerun.some_logs import SECOND, START, restless_log, room
 
 NAMES = ["front", "Tür 2 / вход", "大门", "", "a" * 61]

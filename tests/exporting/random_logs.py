@@ -31,7 +31,7 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.log.writing import segment_chain
+from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 
 LATER_NS = 2_000_000_000 * 10**9

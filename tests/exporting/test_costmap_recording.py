@@ -14,7 +14,7 @@ from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames
 from semmap_log.errors import CostmapError, FormatError, OutputError
 from semmap_log.exporting.costmap_recording import Which, record_costmap
 from tests.conftest import SteadyClock
-from tests.formats.played import played, seen_by_rviz
+from tests.formats.bags.played import played, seen_by_rviz
 from tests.views.rerun.some_logs import SECOND, START, restless_log, room, small_log
 
 OPTIONS = CostmapOptions(level=1, inflate_m=0.2)

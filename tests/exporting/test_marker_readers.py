@@ -19,9 +19,9 @@ from rosbags.interfaces import QosDurability
 
 from semmap_log.exporting.log_bag import record_bag
 from semmap_log.exporting.stream import StreamOptions
-from semmap_log.formats.ros_types import ros_types
+from semmap_log.formats.ros.ros_types import ros_types
 from tests.exporting.lively import lively_log, seen_in, some_moments
-from tests.formats.marked import doors_in, shown_after
+from tests.formats.bags.marked import doors_in, shown_after
 from tests.views.rerun.some_logs import small_log
 
 LATCHED = {"/map", "/semmap/doors", "/lta_semantic_map_door_db"}

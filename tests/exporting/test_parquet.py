@@ -19,10 +19,10 @@ import semmap_log as sl
 from semmap_log.domain.events import Event, Retracted
 from semmap_log.exporting.log_files import export
 from semmap_log.folding.replay import Scope
-from semmap_log.log.compaction import compact
+from semmap_log.store.compaction import compact
 from tests.arrow.rows import row_of, rows_of, write_any
 from tests.conftest import SteadyClock
-from tests.log.eventful import eventful_log
+from tests.store.eventful import eventful_log
 from tests.strategies import events, texts
 
 SAID = ("actor", "source", "reason", "correlation", "command_id", "retracted")

@@ -14,7 +14,7 @@ from semmap_log.domain.doors import DoorMap, reduced
 from semmap_log.domain.events import RobotPose
 from semmap_log.exporting.log_bag import record_bag
 from tests.exporting.lively import lively_log
-from tests.formats.played import played
+from tests.formats.bags.played import played
 
 
 @pytest.mark.slow

@@ -19,12 +19,12 @@ from semmap_log.errors import FormatError, MomentError, OutputError
 from semmap_log.exporting import in_order, stream_plan
 from semmap_log.exporting.log_bag import record_bag
 from semmap_log.exporting.stream import StreamOptions, log_stream
-from semmap_log.formats.ros_types import RosVersion
+from semmap_log.formats.ros.ros_types import RosVersion
 from semmap_log.views.palette import COLOUR_BLIND
 from tests.conftest import SteadyClock
 from tests.exporting.lively import lively_log, seen, seen_in, some_moments
-from tests.formats.marked import doors_in, shown_after
-from tests.formats.played import Played, played
+from tests.formats.bags.marked import doors_in, shown_after
+from tests.formats.bags.played import Played, played
 from tests.views.rerun.some_logs import SECOND, START, small_log
 
 BAGS = ["x.mcap", "x.bag", "x"]

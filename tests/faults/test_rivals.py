@@ -71,7 +71,7 @@ def test_nothing_is_opened_for_writing_before_the_lock_is_held(tmp_path: Path) -
     (path / ".log_000000.mcap.1.tmp").write_bytes(b"left behind")
     code = """
 import os, sys, semmap_log as sl
-import semmap_log.log.writing.writer
+import semmap_log.store.writing.writer
 log, seen = sys.argv[1], []
 def hook(event, args):
     name = str(args[0])

@@ -11,10 +11,10 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import LogAccessError, LogPoisonedError
-from semmap_log.log.compaction import background
-from semmap_log.log.reading import segment_folder
-from semmap_log.log.segment import SegmentWriter
-from semmap_log.log.writing import segment_chain
+from semmap_log.store.compaction import background
+from semmap_log.store.reading import segment_folder
+from semmap_log.store.segment import SegmentWriter
+from semmap_log.store.writing import segment_chain
 from tests.faults.running import faults, is_tried
 
 

@@ -17,7 +17,7 @@ from semmap_log.domain.events import Retracted
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.folding.checkpoint import CheckpointWarning
 from tests.folding.projections import Digest, Numbers, Sums
-from tests.log.eventful import flip
+from tests.store.eventful import flip
 
 
 @pytest.fixture
@@ -269,7 +269,7 @@ def test_a_disk_that_says_no_leaves_the_last_one_whole(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("semmap_log.log.disk.sync_file", full)
+    monkeypatch.setattr("semmap_log.io.disk.sync_file", full)
     with pytest.raises(OutputError, match=r"could not be written: No space left.*is as it was"):
         sl.read(log_path).fold(Numbers(), checkpoint=path)
 

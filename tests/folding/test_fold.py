@@ -21,10 +21,10 @@ import semmap_log as sl
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorObserved, Retracted
 from semmap_log.folding.checkpoint import Checkpoint
-from semmap_log.log.compaction import compact
-from semmap_log.log.writing import segment_chain
-from semmap_log.projections import projection as projection_module
-from semmap_log.projections.projection import Dumping, Mergeable
+from semmap_log.folds import projection as projection_module
+from semmap_log.folds.projection import Dumping, Mergeable
+from semmap_log.store.compaction import compact
+from semmap_log.store.writing import segment_chain
 from tests.folding.projections import Digest, Numbers, Sums
 from tests.test_replay import random_log
 

@@ -20,8 +20,8 @@ import semmap_log as sl
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.folding.live_fold import LiveState
-from semmap_log.log.compaction import compact
-from semmap_log.log.writing import segment_chain
+from semmap_log.store.compaction import compact
+from semmap_log.store.writing import segment_chain
 from tests.calls import MOST_CALLS_A_LOOK, calls_of
 from tests.folding.projections import Numbers
 from tests.folding.test_fold import expected_numbers
@@ -229,7 +229,7 @@ WRITER = """
 import sys, itertools, random, time
 import semmap_log as sl
 from semmap_log.domain.events import Retracted
-from semmap_log.log.writing import segment_chain
+from semmap_log.store.writing import segment_chain
 segment_chain.ROLL_COMMITS = 17
 dice = random.Random(4)
 log = sl.append(sys.argv[1])

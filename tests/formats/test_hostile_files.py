@@ -24,13 +24,13 @@ resource.setrlimit(resource.RLIMIT_AS, ({MEMORY_BYTES}, {MEMORY_BYTES}))
 resource.setrlimit(resource.RLIMIT_CPU, ({SECONDS}, {SECONDS}))
 from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import FormatError
-from semmap_log.formats.building import read_building
-from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.formats.import_plan import Present
-from semmap_log.formats.importing_lines import plan_event_lines
-from semmap_log.formats.map_server import read_map
-from semmap_log.formats.thesis_yaml import read_thesis_yaml
-from tests.formats.nothing_stored import NothingStored, lines_of
+from semmap_log.formats.files.building import read_building
+from semmap_log.formats.files.door_csv import read_door_csv
+from semmap_log.importing.import_plan import Present
+from semmap_log.importing.importing_lines import plan_event_lines
+from semmap_log.formats.files.map_server import read_map
+from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from tests.importing.nothing_stored import NothingStored, lines_of
 empty = Present(DoorMap({{}}, {{}}), frozenset())
 readers = {{
     "yaml": [read_thesis_yaml, read_building, read_map],

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import KIND_BY_NAME, field_names
 from semmap_log.errors import FormatError
-from semmap_log.formats.building import read_building
-from semmap_log.formats.door_csv import read_door_csv
-from semmap_log.formats.event_json_reader import DoorLookup, parse_event_line
-from semmap_log.formats.import_plan import Present
-from semmap_log.formats.importing_lines import plan_event_lines
-from semmap_log.formats.map_server import read_map
-from semmap_log.formats.thesis_yaml import read_thesis_yaml
-from tests.formats.nothing_stored import NothingStored, lines_of
+from semmap_log.formats.files.building import read_building
+from semmap_log.formats.files.door_csv import read_door_csv
+from semmap_log.formats.files.map_server import read_map
+from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.formats.json.event_json_reader import DoorLookup, parse_event_line
+from semmap_log.importing.import_plan import Present
+from semmap_log.importing.importing_lines import plan_event_lines
+from tests.importing.nothing_stored import NothingStored, lines_of
 
 EMPTY = Present(DoorMap({}, {}), frozenset())
 READERS = {

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semmap_log.errors import RosError
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_messages import Messages
-from semmap_log.formats.ros_types import RosVersion, decoded, encoded, log_type
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_messages import Messages
+from semmap_log.formats.ros.ros_types import RosVersion, decoded, encoded, log_type
 from semmap_log.live.ros_node import Goal, GoalAnswer, Outcome, Received, Values
 
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from semmap_log.errors import RosError
-from semmap_log.formats.ros_types import RosVersion
+from semmap_log.formats.ros.ros_types import RosVersion
 from semmap_log.live.ros_node import Received
-from tests.formats.bags_of_others import Said
+from tests.formats.bags.bags_of_others import Said
 
 
 @dataclass

@@ -14,8 +14,8 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import RosVersion
 from semmap_log.live import client as client_module
 from semmap_log.live import ros_node
 from semmap_log.live.action_names import DEFAULTS

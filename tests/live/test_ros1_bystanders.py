@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.formats.ros_types import ros_types
+from semmap_log.formats.ros.ros_types import ros_types
 from tests.live.ros_world import ROOT, RosWorld
 from tests.live.running import Running
 

@@ -23,8 +23,9 @@ SERVER = (
     PATIENCE
     + """
 import json, signal, sys, threading, time
-from semmap_log.formats.bags import BagTopic
-from semmap_log.live.ros_node import Outcome, open_node
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.live.ros_node import Outcome
+from semmap_log.live.joining import open_node
 
 version, *ros_args = sys.argv[1:]
 node = open_node(int(version), "doors", ros_args)
@@ -371,7 +372,7 @@ SLOW_LINE = (
     + """
 import time
 from rospy.impl.tcpros_base import TCPROSTransport
-from semmap_log.formats.bags import BagTopic
+from semmap_log.formats.bags.bag_protocol import BagTopic
 from semmap_log.live.ros_node import open_node
 
 send = TCPROSTransport.write_data

@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 from semmap_log.cli import main
-from semmap_log.formats.ros_types import ros_types
+from semmap_log.formats.ros.ros_types import ros_types
 from semmap_log.live.ros_package import write_ros_package
 from semmap_log.live.serving.served_costmap import LAYER_NAME, MASTER_NAME
 from semmap_log.live.serving.served_doors import MARKERS_NAME

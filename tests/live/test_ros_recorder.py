@@ -30,7 +30,7 @@ from semmap_log.ros_mapping.topic_rules import (
     RosMapping,
     TopicRule,
 )
-from tests.formats.bags_of_others import Said, write_mcap
+from tests.formats.bags.bags_of_others import Said, write_mcap
 from tests.live.memory_node import MemoryNode
 from tests.live.running import wait_until
 from tests.ros_mapping.robots import START, Robot, S

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import semmap_log
-from semmap_log.log.form import KINDS_OF_MINOR
+from semmap_log.store.form import KINDS_OF_MINOR
 
 MESSAGE = "uint32 door_id\nfloat64 strength\n"
 KIND = '''

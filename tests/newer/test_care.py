@@ -9,12 +9,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import NewerLogError
-from semmap_log.log.compaction import compact
-from semmap_log.log.records import MESSAGE
-from semmap_log.log.salvage import plan_recovery, recover
-from semmap_log.log.verification import verify
-from tests.log.logs import digest_of_records, segment_files
+from semmap_log.store.compaction import compact
+from semmap_log.store.records import MESSAGE
+from semmap_log.store.salvage import plan_recovery, recover
+from semmap_log.store.verification import verify
 from tests.newer.logs import UNKNOWN, NewerLogs
+from tests.store.logs import digest_of_records, segment_files
 
 STRENGTH = b"\0\0\0\0\0\0\x08@"
 """3.0, as it stands in the event of the unknown kind, and nowhere else."""

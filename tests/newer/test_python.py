@@ -11,8 +11,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.events import DoorObserved, RobotPose, UnknownEvent
 from semmap_log.errors import InvalidEventError, NewerLogError, NewerLogWarning
-from semmap_log.log.reading.newer_events import NewerEvents
-from semmap_log.projections.door_map import DoorMapState
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.store.reading.newer_events import NewerEvents
 from tests.newer.logs import UNKNOWN, NewerLogs
 
 pytestmark = pytest.mark.filterwarnings("ignore::semmap_log.errors.NewerLogWarning")

@@ -10,9 +10,9 @@ from typer.main import get_command
 
 from semmap_log.cli import main
 from semmap_log.cli.app import app
-from semmap_log.log.verification import verify
-from tests.log.logs import segment_files
+from semmap_log.store.verification import verify
 from tests.newer.logs import UNKNOWN, NewerLogs
+from tests.store.logs import segment_files
 
 LIST = {
     "history": ["LOG"],

@@ -7,7 +7,8 @@ import hashlib
 import pytest
 
 from semmap_log.domain.events import KINDS
-from semmap_log.log.form import (
+from semmap_log.messages import schema_text
+from semmap_log.store.form import (
     COMMIT_CHANNEL,
     FORMAT_MINOR,
     FORMAT_VERSION,
@@ -15,8 +16,7 @@ from semmap_log.log.form import (
     LAST_EVENT_CHANNEL,
     topics,
 )
-from semmap_log.log.kind_bits import UNKNOWN_BIT
-from semmap_log.messages import schema_text
+from semmap_log.store.kind_bits import UNKNOWN_BIT
 
 KINDS_OF = {
     "3.0": {

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semmap_log.domain.events import Event
-from semmap_log.formats.ros_decoding import MessageType
-from semmap_log.formats.ros_types import (
+from semmap_log.formats.ros.ros_decoding import MessageType
+from semmap_log.formats.ros.ros_types import (
     DOOR_ENTRY,
     DOOR_MAP,
     GRID,

@@ -10,7 +10,7 @@ import pytest
 from semmap_log import ros_mapping
 from semmap_log.domain.doors import DoorState
 from semmap_log.errors import FormatError
-from semmap_log.formats.ros_types import DOOR_MAP, GRID, POSE_STAMPED, POSE_WITH_COVARIANCE
+from semmap_log.formats.ros.ros_types import DOOR_MAP, GRID, POSE_STAMPED, POSE_WITH_COVARIANCE
 from semmap_log.ros_mapping.mapping_file import read_mapping
 from semmap_log.ros_mapping.topic_rules import (
     WELL_KNOWN,

@@ -11,7 +11,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorUpdated, Event
-from semmap_log.formats.ros_types import DOOR_MAP
+from semmap_log.formats.ros.ros_types import DOOR_MAP
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.stamps import happened_ns
 from semmap_log.ros_mapping.topic_rules import ReadPose, ReadRmfState, ReadSensor, RosMapping

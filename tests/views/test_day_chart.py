@@ -11,7 +11,7 @@ from rich.console import Console
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.day import SLOT_NS, Day, DoorDay
-from semmap_log.projections.time_shares import TimeShares
+from semmap_log.folds.time_shares import TimeShares
 from semmap_log.views.day_chart import day_chart
 
 MIDNIGHT_NS = 1_772_406_000 * 10**9

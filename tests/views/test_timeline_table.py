@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.projections.timeline import Timeline
+from semmap_log.folds.timeline import Timeline
 from semmap_log.views.timeline_table import PAGE_ROWS, duration, timeline_pages, timeline_totals
 from tests.views.test_tables import printed
 

@@ -164,8 +164,8 @@ def _limit(count: int, folder: Path) -> Work:
     import zstandard
 
     from semmap_log.domain.events import DoorObserved
-    from semmap_log.log.form import CHUNK_BYTES, ZSTD_LEVEL
     from semmap_log.messages import fixed_layout
+    from semmap_log.store.form import CHUNK_BYTES, ZSTD_LEVEL
 
     whole = [("head", f"V{_MESSAGE.size}"), ("body", fixed_layout(DoorObserved.kind).dtype)]
     record = np.dtype(whole)

@@ -143,7 +143,7 @@ class Workshop:
             self.say(f"writing {count:,} events, {per_commit} a commit")
             write_patrol(path, count, per_commit)
         else:
-            from semmap_log.log.compaction import compact
+            from semmap_log.store.compaction import compact
 
             live = self.log(count, per_commit, LIVE)
             self.say(f"compacting {count:,} events, {per_commit} a commit")
@@ -162,8 +162,8 @@ def uncompressed() -> Iterator[None]:
     """
     from unittest.mock import patch
 
-    from semmap_log.log.chunks import build_chunk
-    from semmap_log.log.compaction import rechunk
+    from semmap_log.store.chunks import build_chunk
+    from semmap_log.store.compaction import rechunk
 
     def build_plain(records: Any, offsets: Any, *, compression: str = "") -> Any:
         del compression

@@ -15,7 +15,7 @@ import semmap_log as sl
 from fault_injection.sample import FIRST, NAME, SECOND, THIRD, small_segments
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved, Event
-from semmap_log.log.compaction import compact
+from semmap_log.store.compaction import compact
 
 OFFICE = Path(__file__).parents[2] / "recordings" / "office"
 COMMITS_A_SEGMENT = 5

@@ -13,8 +13,8 @@ import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
 from fault_injection.sample import small_segments
 from semmap_log.domain.commits import Commit
-from semmap_log.domain.events import MAX_TIME_NS
-from semmap_log.log.form import KEYFRAME_CHANNEL
+from semmap_log.io.clock import MAX_TIME_NS
+from semmap_log.store.form import KEYFRAME_CHANNEL
 
 NOW = 1_772_400_000 * 10**9
 SECOND, DAY, YEAR = 10**9, 86_400 * 10**9, 31_557_600 * 10**9

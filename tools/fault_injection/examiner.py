@@ -18,7 +18,7 @@ from semmap_log.domain.commits import Commit
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import NotALogError, SemmapError
-from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
 
 HOUR_NS = 3600 * 10**9
 

@@ -14,8 +14,8 @@ from fault_injection.fault import Outcome, Plan
 from fault_injection.judging import copy_of
 from fault_injection.sample import make_sample
 from fault_injection.subject import Subject
-from semmap_log.log import records as mcap
-from semmap_log.log.record_scan import frames
+from semmap_log.store import records as mcap
+from semmap_log.store.record_scan import frames
 
 _TEXTS = (Opcode.SCHEMA, Opcode.CHANNEL)
 

@@ -16,7 +16,7 @@ from fault_injection.story import Act, SteadyClock, Story
 from semmap_log.door_log.appendable_log import Appended
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.exporting.log_files import export
-from semmap_log.log.compaction import compact
+from semmap_log.store.compaction import compact
 
 LEVELS = ("event", "batch", "flush", "none")
 BATCH_EVENTS = 8

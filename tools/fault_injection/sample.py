@@ -87,7 +87,7 @@ def make_sample(folder: Path) -> Sample:
 
 def compact_folder(path: Path) -> None:
     """Compact the closed segments of a log."""
-    from semmap_log.log.compaction import compact
+    from semmap_log.store.compaction import compact
 
     compact(path)
 
@@ -106,7 +106,7 @@ def small_segments(commits: int = COMMITS_A_SEGMENT, chunk_bytes: int = 400) -> 
 @contextmanager
 def held_back_at_most(size: int) -> Iterator[None]:
     """Let writers with durability `none` keep so many bytes in memory before they write them."""
-    import semmap_log.log.segment as where
+    import semmap_log.store.segment as where
 
     usual = getattr(where, "MOST_HELD_BACK_BYTES", None)
     assert usual is not None, "the constant has another name: say it here"
@@ -117,7 +117,7 @@ def held_back_at_most(size: int) -> Iterator[None]:
 @contextmanager
 def constants(**values: int) -> Iterator[None]:
     """Give constants of the log's form other values, wherever they were imported to."""
-    modules = [m for name, m in list(sys.modules.items()) if name.startswith("semmap_log.log.")]
+    modules = [m for name, m in list(sys.modules.items()) if name.startswith("semmap_log.store.")]
     old = [(m, name, getattr(m, name)) for m in modules for name in values if hasattr(m, name)]
     assert {name for _, name, _ in old} == set(values)
     try:

@@ -23,9 +23,9 @@ from fault_injection.sample import (
     small_segments,
 )
 from fault_injection.subject import TELL_THE_END, Subject
-from semmap_log.log import records as mcap
-from semmap_log.log.form import CLOSED_MARK_NAME
-from semmap_log.log.record_scan import frames
+from semmap_log.store import records as mcap
+from semmap_log.store.form import CLOSED_MARK_NAME
+from semmap_log.store.record_scan import frames
 
 Damage = tuple[str, Callable[[Path], object], str, int, Verdict | None]
 """In words, what does it, the file that an error must name, how many commits at the end may be

@@ -47,7 +47,7 @@ SMALL_LIMITS = {
     "KEYFRAME_EVERY_BYTES": 1000,
     "KEYFRAME_RARITY": 0,
 }
-"""Names in the rooms of semmap_log.log; a commit of a hundred events is three chunks.
+"""Names in the rooms of semmap_log.store; a commit of a hundred events is three chunks.
 
 Keyframes stand within segments, and in the middle of long commits.
 """

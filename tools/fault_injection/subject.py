@@ -11,11 +11,11 @@ from pathlib import Path
 
 from fault_injection.fault import Outcome, Plan
 from fault_injection.judging import Judge, Verdict, WrongAnswerError
-from semmap_log.log.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
-from semmap_log.log.pages import Page
-from semmap_log.log.reading.segment_reading import read_chunk
-from semmap_log.log.reading.segment_scan import open_segment
-from semmap_log.log.records import MAGIC
+from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
+from semmap_log.store.pages import Page
+from semmap_log.store.reading.segment_reading import read_chunk
+from semmap_log.store.reading.segment_scan import open_segment
+from semmap_log.store.records import MAGIC
 
 MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""

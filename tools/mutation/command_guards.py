@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from mutation.mutant import guard
 
-AT_CLOSING = ("tests/log/test_closing.py",)
+AT_CLOSING = ("tests/store/test_closing.py",)
 
-REMEMBERED = ("tests/log/writing/test_command_memory.py",)
+REMEMBERED = ("tests/store/writing/test_command_memory.py",)
 
 COMMAND_INDEXES = (
     guard("head of a segment that was closed before heads were told", "Segment.head",

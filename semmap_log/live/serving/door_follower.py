@@ -13,7 +13,7 @@ from semmap_log.errors import SemmapError
 from semmap_log.folding.replay import Scope, replay
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_server import RESULTS
-from semmap_log.log.reading.following import FollowedCommit
+from semmap_log.store.reading.following import FollowedCommit
 
 POLL_S = 0.05
 

@@ -35,10 +35,10 @@ from semmap_log.errors import (
     SemmapError,
     UnknownDoorError,
 )
+from semmap_log.folds.levels import resolve_level
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_goals import AddAsk, Ask, RemoveAsk, SaveAsk, UpdateAsk, read_goal
 from semmap_log.live.serving.saving import DoorSaver
-from semmap_log.projections.levels import resolve_level
 
 ACTIONS = ("AddDoor", "UpdateDoor", "RemoveDoor", "SaveDoorDB")
 

@@ -16,8 +16,8 @@ from typing import NoReturn
 
 from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import OutputError
-from semmap_log.formats.thesis_yaml import dump_thesis_yaml
-from semmap_log.log.disk import refuse_own_folder, replace_file
+from semmap_log.formats.files.thesis_yaml import dump_thesis_yaml
+from semmap_log.io.disk import refuse_own_folder, replace_file
 
 SUFFIXES = (".yaml", ".yml")
 

@@ -21,16 +21,16 @@ from semmap_log.costmaps.level_costmap import CostmapOptions, ends_of, geometry_
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import FloorMap
 from semmap_log.errors import CostmapError
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.grid_messages import GridFrame, GridStream
-from semmap_log.formats.ros_types import GRID, GRID_UPDATE
+from semmap_log.folds.door_layer_fold import line_of
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.grid_messages import GridFrame, GridStream
+from semmap_log.formats.ros.ros_types import GRID, GRID_UPDATE
 from semmap_log.live.serving.served_topics import (
     ChangedDoors,
     LevelNames,
     ServedTopics,
     levels_of,
 )
-from semmap_log.projections.door_layer_fold import line_of
 
 MASTER_NAME = "semmap/costmap"
 LAYER_NAME = "semmap/door_layer"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from semmap_log.domain.doors import DoorMap
 from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.exporting.stream_topics import LevelDoors, ThesisDoors, heights_of
-from semmap_log.formats.bags import BagTopic, NewBag
-from semmap_log.formats.door_markers import DoorMarkers
-from semmap_log.formats.ros_types import DOOR_MAP, MARKERS
-from semmap_log.formats.thesis_messages import ThesisMessages
+from semmap_log.formats.bags.bag_protocol import BagTopic, NewBag
+from semmap_log.formats.ros.door_markers import DoorMarkers
+from semmap_log.formats.ros.ros_types import DOOR_MAP, MARKERS
+from semmap_log.formats.ros.thesis_messages import ThesisMessages
 from semmap_log.live.serving.served_topics import ChangedDoors, LevelNames, levels_of
 from semmap_log.views.palette import DEFAULT, Palette
 

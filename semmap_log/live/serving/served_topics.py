@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from semmap_log.domain.doors import Door, DoorId, DoorMap
-from semmap_log.formats.bags import BagTopic
-from semmap_log.formats.ros_types import RosVersion, encoded
+from semmap_log.folds.doors_present import DoorsPresent
+from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.formats.ros.ros_types import RosVersion, encoded
 from semmap_log.live.ros_node import Publisher, RosNode
-from semmap_log.projections.doors_present import DoorsPresent
 
 
 class ServedTopics:

@@ -15,9 +15,9 @@ from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import DoorRemoved, Event, LogExported
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError
-from semmap_log.formats.door_table import DoorTable, TableDoor
-from semmap_log.formats.import_plan import differences
-from semmap_log.formats.thesis_yaml import read_thesis_yaml
+from semmap_log.formats.files.door_table import DoorTable, TableDoor
+from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.importing.import_plan import differences
 from semmap_log.importing.importing import (
     ImportOptions,
     command_id_of,

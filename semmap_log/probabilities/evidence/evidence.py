@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import MAX_TIME_NS
 from semmap_log.domain.meaning import Presence
+from semmap_log.folds.door_changes import are_sightings, of_presence
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.probabilities.evidence.known_intervals import known_intervals
 from semmap_log.probabilities.evidence.reports import Reports, Rows, Sensors
 from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, llr_of, visits_of
-from semmap_log.projections.door_changes import are_sightings, of_presence
 
 Times = NDArray[np.int64]
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import MAX_TIME_NS
 from semmap_log.domain.meaning import Presence
 from semmap_log.domain.moments import DAY_NS
+from semmap_log.folds.door_changes import are_sightings, of_presence
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.probabilities.evidence.reports import Rows
-from semmap_log.projections.door_changes import are_sightings, of_presence
 
 HOLDS_NS = 30 * DAY_NS
 """A state that was set is known for so long after the last report that agreed; silence that is

@@ -12,15 +12,9 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import MAX_TIME_NS, STATE_KINDS, Event, field_names
-from semmap_log.projections.door_changes import (
-    STATE,
-    STATE_CHANGE,
-    THERE,
-    chosen_of,
-    fill,
-    known_states,
-)
+from semmap_log.domain.events import STATE_KINDS, Event, field_names
+from semmap_log.folds.door_changes import STATE, STATE_CHANGE, THERE, chosen_of, fill, known_states
+from semmap_log.io.clock import MAX_TIME_NS
 
 Rows = NDArray[np.void]
 

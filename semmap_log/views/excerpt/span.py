@@ -13,9 +13,9 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.moments import refuse_reversed
 from semmap_log.folding.replay import Scope, replay
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.retraction import Retractions, in_ranges
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.retraction import Retractions, in_ranges
+from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from semmap_log.domain.doors import DoorId, DoorState, reduced
 from semmap_log.domain.moments import DAY_NS, format_short
-from semmap_log.projections.patrol_rounds import ROUND_KINDS, Round, rounds
-from semmap_log.projections.timeline import Timeline, Times
+from semmap_log.folds.patrol_rounds import ROUND_KINDS, Round, rounds
+from semmap_log.folds.timeline import Timeline, Times
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import DEFAULT, Palette, Rgb
@@ -33,7 +33,7 @@ from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time
-    from semmap_log.log.reading.progress import Progress
+    from semmap_log.io.progress import Progress
 
 WIDE_IN = 10.0
 TALL_LANE_IN, LOW_LANE_IN = 0.28, 0.15

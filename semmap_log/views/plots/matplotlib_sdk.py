@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.errors import FormatError, MissingExtraError
-from semmap_log.log.disk import output_errors, whole_file
+from semmap_log.io.disk import output_errors, whole_file
 from semmap_log.views.drawable_names import HasShape
 
 try:

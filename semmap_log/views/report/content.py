@@ -10,8 +10,8 @@ from semmap_log.domain.doors import DoorId, DoorMap, DoorState
 from semmap_log.domain.moments import zone
 from semmap_log.door_log.summary import summarize
 from semmap_log.folding.replay import Scope, replay
-from semmap_log.log.disk import utf8_name
-from semmap_log.projections.levels import levels_of
+from semmap_log.folds.levels import levels_of
+from semmap_log.io.disk import utf8_name
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.how_to_begin import how_to_begin

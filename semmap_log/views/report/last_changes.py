@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.log.reading.commit_finder import CommitFinder
-from semmap_log.log.reading.window import Window
-from semmap_log.projections.history import HistoryEntry, history
+from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.store.reading.commit_finder import CommitFinder
+from semmap_log.store.reading.window import Window
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.report.page_doors import PageDoor

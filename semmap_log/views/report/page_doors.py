@@ -16,13 +16,7 @@ import numpy as np
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.events import DoorAdded
 from semmap_log.domain.meaning import Changed, Presence
-from semmap_log.projections.door_changes import (
-    STATE_CHANGE,
-    Changes,
-    Stamp,
-    known_states,
-    of_presence,
-)
+from semmap_log.folds.door_changes import STATE_CHANGE, Changes, Stamp, known_states, of_presence
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,

@@ -26,7 +26,7 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.projections.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
+from semmap_log.folds.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.excerpt.span import Excerpt
 

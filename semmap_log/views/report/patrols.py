@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.projections.patrol_rounds import ROUND_KINDS, rounds
+from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
 from semmap_log.views.zone_times import MS_NS, Span
 
 if TYPE_CHECKING:

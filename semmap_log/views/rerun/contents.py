@@ -17,9 +17,9 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, RobotPose
 from semmap_log.domain.meaning import FIELDS, Changed
-from semmap_log.log.reading.state import state_at
-from semmap_log.projections.door_changes import THERE, Changes, Stamp, door_changes
-from semmap_log.projections.levels import levels_of
+from semmap_log.folds.door_changes import THERE, Changes, Stamp, door_changes
+from semmap_log.folds.levels import levels_of
+from semmap_log.store.reading.state import state_at
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,

@@ -19,7 +19,7 @@ from semmap_log.costmap.costs import NO_INFORMATION
 from semmap_log.costmap.door_layer import DoorLine, cells_of
 from semmap_log.costmap.grid import MOST_CELLS, CellWindow, GridGeometry
 from semmap_log.domain.doors import DoorId
-from semmap_log.projections.door_changes import CHANGE, Changes
+from semmap_log.folds.door_changes import CHANGE, Changes
 from semmap_log.views.rerun.costmap_doors import DoorRows, Order
 
 RESOLUTION_M = 0.05

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from semmap_log.costmap.costs import NO_INFORMATION
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.projections.door_layer_fold import cost_of_state
+from semmap_log.folds.door_layer_fold import cost_of_state
 from semmap_log.views.excerpt.door_rows import NO_STATE
 from semmap_log.views.rerun.costmap_cells import Patch, Version, versions_of
 from semmap_log.views.rerun.costmap_doors import (

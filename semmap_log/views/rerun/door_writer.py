@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.projections.door_changes import CHANGE, Changes
+from semmap_log.folds.door_changes import CHANGE, Changes
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
 from semmap_log.views.excerpt.door_rows import RecordingEdge, strips_of
 from semmap_log.views.palette import Palette, packed

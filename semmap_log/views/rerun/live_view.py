@@ -17,8 +17,8 @@ from typing import Any
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.log.reading.following import FollowedCommit
-from semmap_log.log.reading.progress import Progress
+from semmap_log.io.progress import Progress
+from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.belief_curves import BeliefsShown, beliefs_to_show

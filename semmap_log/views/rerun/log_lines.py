@@ -14,8 +14,8 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorAdded, DoorEvent, DoorRemoved, Event, Retracted, RobotPose
 from semmap_log.domain.meaning import NO_EFFECT, PLACING, Presence
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.folds.door_changes import Changes, Stamp
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.projections.door_changes import Changes, Stamp
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.drawable import drawable

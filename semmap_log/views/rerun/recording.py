@@ -23,7 +23,7 @@ import numpy as np
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import RobotPose
-from semmap_log.log.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.io.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.views.excerpt.span import Excerpt, instant_ns
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.contents import find_scene

@@ -17,7 +17,7 @@ from semmap_log.common.wording import counted
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorObserved, DoorPassed
 from semmap_log.domain.meaning import Changed
-from semmap_log.projections.door_changes import Changes
+from semmap_log.folds.door_changes import Changes
 from semmap_log.views.excerpt.door_rows import NO_STATE, by_door
 from semmap_log.views.rerun.scene import Scene, SceneDoor
 

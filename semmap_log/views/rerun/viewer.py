@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from semmap_log.log.disk import output_errors, replace_file
+from semmap_log.io.disk import output_errors, replace_file
 from semmap_log.views.rerun.process import RerunProcess, ViewerError, running
 
 LOAD_S = 60.0

@@ -11,11 +11,11 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.events import LogExported
+from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving import saving
 from semmap_log.live.serving.door_server import DoorServer
 from semmap_log.live.serving.saving import DoorSaver
-from semmap_log.log.form import TEMPORARY_SUFFIX
 from tests.live.serving.door_servers import door_server, events_in
 from tests.live.serving.goals import DOOR, goal_of
 
@@ -111,7 +111,7 @@ def test_a_link_in_place_of_the_temporary_file_is_not_followed(
     """
     tokens = iter(["beef", "cafe"])
     foreseen = SimpleNamespace(token_hex=lambda _: next(tokens))
-    monkeypatch.setattr("semmap_log.log.disk.secrets", foreseen)
+    monkeypatch.setattr("semmap_log.io.disk.secrets", foreseen)
     planted = root / f".doors.yaml.{os.getpid()}.beef{TEMPORARY_SUFFIX}"
     planted.symlink_to(trap / "precious.yaml")
 

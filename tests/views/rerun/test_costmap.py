@@ -28,7 +28,7 @@ from semmap_log.domain.events import (
     Event,
     Retracted,
 )
-from semmap_log.projections.door_layer_fold import door_lines
+from semmap_log.folds.door_layer_fold import door_lines
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.costmap_pictures import shades_of_costs
 from semmap_log.views.rerun.recording import save_rrd

@@ -29,7 +29,7 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.projections.door_changes import door_changes
+from semmap_log.folds.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.contents import find_scene

@@ -70,7 +70,7 @@ def _index_of_zeros(path: Path, dice: random.Random) -> str:
 @contextmanager
 def _index_entries(packed: str, names: tuple[str, ...]) -> Iterator[None]:
     """Have closed segments get other entries in their index, with the digest that fits."""
-    import semmap_log.log.segment as where
+    import semmap_log.store.segment as where
 
     usual = where.index_metadata
 

@@ -1,0 +1,52 @@
+"""rosbags' reader of ROS 1's `.bag`, with limits to what it unpacks and reads at once."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from struct import unpack_from
+from typing import Any
+
+from rosbags.rosbag1 import Reader
+
+from semmap_log.formats.bags.guarded_file import GuardedPath
+from semmap_log.formats.bags.unpacking import unpack
+
+INDEX_HEAD_BYTES = 55
+"""A header of 47 bytes, its length, and that of what follows."""
+MOST_INDEX_BYTES = 48 * 2**20
+"""Of a connection in a chunk: four million messages."""
+
+
+class GuardedReader(Reader):  # type: ignore[misc]  # rosbags tells mypy nothing
+    """Reads a `.bag`; see `unpacking` for the limits."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(GuardedPath(path))
+
+    def read_chunk(self) -> Any:
+        """Read a chunk's header; what it holds is unpacked within limits.
+
+        Raises:
+            ReaderError: There is no chunk.
+        """
+        chunk = super().read_chunk()
+        packing = chunk.decompressor.__module__.split(".")[0]
+        name = {"bz2": "bz2", "lz4": "lz4"}.get(packing, "none")
+        return chunk._replace(decompressor=partial(unpack, compression=name))
+
+    def read_index_data(self, pos: int, indexes: Any) -> None:
+        """Read where the messages of a connection are in a chunk.
+
+        Raises:
+            ValueError: There are more than any chunk has.
+        """
+        assert self.bio is not None
+        head = self.bio.read(INDEX_HEAD_BYTES)
+        if len(head) < INDEX_HEAD_BYTES:
+            raise ValueError("its index is cut")
+        (size,) = unpack_from("<I", head, INDEX_HEAD_BYTES - 4)
+        if size > MOST_INDEX_BYTES:
+            raise ValueError(f"expected an index of at most 48 MiB a chunk, got {size:,} bytes")
+        self.bio.seek(-INDEX_HEAD_BYTES, 1)
+        super().read_index_data(pos, indexes)

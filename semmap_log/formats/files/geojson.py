@@ -1,0 +1,77 @@
+"""Doors as GeoJSON (RFC 7946): each a line, with what the map says of it, for maps and tables.
+
+RFC 7946 wants longitudes and latitudes (WGS 84). A door map knows where doors are in its own
+frame only, so the coordinates are metres there, and the file says so: in the member `semmap_log`
+for people, and in `crs`, as GeoJSON had it before that RFC. By that GDAL, and with it QGIS and
+geopandas, see that it is a plane of its own; without it, or with null, they take WGS 84.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from semmap_log.domain.doors import Door, DoorMap
+from semmap_log.domain.moments import format_utc
+from semmap_log.formats.json.door_json import door_map_to_json, door_to_json
+
+PLANE = (
+    'LOCAL_CS["robot map frame",LOCAL_DATUM["robot map frame",32767],UNIT["metre",1],'
+    'AXIS["x",OTHER],AXIS["y",OTHER]]'
+)
+"""A coordinate system of its own, as well-known text: which way x goes on earth, nobody knows."""
+
+COORDINATES = (
+    "metres, x and y in the frame `map` of the robot; not longitude and latitude as RFC 7946 "
+    "has them, since the log does not know where on earth its map lies"
+)
+
+
+def dump_geojson(door_map: DoorMap, about: Mapping[str, str]) -> tuple[str, list[Door]]:
+    """Return the text, and the doors in it that have no place: their geometry is null.
+
+    Args:
+        door_map: The doors; their features have the keys of `replay --json`, ids ascending.
+        about: What is said of the log, such as its building.
+    """
+    shown = door_map_to_json(door_map)
+    del shown["doors"]
+    head = {
+        "type": "FeatureCollection",
+        "crs": {"type": "name", "properties": {"name": PLANE}},
+        "semmap_log": {
+            "coordinates": COORDINATES,
+            "frame": "map",
+            "unit": "m",
+            **about,
+            "moment": format_utc(door_map.moment_ns),
+            **shown,
+        },
+    }
+    doors = sorted(door_map.doors.values(), key=lambda door: door.door_id)
+    features = ",\n".join(_text(_feature(door, door_map)) for door in doors)
+    text = f'{_text(head)[:-1]}, "features": [\n{features}\n]}}\n'
+    return text, [door for door in doors if _line(door) is None]
+
+
+def _feature(door: Door, door_map: DoorMap) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "id": door.door_id,
+        "geometry": _line(door),
+        "properties": door_to_json(door, door_map),
+    }
+
+
+def _line(door: Door) -> dict[str, Any] | None:
+    """Return the door's line; None: it has no place, or one beyond all numbers."""
+    ends = [list(door.start), list(door.end)]
+    if not all(math.isfinite(number) for end in ends for number in end):
+        return None
+    return {"type": "LineString", "coordinates": ends}
+
+
+def _text(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,135 @@
+"""Door maps, histories and diffs as the JSON that the verbs print with `--json`.
+
+Field names are those of the events; states are words, times ISO-8601 UTC with nanoseconds,
+numbers that were not given are null.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from semmap_log.domain.doors import Door, DoorMap, DoorState, Level
+from semmap_log.domain.meaning import FIELDS
+from semmap_log.domain.moments import format_utc
+from semmap_log.folds.diff import Diff, FieldChange
+from semmap_log.folds.history import HistoryEntry
+from semmap_log.formats.json.event_json import event_to_json
+
+
+def door_map_to_json(door_map: DoorMap) -> dict[str, Any]:
+    """Return a door map: the moment, the levels, and the doors with ids ascending."""
+    return {
+        "event": door_map.event if door_map.event >= 0 else None,
+        "at": _time(door_map.at_ns),
+        "known_at": _time(door_map.known_at_ns),
+        "levels": [_level(level) for level in door_map.levels.values()],
+        "doors": [door_to_json(door, door_map) for door in door_map.doors.values()],
+    }
+
+
+def door_to_json(door: Door, door_map: DoorMap) -> dict[str, Any]:
+    """Return a door; `door_map` tells its level's name."""
+    level = door_map.levels.get(door.level)
+    return {
+        "door_id": door.door_id,
+        "name": door.name,
+        "level": door.level,
+        "level_name": level.name if level else None,
+        **{name: _value(getattr(door, name)) for name in FIELDS},
+        "last_seen": _time(door.last_seen_ns),
+        "last_event": door.last_event,
+        "annotations": dict(door.annotations),
+    }
+
+
+def entry_to_json(entry: HistoryEntry) -> dict[str, Any]:
+    """Return an event of a history, with who and why."""
+    shown = event_to_json(entry.recorded)
+    return {
+        "event": shown.pop("event"),
+        "kind": shown.pop("kind"),
+        "door_id": shown.pop("door_id", None),
+        "happened": shown.pop("happened"),
+        "recorded": shown.pop("recorded"),
+        **shown,
+        "actor": entry.actor or None,
+        "source": entry.source or None,
+        "reason": entry.reason or None,
+        "correlation": entry.correlation or None,
+        "command_id": entry.command_id.hex(),
+        "retracted": entry.retracted,
+        "changes": [
+            {"field": c.field, "before": _value(c.before), "after": _value(c.after)}
+            for c in entry.changes
+        ],
+    }
+
+
+def diff_to_json(found: Diff) -> dict[str, Any]:
+    """Return the difference of two moments, and the events that made it.
+
+    What `door_map_to_json` gives of the first, changed by this, is what it gives of the second:
+    `added`, `removed`, `changed`, `heard` (when and by which event doors were last heard of) and
+    `levels` name all that differs.
+    """
+    return {
+        "from": _time(found.before.at_ns),
+        "from_event": found.before.event if found.before.event >= 0 else None,
+        "to": _time(found.after.at_ns),
+        "to_event": found.after.event if found.after.event >= 0 else None,
+        "added": [door_to_json(door, found.after) for door in found.added],
+        "removed": [door_to_json(door, found.before) for door in found.removed],
+        "changed": [_change(change) for change in found.changed],
+        "heard": [_change(change) for change in found.heard],
+        "levels": [
+            {
+                "level": change.number,
+                "before": None if change.before is None else _level(change.before),
+                "after": None if change.after is None else _level(change.after),
+            }
+            for change in found.levels
+        ],
+        "events": [entry_to_json(entry) for entry in found.events],
+    }
+
+
+def _change(change: FieldChange) -> dict[str, Any]:
+    """Return a field's change; times are called as in `door_to_json`."""
+    is_time = change.field == "last_seen_ns"
+    before, after = (
+        _time(value) if is_time else _value(value) for value in (change.before, change.after)
+    )
+    return {
+        "door_id": change.door.door_id,
+        "name": change.door.name,
+        "field": change.field.removesuffix("_ns"),
+        "before": before,
+        "after": after,
+    }
+
+
+def _level(level: Level) -> dict[str, Any]:
+    return {
+        "level": level.level,
+        "name": level.name,
+        "elevation": _number(level.elevation),
+        "floor_map_event": level.floor_map_event,
+    }
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, DoorState):
+        return value.name
+    if isinstance(value, Mapping):
+        return dict(value)
+    return _number(value) if isinstance(value, float) else value
+
+
+def _number(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _time(ns: int | None) -> str | None:
+    return None if ns is None else format_utc(ns)

@@ -1,0 +1,421 @@
+"""Reading what `event_json` writes, and what people and programs write by hand like it."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import NAN, DoorId, DoorState
+from semmap_log.domain.events import (
+    KIND_BY_NAME,
+    MAX_EVENT,
+    DoorAdded,
+    DoorEvent,
+    DoorObserved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    RobotPose,
+    field_names,
+)
+from semmap_log.domain.meaning import PART_OF, PARTS, Changed, changed
+from semmap_log.domain.moments import parse_instant, zone
+from semmap_log.errors import FormatError, SemmapError
+from semmap_log.formats.json.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
+from semmap_log.formats.parsing.problems import shown
+from semmap_log.formats.parsing.strict_json import StrictJsonError, load_object
+
+
+@dataclass(frozen=True, slots=True)
+class DoorLookup:
+    """What a line may ask about the doors there are. Each may raise a SemmapError."""
+
+    resolve: Callable[[str], DoorId]
+    """The door of that name, or level/name."""
+    next_id: Callable[[], DoorId]
+    """The id for a DoorAdded without one."""
+    level_of: Callable[[DoorId], int]
+    """The door's level: where a new position without a level lies."""
+    level: Callable[[str | None], int]
+    """The level of that name; None: the one that is meant where none is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedLine:
+    """An event with what was said about it."""
+
+    event: Event
+    actor: str = ""
+    source: str = ""
+    reason: str = ""
+    correlation: str = ""
+    command_id: bytes | None = None
+    """16 bytes."""
+    number: int | None = None
+    """Its number in the log that it was exported from."""
+    recorded_ns: int | None = None
+    """When that log recorded it."""
+    commit: tuple[int, int] | None = None
+    """First and last event number of its commit there, where that had several."""
+    content: bytes | None = None
+    """Digest of what that command asked for, 16 bytes."""
+    retracted: bool = False
+    """That log had taken it back."""
+    timezone: str = ""
+    """IANA zone of that log; empty: the line does not tell it."""
+
+    @property
+    def note(self) -> Note:
+        """Who and why."""
+        return Note(self.actor, self.source, self.reason, self.correlation)
+
+    @property
+    def is_exported(self) -> bool:
+        """Whether a log wrote the line, with its commit."""
+        return self.number is not None and self.command_id is not None
+
+    @property
+    def own_command_id(self) -> bytes | None:
+        """The id of a commit that has only this line, 16 bytes; None: it says none."""
+        return _own_id(self.command_id, self.number if self.commit else None)
+
+
+def parse_event_line(
+    text: str | bytes, *, tz: str, lookup: DoorLookup, path: Path | str = "line", line: int = 1
+) -> ParsedLine:
+    """Return the event that a line of JSON holds.
+
+    Args:
+        text: One JSON object.
+        tz: IANA zone of times without an offset.
+        lookup: Finds doors named by `"door"`, and ids for new ones.
+        path: For messages.
+        line: For messages, 1-based.
+
+    Raises:
+        FormatError: Not JSON, not such an event, or `lookup` does not know the door.
+    """
+    try:
+        return _LineReader(load_object(text), tz, lookup).line()
+    except (SemmapError, StrictJsonError, _WrongError) as error:
+        raise FormatError(path, [(line, str(error))]) from None
+
+
+def command_id_of(text: str | bytes, *, path: Path | str = "line", line: int = 1) -> bytes | None:
+    """Return the id of the command that a line of JSON is by itself; None: it has none.
+
+    Of lines that were one commit where they were exported, each is a command of its own.
+
+    Raises:
+        FormatError: Not JSON, or not a command id.
+    """
+    key = "command_id" if isinstance(text, str) else b"command_id"
+    if key not in text:  # type: ignore[operator]  # nearly every line: no need to read it twice
+        return None
+    try:
+        values = load_object(text)
+        number = values.get("event") if "commit" in values else None
+        return _own_id(_hex_id(values.get("command_id")), number)
+    except (StrictJsonError, _WrongError) as error:
+        raise FormatError(path, [(line, str(error))]) from None
+
+
+class _WrongError(ValueError):
+    """A line that is not an event; gets its file and line from `parse_event_line`."""
+
+
+class _LineReader:
+    """Takes the keys of one object, each once; what is left over at the end is unknown."""
+
+    def __init__(self, values: dict[str, Any], tz: str, lookup: DoorLookup) -> None:
+        self.left = dict(values)
+        self.tz = tz
+        self.lookup = lookup
+
+    def line(self) -> ParsedLine:
+        kind = self.kind()
+        self.refuse_unknown(kind)
+        happened_ns = self.instant("happened")
+        said = {key: self.text(key) for key in NOTE_KEYS if key in self.left}
+        command_id = self.command_id()
+        number = self.whole("event") if "event" in self.left else None
+        recorded_ns = self.instant("recorded")
+        commit = self.commit(number)
+        content = _hex_id(self.left.pop("content", None), "content")
+        retracted = self.truth("retracted") if "retracted" in self.left else False
+        timezone = self.text("timezone") if "timezone" in self.left else ""
+        if timezone:
+            zone(timezone)  # or it is none
+        if commit is not None and command_id is None:
+            raise _WrongError("commit: expected a command_id with it, got none")
+        values = self.floor_map() if kind is FloorMap else self.fields(kind)
+        assert not self.left, "a key that is known is taken"
+        event = kind(happened_ns=happened_ns, **values)
+        return ParsedLine(
+            event,
+            command_id=command_id,
+            number=number,
+            recorded_ns=recorded_ns,
+            commit=commit,
+            content=content,
+            retracted=retracted,
+            timezone=timezone,
+            **said,
+        )
+
+    def kind(self) -> type[Event]:
+        name = self.left.pop("kind", None)
+        if not isinstance(name, str) or name not in KIND_BY_NAME:
+            raise _WrongError(f"kind: expected one of {', '.join(KIND_BY_NAME)}; got {shown(name)}")
+        return KIND_BY_NAME[name]
+
+    def refuse_unknown(self, kind: type[Event]) -> None:
+        """Name a key that the kind does not have, before one is missed that may be meant by it.
+
+        Raises:
+            _WrongError: There is one.
+        """
+        unknown = next((key for key in self.left if key not in _KNOWN_KEYS[kind]), None)
+        if unknown is None:
+            return
+        known = ["happened", *keys_of(kind)]
+        close = get_close_matches(unknown, known, n=1, cutoff=0.7)
+        meant = f" (did you mean {close[0]}?)" if close else ""
+        raise _WrongError(
+            f"unknown key {shown(unknown)}{meant}: {kind.__name__} has the keys {', '.join(known)}"
+        )
+
+    def fields(self, kind: type[Event]) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        if issubclass(kind, DoorEvent):
+            values["door_id"] = self.door_id(kind)
+        if kind is DoorUpdated:
+            values["changed"] = self.changed()
+            if Changed.POSE in values["changed"] and "level" not in self.left:
+                values["level"] = self.lookup.level_of(values["door_id"])
+        if kind in (DoorAdded, DoorUpdated, RobotPose) and "level" not in values:
+            values |= self.level(kind)
+        if kind is DoorObserved and "accuracy" in self.left:
+            if {"accuracy_open", "accuracy_closed"} & set(self.left):
+                raise _WrongError(
+                    "accuracy: expected it alone, as it means both accuracy_open and "
+                    "accuracy_closed; leave one form out"
+                )
+            values["accuracy_open"] = values["accuracy_closed"] = self.number("accuracy")
+        for name in field_names(kind):
+            key = "at" if name == "at_ns" else name
+            if name != "salt" and key in self.left:
+                values[name] = self.value(key)
+        missing = [key for key, name in required_keys(kind) if name not in values]
+        if missing:
+            raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
+        return values
+
+    def level(self, kind: type[Event]) -> dict[str, int]:
+        """Return the level: told by number or name, or not told."""
+        if isinstance(self.left.get("level"), str):
+            return {"level": self.lookup.level(self.text("level"))}
+        if "level" in self.left:
+            return {"level": self.whole("level")}
+        return {} if kind is DoorUpdated else {"level": self.lookup.level(None)}
+
+    def value(self, key: str) -> Any:
+        if key == "state":
+            return self.state()
+        if key == "at":
+            return self.instant(key)
+        if key == "passed":
+            return self.truth(key)
+        if key in _TEXTS:
+            return self.text(key)
+        return self.whole(key) if key in _WHOLES else self.number(key)
+
+    def door_id(self, kind: type[Event]) -> DoorId:
+        if "door_id" in self.left:
+            if "door" in self.left:
+                raise _WrongError("door: expected it or door_id, got both")
+            return DoorId(self.whole("door_id"))
+        if kind is DoorAdded and "door" not in self.left:
+            return self.lookup.next_id()
+        if kind is not DoorAdded and "door" in self.left:
+            named = self.left["door"]
+            if isinstance(named, int) and not isinstance(named, bool):
+                raise _WrongError(
+                    f"door: expected a name, or level/name, as text, got {named}; an id is told as "
+                    f'"door_id": {named}'
+                )
+            return self.lookup.resolve(self.text("door"))
+        expected = (
+            "door_id, or none for the next free one"
+            if kind is DoorAdded
+            else ("door_id, or door with a name")
+        )
+        raise _WrongError(f"{kind.__name__}: expected {expected}")
+
+    def changed(self) -> Changed:
+        """Return which fields are there; a key `changed` must say the same."""
+        there = changed(self.left.keys())
+        if Changed.POSE in there and not {"x", "y", "theta"} <= {*self.left}:
+            raise _WrongError(
+                "expected x, y and theta together (and level with them), got only some of them"
+            )
+        if not there:
+            others = ", ".join(name for name, part in PART_OF.items() if part != Changed.POSE)
+            raise _WrongError(
+                f"DoorUpdated: expected at least one of x, y, theta (together), {others}; got none"
+            )
+        said = self.left.pop("changed", None)
+        names = [part.name for part in PARTS if part & there]
+        if said is not None and (
+            not isinstance(said, list) or sorted(map(str, said)) != sorted(map(str, names))
+        ):
+            raise _WrongError(f"changed: expected {names} as the other keys say, got {shown(said)}")
+        return there
+
+    def floor_map(self) -> dict[str, Any]:
+        may_lack = ("level", "origin_theta")
+        missing = [key for key in FLOOR_MAP_KEYS if key not in {*self.left, *may_lack}]
+        if missing:
+            raise _WrongError(f"FloorMap: expected the key {missing[0]}, got none")
+        numbers: dict[str, Any] = {
+            key: self.number(key)
+            for key in FLOOR_MAP_KEYS
+            if key.startswith(("resolution", "origin")) and key in self.left
+        }
+        numbers |= self.level(FloorMap)
+        width, height = (self.whole(key) for key in ("width", "height"))
+        try:
+            cells = unpack_cells(self.text("cells_zlib_base64"), width=width, height=height)
+        except ValueError as error:
+            raise _WrongError(f"cells_zlib_base64: {error}") from None
+        return {"cells": cells, **numbers}
+
+    # One value each
+
+    def number(self, key: str) -> float:
+        value = self.left.pop(key)
+        if value is None:
+            return NAN
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise _WrongError(f"{key}: expected a number or null, got {shown(value)}")
+        try:
+            return float(value)
+        except OverflowError:
+            raise _WrongError(f"{key}: expected a number below 1.8e308") from None
+
+    def whole(self, key: str) -> int:
+        value = self.left.pop(key)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise _WrongError(f"{key}: expected a whole number, got {shown(value)}")
+        return value
+
+    def text(self, key: str) -> str:
+        value = self.left.pop(key)
+        if not isinstance(value, str):
+            raise _WrongError(f"{key}: expected a text, got {shown(value)}")
+        if not _is_unicode(value):
+            raise _WrongError(f"{key}: expected text that UTF-8 can hold, got {shown(value)}")
+        return value
+
+    def truth(self, key: str) -> bool:
+        value = self.left.pop(key)
+        if not isinstance(value, bool):
+            raise _WrongError(f"{key}: expected true or false, got {shown(value)}")
+        return value
+
+    def state(self) -> DoorState:
+        try:
+            return DoorState.parse(self.text("state"))
+        except ValueError as error:
+            raise _WrongError(f"state: {error}") from None
+
+    def instant(self, key: str) -> int | None:
+        value = self.left.pop(key, None)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+            raise _WrongError(
+                f"{key}: expected a time as ISO-8601 text or a number, got {shown(value)}"
+            )
+        return parse_instant(value, tz=self.tz)
+
+    def command_id(self) -> bytes | None:
+        return _hex_id(self.left.pop("command_id", None))
+
+    def commit(self, number: int | None) -> tuple[int, int] | None:
+        """Return first and last event number of the line's commit; the line's own lies in it."""
+        value = self.left.pop("commit", None)
+        if value is None:
+            return None
+        if not (isinstance(value, list) and [type(n) for n in value] == [int, int]):
+            raise _WrongError(
+                f"commit: expected the numbers of its first and last event, got {shown(value)}"
+            )
+        first, last = value
+        if number is None or not 0 <= first <= number <= last <= MAX_EVENT:
+            raise _WrongError(
+                f"commit: expected event numbers around the line's own, {number}; got {value}"
+            )
+        return first, last
+
+
+def _hex_id(value: Any, key: str = "command_id") -> bytes | None:
+    if value is None:
+        return None
+    if not isinstance(value, str) or len(value) != 32 or set(value) - _HEX_DIGITS:
+        raise _WrongError(f"{key}: expected 32 hexadecimal digits, got {shown(value)}")
+    return bytes.fromhex(value)
+
+
+def _own_id(command_id: bytes | None, number: object) -> bytes | None:
+    """Return the id of one line of a commit; `number` None: the line is all of it."""
+    if command_id is None or number is None:
+        return command_id
+    return hashlib.sha256(command_id + str(number).encode()).digest()[: len(command_id)]
+
+
+_OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted", "timezone")
+"""Keys by which `import` makes the same log again."""
+
+_HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
+_TEXTS = frozenset({"key", "value", "name", "format", "file_name"})
+_WHOLES = frozenset({"door_id", "level", "patrol", "first_event", "last_event"})
+
+
+def required_keys(kind: type[Event]) -> list[tuple[str, str]]:
+    """Return (key, field) of each field of the kind that has no default."""
+    return [
+        ("at" if f.name == "at_ns" else f.name, f.name)
+        for f in dataclasses.fields(kind)
+        if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+    ]
+
+
+def keys_of(kind: type[Event]) -> list[str]:
+    """Return the keys that a line of the kind may have, beside `kind` and `happened`."""
+    if kind is FloorMap:
+        return [*FLOOR_MAP_KEYS, *NOTE_KEYS, "command_id"]
+    names = ["at" if name == "at_ns" else name for name in field_names(kind) if name != "salt"]
+    names += ["accuracy"] if kind is DoorObserved else []
+    names += ["door"] if issubclass(kind, DoorEvent) and kind is not DoorAdded else []
+    return [*names, *NOTE_KEYS, "command_id"]
+
+
+def _is_unicode(text: str) -> bool:
+    """False for half a surrogate pair, which JSON can write and UTF-8 cannot."""
+    return not any("\ud800" <= character <= "\udfff" for character in text)
+
+
+_KNOWN_KEYS = {
+    kind: frozenset(
+        {"happened", *keys_of(kind), *_OF_EXPORTS, *(["door"] * issubclass(kind, DoorEvent))}
+    )
+    for kind in KIND_BY_NAME.values()
+}
+"""The keys that are looked at; of a `door` in a DoorAdded more is said than that it has none."""

@@ -1,0 +1,79 @@
+"""JSON as we accept it: one object of plain JSON, each key once, every number finite."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from semmap_log.formats.parsing.problems import shown
+
+MOST_LINE_BYTES = 64 * 2**20
+"""Enough for a large floor plan."""
+MOST_DIGITS = 400
+
+
+class StrictJsonError(ValueError):
+    """Not the JSON that is accepted; the one who knows the line says where."""
+
+
+def load_object(text: str | bytes) -> dict[str, Any]:
+    """Return the one JSON object in the text.
+
+    Raises:
+        StrictJsonError: It is not one, or holds what we do not accept.
+    """
+    if len(text) > MOST_LINE_BYTES:
+        raise StrictJsonError(f"expected a line of at most {MOST_LINE_BYTES // 2**20} MiB")
+    try:
+        decoded = text.decode("utf-8-sig") if isinstance(text, bytes) else text
+        value = json.loads(
+            decoded,
+            object_pairs_hook=_each_once,
+            parse_constant=_refuse_constant,
+            parse_float=_finite,
+            parse_int=_short,
+        )
+    except StrictJsonError:
+        raise
+    except RecursionError:
+        raise StrictJsonError("expected one JSON object, got values nested without end") from None
+    except UnicodeDecodeError as error:
+        raise StrictJsonError(
+            f"expected UTF-8 text, got byte 0x{error.object[error.start]:02x}"
+        ) from None
+    except json.JSONDecodeError as error:
+        raise StrictJsonError(
+            f"expected one JSON object a line: {error.msg}, at character {error.pos + 1}"
+        ) from None
+    except ValueError as error:
+        raise StrictJsonError(f"expected one JSON object a line: {error}") from None
+    if not isinstance(value, dict):
+        raise StrictJsonError(f"expected a JSON object, got {shown(value)}")
+    return value
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise StrictJsonError(f"key {shown(twice)} is there twice; keep one of them")
+    return values
+
+
+def _refuse_constant(name: str) -> float:
+    raise StrictJsonError(f"expected a finite number, got {name}; write null where it is not known")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise StrictJsonError(f"expected a number below 1.8e308, got {shown(text)}")
+    return value
+
+
+def _short(text: str) -> int:
+    if len(text) > MOST_DIGITS:
+        raise StrictJsonError(f"expected a number of at most {MOST_DIGITS} digits, got {len(text)}")
+    return int(text)

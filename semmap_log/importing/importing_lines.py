@@ -1,0 +1,382 @@
+"""What a file of JSON lines means for a log as it stands: its commits, as they were."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    Retracted,
+    RobotPose,
+)
+from semmap_log.door_log.commands import Gatekeeper, Roster
+from semmap_log.errors import CommandError
+from semmap_log.folds.retraction import Retractions, in_ranges
+from semmap_log.formats.json.event_json import means_same
+from semmap_log.formats.json.event_json_reader import ParsedLine
+from semmap_log.importing.import_plan import Present
+from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
+from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
+from semmap_log.importing.line_reading import LineReader
+
+MOST_KEPT = 100_000
+"""Of more lines none is kept in memory: their file is read twice."""
+
+
+class Stored(Protocol):
+    """The commits that a log holds already."""
+
+    def find(self, command_id: bytes) -> Commit | None:
+        """Return the commit of that command."""
+
+    def events_of(self, commit: Commit) -> Iterator[Event]:
+        """Yield the events of a commit."""
+
+    def comings(self, first: int, last: int) -> Iterator[Event]:
+        """Yield the DoorAdded and DoorRemoved among the events of these numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinesPlan:
+    """What to append of a file, and what to tell the user."""
+
+    path: Path
+    count: int
+    """How many events the log does not hold yet."""
+    commit_count: int
+    """In how many commits."""
+    keeps_recorded: bool
+    """Whether the times at which another log recorded them can be this log's."""
+    has_recorded: bool
+    """Whether there are such times."""
+    left_out: tuple[str, ...]
+    warnings: tuple[str, ...]
+    groups: int
+    """Of how many commits the file is."""
+    options: LineOptions
+    _present: Present = field(repr=False)
+    _kept: list[tuple[int, ParsedLine]] | None = field(repr=False)
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """What the events do, in words."""
+        if not self.count:
+            return ()
+        said = f"events: {self.count:,}, in {counted(self.commit_count, 'commit')}"
+        if not self.has_recorded:
+            return (said,)
+        kept = (
+            "as in the file, so that `known_at` gives the same answers"
+            if self.keeps_recorded
+            else "now; a new log, without events of its own, keeps those of the file"
+        )
+        return said, f"recorded: {kept}"
+
+    def commits(self) -> Iterator[PlannedCommit]:
+        """Yield the commits of the file, those that the log holds, too.
+
+        Raises:
+            FormatError: The file changed since it was planned.
+        """
+        reader = LineReader(self.path, self._present, self.options.tz)
+        lines = iter(self._kept) if self._kept is not None else reader.lines()
+        yield from grouped(lines, self.options, self.groups)
+        reader.problems.raise_any()
+
+
+def plan_event_lines(
+    path: Path, present: Present, options: LineOptions, stored: Stored, *, now_ns: int
+) -> LinesPlan:
+    """Return the commits of a file of JSON lines, gzipped or not; all of it is checked.
+
+    A line may name a door of the log, or one that an earlier line added and named.
+
+    Args:
+        path: The file; blank lines are skipped.
+        present: What the log holds.
+        options: How the lines are taken.
+        stored: The commits that the log holds.
+        now_ns: The log's clock: nothing was recorded later.
+
+    Raises:
+        FormatError: The file cannot be read, or a line is wrong; names the lines.
+    """
+    return _LinePlanner(path, present, options, stored, now_ns).plan()
+
+
+class _LinePlanner:
+    """Checks every commit of a file: against the log as it will be then, or as the one it holds."""
+
+    def __init__(
+        self, path: Path, present: Present, options: LineOptions, stored: Stored, now_ns: int
+    ) -> None:
+        self.present, self.options, self.stored, self.now_ns = present, options, stored, now_ns
+        self.reader = LineReader(path, present, options.tz)
+        self.problems = self.reader.problems
+        self.checks = _Checks(present, stored)
+        self.numbers = NumberMap()
+        self.times = _RecordedTimes()
+        self.uncovered = OpenRetractions()
+        self.last_source = -1
+        self.count = self.commit_count = self.groups = self.stored_count = 0
+        self.uses_note = False
+        self.zones: dict[str, None] = {}
+        """Of the logs that wrote the lines."""
+        self.left_out: list[str] = []
+        self.kept: list[tuple[int, ParsedLine]] | None = []
+
+    def plan(self) -> LinesPlan:
+        last_id = b""
+        for commit in grouped(self.lines(), self.options, None):
+            self.groups += 1
+            found = self.stored.find(commit.command_id)
+            if found is not None:
+                self.compare(commit, found)
+            else:
+                self.check(commit, is_repeated=commit.command_id == last_id)
+            last_id = commit.command_id
+        self.tell_uncovered()
+        self.problems.raise_any()
+        return LinesPlan(
+            path=self.reader.path,
+            count=self.count,
+            commit_count=self.commit_count,
+            keeps_recorded=self.keeps_recorded,
+            has_recorded=self.times.last_ns > 0,
+            left_out=tuple(self.left_out),
+            warnings=tuple(self.warnings()),
+            groups=self.groups,
+            options=self.options,
+            _present=self.present,
+            _kept=self.kept,
+        )
+
+    @property
+    def keeps_recorded(self) -> bool:
+        """Only a log that holds nothing but the file's events has learnt them when it says."""
+        is_copy = self.stored_count == self.present.next_event
+        return is_copy and self.times.can_be_kept(self.now_ns)
+
+    def warnings(self) -> Iterator[str]:
+        note = self.options.note
+        if (note.actor or note.reason) and self.count and not self.uses_note:
+            yield (
+                "who and why stay as the log that wrote the lines has them; what was given now "
+                "is not stored"
+            )
+        others = [zone for zone in self.zones if zone != self.options.log_tz]
+        if others and self.count:
+            mine = self.options.log_tz
+            yield (
+                f"the lines are of a log in {', '.join(others)}, this one is in {mine}: the "
+                f"instants stay, but times are shown and days are counted in {mine}; for a new "
+                f"log: init --tz {others[0]}"
+            )
+        early = self.times.happened_later
+        if early and not self.keeps_recorded:
+            yield (
+                f"events that happened, as they say, after they were recorded: {early:,}; recorded "
+                "later now, they count from when they say"
+            )
+
+    def lines(self) -> Iterator[tuple[int, ParsedLine]]:
+        for number, parsed in self.reader.lines():
+            if self.kept is not None:
+                self.kept.append((number, parsed))
+                if len(self.kept) > MOST_KEPT:
+                    self.kept = None
+            self.watch(number, parsed)
+            yield number, parsed
+
+    def watch(self, line: int, parsed: ParsedLine) -> None:
+        """Take note of what is taken back: nothing of it may come to count again."""
+        if parsed.timezone:
+            self.zones[parsed.timezone] = None
+        if parsed.number is None:
+            if parsed.retracted:
+                self.problems.add(line, "retracted: expected the key event with it, got none")
+            return
+        if parsed.number <= self.last_source:
+            self.tell_uncovered()
+        self.last_source = parsed.number
+        if isinstance(parsed.event, Retracted):
+            self.uncovered.cover(parsed.event.first_event, parsed.event.last_event)
+        elif parsed.retracted:
+            self.uncovered.add(parsed.number, line)
+
+    def tell_uncovered(self) -> None:
+        for first, last, line in self.uncovered.take():
+            which = f"event {first} was" if first == last else f"events {first}..{last} were"
+            self.problems.add(
+                line,
+                f"retracted: {which} taken back, but the line of the Retracted event that did it "
+                "is not in the file; add it, or leave out what was taken back",
+            )
+
+    def check(self, commit: PlannedCommit, *, is_repeated: bool) -> None:
+        """Ask of each line what the log would ask of it, so that the line can be named."""
+        before = self.count
+        is_copy = self.stored_count == self.present.next_event
+        recorded_ns = commit.recorded_ns if is_copy else None
+        now_ns = self.now_ns if recorded_ns is None else recorded_ns
+        self.checks.begin(now_ns, are_facts=commit.is_exported)
+        for line, parsed in commit.lines:
+            if is_repeated:
+                self.problems.add(line, _NOT_ONE)
+                is_repeated = False
+            event = self.taken(line, parsed)
+            if event is None:
+                continue
+            try:
+                self.checks.check(event)
+            except CommandError as error:
+                self.problems.add(line, str(error))
+                continue
+            if parsed.number is not None:
+                self.numbers.add(parsed.number, self.present.next_event + self.count)
+            self.times.add(parsed)
+            self.count += 1
+        self.commit_count += self.count > before
+        self.uses_note |= commit.note is self.options.note
+
+    def compare(self, commit: PlannedCommit, found: Commit) -> None:
+        """Note a line that is another than the one that the log holds of the same command."""
+        self.stored_count += found.count
+        there = enumerate(self.stored.events_of(found), start=found.first_event)
+        line, is_first = 0, True
+        for line, parsed in commit.lines:
+            event = self.taken(line, parsed)
+            if event is None:
+                continue
+            number, held = next(there, _NOTHING)
+            while is_first and isinstance(held, RobotPose) and not means_same(event, held):
+                number, held = next(there, _NOTHING)  # a pose that waited when it was appended
+            is_first = False
+            if held is None or not means_same(event, held):
+                self.problems.add(line, _differs(found))
+                return
+            if parsed.number is not None:
+                self.numbers.add(parsed.number, number)
+        is_longer = next(there, None) is not None
+        if is_longer or (commit.is_exported and commit.note != found.note):
+            self.problems.add(line, _differs(found))
+
+    def taken(self, line: int, parsed: ParsedLine) -> Event | None:
+        """Return a line's event for this log; None: there is none, which was noted."""
+        try:
+            event = taken(parsed, self.numbers, self.options.at_ns)
+        except CommandError as error:
+            self.problems.add(line, str(error))
+            return None
+        if event is None:
+            self.left_out.append(f"line {line}: Retracted, as the file holds nothing of what it "
+                                 "took back")  # fmt: skip
+        return event
+
+
+class _Checks:
+    """Asks of events what the log will ask, retractions of what the file brings included."""
+
+    def __init__(self, present: Present, stored: Stored) -> None:
+        self.stored = stored
+        self.roster = present.roster or Roster.of_map(present.door_map, present.used_ids)
+        self.first = self.next = present.next_event
+        self.now_ns = 0
+        """By which clock the events are recorded: a later time counts as that."""
+        self.gatekeeper = Gatekeeper(self.roster, self.next, lambda: self.now_ns)
+        self.retracted = Retractions()
+        self.changes: list[tuple[int, Event]] = []
+        """Number and event of what the file changed in the roster."""
+
+    def check(self, event: Event) -> None:
+        """Let the event pass.
+
+        Raises:
+            CommandError: The map forbids it.
+        """
+        event = self.gatekeeper.check(event)
+        if isinstance(event, _CHANGING):
+            happened_ns = self.now_ns if event.happened_ns is None else event.happened_ns
+            happened_ns = min(happened_ns, self.now_ns)
+            self.changes.append((self.next, replace(event, happened_ns=happened_ns)))
+        self.next += 1
+        if isinstance(event, Retracted):
+            self.retracted.ranges.append((event.first_event, event.last_event))
+
+    def begin(self, now_ns: int, *, are_facts: bool) -> None:
+        """Begin a commit: only what was retracted before it cannot be asked for any more."""
+        self.now_ns = now_ns
+        last = self.gatekeeper
+        roster = self.without_retracted() if last.has_retraction else last.roster
+        self.gatekeeper = Gatekeeper(roster, self.next, lambda: self.now_ns, are_facts=are_facts)
+
+    def without_retracted(self) -> Roster:
+        """Return the doors and levels that are left; what the log holds of levels stays."""
+        roster = self.roster.copy()
+        for first, last in self.retracted.ranges:
+            for event in self.stored.comings(first, min(last, self.first - 1)):
+                if isinstance(event, DoorAdded):
+                    roster.placed.pop(event.door_id, None)
+                    roster.level_of.pop(event.door_id, None)
+                elif isinstance(event, DoorRemoved):
+                    roster.bring_back(event.door_id)
+        numbers = np.array([number for number, _ in self.changes], np.int64)
+        hidden = in_ranges(numbers, self.retracted.ranges).tolist()
+        for (number, event), is_hidden in zip(self.changes, hidden, strict=True):
+            if not is_hidden:
+                roster.apply(event, number)
+            elif isinstance(event, DoorAdded):
+                roster.used_ids.add(event.door_id)
+        return roster
+
+
+class _RecordedTimes:
+    """Whether the times at which another log recorded the events can be those of this log."""
+
+    def __init__(self) -> None:
+        self.last_ns = 0
+        self.ascend = True
+        self.happened_later = 0
+        """So many events say that they happened after they were recorded."""
+
+    def add(self, parsed: ParsedLine) -> None:
+        """Take note of the next event."""
+        recorded_ns, happened_ns = parsed.recorded_ns, parsed.event.happened_ns
+        if recorded_ns is None or recorded_ns <= max(self.last_ns, 1):
+            self.ascend = False
+        else:
+            self.last_ns = recorded_ns
+            self.happened_later += happened_ns is not None and happened_ns > recorded_ns
+
+    def can_be_kept(self, now_ns: int) -> bool:
+        """Tell whether each is known and later than the one before, and none is to come."""
+        return self.ascend and self.last_ns <= now_ns
+
+
+def _differs(found: Commit) -> str:
+    first, last = found.first_event, found.last_event
+    where = f"event {first}" if first == last else f"events {first}..{last}"
+    return (
+        f"command_id: the log holds this command already, as {where}, and not with what the file "
+        "says of it; what was changed in a file needs new ids, or none"
+    )
+
+
+_NOT_ONE = (
+    "command_id: the line before has the same, but says otherwise to which commit it belongs, or "
+    "who did it and why; give the same, or another id"
+)
+_NOTHING: tuple[int, Event | None] = (0, None)
+_CHANGING = (DoorAdded, DoorRemoved, DoorUpdated, LevelAdded, FloorMap)

@@ -1,0 +1,295 @@
+"""A chunk: from message records to the bytes in the file, and back, all lengths and CRC checked."""
+
+from __future__ import annotations
+
+import struct
+import threading
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from mcap.records import ChunkIndex
+from numpy.typing import NDArray
+
+from semmap_log.store import records as mcap
+from semmap_log.store.form import (
+    COMPRESS_FROM_BYTES,
+    FLOOR_MAP_CHANNEL,
+    LAST_EVENT_CHANNEL,
+    ZSTD_LEVEL,
+)
+from semmap_log.store.record_scan import ChunkDamage, heads_of
+
+_BODY = struct.Struct("<QQQI")
+"""Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
+
+FREE_CHUNK_BYTES = 128 * 2**20
+"""So much a chunk may hold however few bytes it is packed in: the longest event and note, behind
+which a chunk ends, and what stands before them (below 2 MiB)."""
+MOST_RATIO = 100
+"""Beyond, only so many times its packed bytes: keyframes of a million doors are, packed sixteenfold
+where these are all alike."""
+MAX_CHUNK_BYTES = 2**30
+"""And never more. A larger size is damage, and must not become an allocation."""
+
+MOST_NS = 2**63 - 1
+"""Times are below: the year 2262."""
+
+_local = threading.local()
+"""zstd contexts: one a thread, since one shared by two threads crashes the process."""
+
+
+@dataclass(slots=True)
+class ChunkFacts:
+    """What a segment's summary says of a chunk; made for every append, so it is kept small."""
+
+    chunk_length: int
+    """Bytes of the Chunk record; the indexes follow it."""
+    compression: str
+    stored_size: int
+    size: int
+    times: tuple[int, int]
+    """Least and greatest log time."""
+    happened: tuple[int, int]
+    """Of its events, recorded time where that is earlier; `NO_SPAN` if it has none."""
+    counts: dict[int, int]
+    """Channel id -> messages, ids ascending: the order of the indexes."""
+
+    def index_at(self, offset: int) -> ChunkIndex:
+        """Return the summary's ChunkIndex for this chunk at that place in the file."""
+        at = offset + self.chunk_length
+        index_offsets: dict[int, int] = {}
+        for channel, count in self.counts.items():
+            index_offsets[channel] = at
+            at += mcap.MESSAGE_INDEX_HEAD_BYTES + count * mcap.MESSAGE_INDEX_ENTRY_BYTES
+        return ChunkIndex(
+            chunk_length=self.chunk_length,
+            chunk_start_offset=offset,
+            compression=self.compression,
+            compressed_size=self.stored_size,
+            message_end_time=self.times[1],
+            message_index_length=at - offset - self.chunk_length,
+            message_index_offsets=index_offsets,
+            message_start_time=self.times[0],
+            uncompressed_size=self.size,
+        )
+
+
+@dataclass(slots=True)
+class BuiltChunk:
+    """A Chunk record with its MessageIndex records."""
+
+    records: bytes
+    """The message records, as they are."""
+    data: bytes
+    """The bytes for the file."""
+    facts: ChunkFacts
+    offsets: NDArray[np.int64] | None = field(default=None, compare=False)
+    """Where each record begins, if whoever built it knows: others must walk."""
+    commit_at: int = field(default=-1, compare=False)
+    """Where its only Commit begins, if whoever built it knows; -1: not known, or there is none."""
+
+
+NO_SPAN = (-1, -1)
+"""The span of happened times of a chunk without events."""
+
+
+def build_chunk(
+    records: bytes, offsets: NDArray[np.int64], *, compression: str | None = None
+) -> BuiltChunk:
+    """Return the chunk of these message records.
+
+    Args:
+        records: Message records, one after the other.
+        offsets: Where each begins.
+        compression: "" or "zstd"; default: zstd where the records are long.
+    """
+    heads = heads_of(records, offsets)
+    log_times, channel_ids = heads["log_time"], heads["channel_id"]
+    entries = np.column_stack((log_times, offsets)).astype("<u8")
+    is_event = (channel_ids <= LAST_EVENT_CHANNEL) | (channel_ids >= FLOOR_MAP_CHANNEL)
+    happened = np.minimum(heads["publish_time"], log_times)[is_event]
+    return assemble_chunk(
+        records,
+        {c: entries[channel_ids == c].tobytes() for c in sorted(set(channel_ids.tolist()))},
+        times=(int(log_times.min()), int(log_times.max())),
+        happened=(int(happened.min()), int(happened.max())) if len(happened) else NO_SPAN,
+        compression=compression,
+    )
+
+
+def assemble_chunk(
+    records: bytes,
+    index: Mapping[int, bytes],
+    *,
+    times: tuple[int, int],
+    happened: tuple[int, int],
+    compression: str | None = None,
+) -> BuiltChunk:
+    """Return the chunk of message records about which everything is known.
+
+    Args:
+        records: Message records, one after the other.
+        index: Channel id -> entries of its MessageIndex, ids ascending.
+        times: Least and greatest log time.
+        happened: Least and greatest happened time of its events.
+        compression: "" or "zstd"; default: zstd where the records are long.
+    """
+    if compression is None:
+        compression = "zstd" if len(records) >= COMPRESS_FROM_BYTES else ""
+    stored = _compress(records) if compression else records
+    head = mcap.chunk_head(
+        stored_size=len(stored),
+        size=len(records),
+        compression=compression,
+        crc=zlib.crc32(records),
+        start=times[0],
+        end=times[1],
+    )
+    parts = [head, stored]
+    counts: dict[int, int] = {}
+    for channel_id, entries in index.items():
+        parts += (mcap.message_index_head(channel_id, len(entries)), entries)
+        counts[channel_id] = len(entries) // mcap.MESSAGE_INDEX_ENTRY_BYTES
+    facts = ChunkFacts(
+        len(head) + len(stored), compression, len(stored), len(records), times, happened, counts
+    )
+    return BuiltChunk(records, b"".join(parts), facts)
+
+
+@dataclass(frozen=True, slots=True)
+class StoredChunk:
+    """A Chunk record in a file, its head read but not yet believed."""
+
+    offset: int
+    """Of the record in the file."""
+    length: int
+    """Of the record, frame included."""
+    start_ns: int
+    end_ns: int
+    size: int
+    crc: int
+    compression: str
+    data_offset: int
+    """Of the stored records in the file."""
+    stored_size: int
+
+    def records(self, file: memoryview | bytes, base: int = 0) -> bytes | memoryview:
+        """Return its records, CRC checked.
+
+        Args:
+            file: The file's bytes, or some of them.
+            base: Where in the file these begin.
+
+        Raises:
+            ChunkDamage: They are not what was written.
+        """
+        start = self.data_offset - base
+        stored = memoryview(file)[start : start + self.stored_size]
+        if self.compression == "":
+            plain: bytes | memoryview = stored
+        elif self.compression == "zstd":
+            plain = _decompress_zstd(stored, self.size)
+        elif self.compression == "lz4":
+            plain = _decompress_lz4(stored, self.size)
+        else:
+            raise ChunkDamage(f"unknown compression {self.compression!r}")
+        if len(plain) != self.size:
+            raise ChunkDamage(f"expected {self.size} bytes of records, got {len(plain)}")
+        check_crc(plain, self.crc)
+        return plain
+
+
+def check_crc(records: bytes | memoryview, crc: int) -> None:
+    """Check a chunk's records against its CRC, which ours always have: 0 is no exception.
+
+    Raises:
+        ChunkDamage: They do not fit.
+    """
+    if zlib.crc32(records) != crc:
+        raise ChunkDamage(crc_problem(records, crc))
+
+
+def crc_problem(records: bytes | memoryview, crc: int) -> str:
+    """Say what is wrong with records that do not fit their CRC."""
+    return f"its CRC says {crc:08x}, its bytes {zlib.crc32(records):08x}"
+
+
+def most_unpacked(stored_size: int) -> int:
+    """Return how many bytes of records a chunk of so many stored bytes may hold."""
+    return min(MAX_CHUNK_BYTES, max(FREE_CHUNK_BYTES, MOST_RATIO * stored_size))
+
+
+MOST_HEAD_BYTES = mcap.FRAME.size + _BODY.size + 4 + 16 + 8
+"""A Chunk record's bytes before its stored ones are no more."""
+
+
+def read_chunk_head(
+    file: memoryview | bytes, offset: int, length: int, base: int = 0
+) -> StoredChunk:
+    """Return the Chunk whose record lies at `offset` of the file.
+
+    Args:
+        file: The file's bytes, or some of them, with the record's first `MOST_HEAD_BYTES`.
+        offset: Where the record begins in the file.
+        length: Bytes of the record, frame included, all of them in the file.
+        base: Where in the file the bytes begin.
+
+    Raises:
+        ChunkDamage: Its lengths contradict each other.
+    """
+    at = offset - base + mcap.FRAME.size
+    if length < mcap.FRAME.size + _BODY.size + 12:
+        raise ChunkDamage(f"a chunk of {length} bytes has no head")
+    start, end, size, crc = _BODY.unpack_from(file, at)
+    at += _BODY.size
+    (name_length,) = struct.unpack_from("<I", file, at)
+    if name_length > min(16, length - mcap.FRAME.size - _BODY.size - 12):
+        raise ChunkDamage(f"a compression's name of {name_length} bytes")
+    if not start <= end <= MOST_NS:
+        raise ChunkDamage(f"its messages end at {end} ns, and start at {start}")
+    compression = bytes(file[at + 4 : at + 4 + name_length]).decode("ascii", "replace")
+    at += 4 + name_length
+    (stored_size,) = struct.unpack_from("<Q", file, at)
+    if at + 8 + stored_size != offset - base + length:
+        raise ChunkDamage(f"{stored_size} stored bytes do not fit a record of {length}")
+    if size > most_unpacked(stored_size):
+        raise ChunkDamage(
+            f"{size} bytes of records in {stored_size} are more than any chunk has "
+            f"({FREE_CHUNK_BYTES}, or {MOST_RATIO} times as many, at most {MAX_CHUNK_BYTES})"
+        )
+    data_offset = base + at + 8
+    return StoredChunk(offset, length, start, end, size, crc, compression, data_offset, stored_size)
+
+
+def _compress(records: bytes) -> bytes:
+    import zstandard
+
+    if not hasattr(_local, "compressor"):
+        _local.compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
+    return bytes(_local.compressor.compress(records))
+
+
+def _decompress_zstd(stored: memoryview, size: int) -> bytes:
+    import zstandard
+
+    if not hasattr(_local, "decompressor"):
+        _local.decompressor = zstandard.ZstdDecompressor()
+    try:
+        if zstandard.frame_content_size(stored) != size:  # or it would become an allocation
+            raise ChunkDamage(f"its zstd frame does not hold {size} bytes")
+        return bytes(_local.decompressor.decompress(stored, max_output_size=size))
+    except zstandard.ZstdError as error:
+        raise ChunkDamage(f"zstd: {error}") from error
+
+
+def _decompress_lz4(stored: memoryview, size: int) -> bytes:
+    """Return what it holds; if that is more than it should be, one byte more."""
+    import lz4.frame
+
+    try:
+        unpacker = lz4.frame.LZ4FrameDecompressor()
+        return bytes(unpacker.decompress(bytes(stored), max_length=size + 1))
+    except RuntimeError as error:
+        raise ChunkDamage(f"lz4: {error}") from error

@@ -1,0 +1,112 @@
+"""Small segments that become one: which, in what order of steps, and what a crash leaves of it.
+
+The merged file takes the first one's name, then the others are removed. A crash in between leaves
+*leftovers*: whole segments that lie inside the merged one. Readers pass over them; the next
+compaction removes them. `metadata.yaml` lists only the first from before the swap on, with what it
+will hold: so rosbag2's tools never meet a file that is missing, nor a message twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
+from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
+from semmap_log.store.compaction.repaging import Pause
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import ROLL_BYTES
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_scan import Segment
+
+MERGE_BYTES = ROLL_BYTES
+"""Records that a merged segment holds at most, uncompressed."""
+
+
+Listing = dict[Path, ClosedSegment]
+"""What metadata.yaml lists, by path, in order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Adjacent closed segments that become one file; often only one, to be rechunked."""
+
+    sources: tuple[Segment, ...]
+
+    @property
+    def size(self) -> int:
+        """Bytes of its records, uncompressed."""
+        return sum(_size(segment) for segment in self.sources)
+
+    def run(self, folder: LogFolder, listed: Listing, pause: Pause) -> Listing:
+        """Do it; wherever it stops, the folder holds the log, as it was or as it will be.
+
+        Args:
+            folder: The log; its writer's lock is held.
+            listed: All its closed segments, by path, in order.
+            pause: Called between chunks.
+
+        Returns:
+            The closed segments afterwards.
+
+        Raises:
+            CorruptLogError: A segment is damaged; all stay as they are.
+            OSError: As the file system says.
+        """
+        first, *others = (segment.path for segment in self.sources)
+        with rechunked(folder, self.sources, pause) as copy:
+            listed = {path: said for path, said in listed.items() if path not in others}
+            listed[first] = copy.closed_segment()
+            if others:
+                write_bag_metadata(folder, listed.values())
+            copy.install(replacing=self.sources[0].source.identity)
+        for path in others:
+            folder.remove(path.name)
+        folder.sync()
+        return listed
+
+
+def plan(closed: Sequence[Segment], *, merge: bool) -> list[Step]:
+    """Return what there is to do about the closed segments of a log, in order.
+
+    What was done once is not planned again: merged segments hold more than half of what they may,
+    or have a neighbour that would not fit.
+    """
+    groups = _small_neighbours(closed) if merge else ((segment,) for segment in closed)
+    return [Step(group) for group in groups if len(group) > 1 or needs_compaction(group[0])]
+
+
+def _small_neighbours(closed: Sequence[Segment]) -> Iterator[tuple[Segment, ...]]:
+    """Yield adjacent segments in groups that fit into one; one that is half full stays alone."""
+    group: list[Segment] = []
+    room = 0
+    for segment in closed:
+        size = _size(segment)
+        if size > room or size > MERGE_BYTES // 2:
+            if group:
+                yield tuple(group)
+            group, room = [], MERGE_BYTES if size <= MERGE_BYTES // 2 else size
+        group.append(segment)
+        room -= size
+    if group:
+        yield tuple(group)
+
+
+def _size(segment: Segment) -> int:
+    return int(segment.chunks.rows["size"].sum())
+
+
+def remove_merged(reader: LogReader) -> None:
+    """Remove what a merge that was killed left: segments whose commits lie in a merged one.
+
+    Only for who holds the writer's lock, with a reader opened since.
+
+    Raises:
+        OSError: As the file system says.
+    """
+    if reader.leftovers:
+        reader.log_folder.sync()  # the merged file's name may not be on the disk yet; they are
+        for path in reader.leftovers:
+            reader.log_folder.remove(path.name)
+        reader.log_folder.sync()

@@ -1,0 +1,236 @@
+"""The log's form on disk: names, numbers and channels that never change.
+
+    <log>/
+      <log>_000000.mcap   a segment: closed (whole, indexed, never modified) or, the last, live
+      <log>_000001.mcap
+      closed.json         how far they reached when the last was closed: a cut log is no short one
+      metadata.yaml       for rosbag2's tools; a cache, absent while no segment is closed
+      .lock               held by the one writer
+
+A segment: Header (profile `ros2`), Metadata `semmap_log`, every Schema and Channel, a chunk with a
+Keyframe, then commits. A commit is a chunk, or several of about a MiB: its events, its CommitNote
+if there is something to say, and last its Commit, which alone makes the events visible. Between
+chunks, about one a MiB, stand further Keyframes: chunks of their own, outside of all commits, with
+the log time of the record before. Closing adds
+
+- Metadata `semmap_index`: how many events each chunk has and when they happened (`header`), and
+  under `head` the hash of the segment's last commit (that of the head's Metadata, if it has none);
+- the Attachment `semmap_commands`, if there is a commit: by it a command that is sent again is
+  found (`command_index`);
+- DataEnd with the data's CRC, the summary and the Footer.
+
+Logs that were closed before there were `head` and `semmap_commands` have neither, and are read
+from their commits.
+
+Versions. `format_version` in `semmap_log` is the major one: a program reads its own and no other.
+`format_minor` (0 where it is missing) counts what was added since. What a later minor version may
+add, and what a program that does not know it does with that:
+
+- Kinds of events, on channels up to 89, with a Schema and a Channel of their own at the head of
+  each segment. They take event numbers, belong to commits and to the hash chain as all others do.
+  A kind that changes no answer about others says so in its Channel's metadata, `semmap_changes:
+  nothing`: it hides no event, and leaves doors, beliefs, levels, floor plans, poses and rounds, and
+  of a keyframe all but its event number and latest time, as they are. Such events are left out, and
+  that is said. An event of any other unknown kind may have changed everything: what counts no event
+  behind the one before it (`--event`, `--known-at`) is answered, what lists events shows it by its
+  name, all else is refused. A changed type is a kind of its own, under a new name.
+- Entries in `semmap_log`. They hold for the whole log.
+- Entries in `semmap_index`, which are a cache; a state version of keyframes, which are one, too.
+
+Who writes segments anew (compaction, recovery, the next segment of a log) keeps all of it byte for
+byte, but for what is a cache. Everything else comes with a new major version: other records in a
+segment, other channels of the log's own (90 to 99), and other values of the fields that there are.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from semmap_log.domain.events import KINDS, FloorMap
+from semmap_log.io.disk import TEMPORARY_SUFFIX
+from semmap_log.messages import ros_type, type_name
+
+NAMES_OF_FILES = (".mcap", ".zip")
+"""How the name of a segment ends, and of a log that was packed; no folder of a log is called so."""
+
+FORMAT_VERSION = "3"
+"""The major one."""
+KINDS_OF_MINOR = (14,)
+"""How many of `KINDS` each minor version has: who adds a kind adds a version."""
+FORMAT_MINOR = len(KINDS_OF_MINOR) - 1
+PROFILE = "ros2"
+LIBRARY = "semmap-log"
+
+LOG_METADATA = "semmap_log"
+INDEX_METADATA = "semmap_index"
+COMMAND_ATTACHMENT = "semmap_commands"
+CHANGES_KEY, NOTHING = "semmap_changes", "nothing"
+"""In the metadata of a later kind's Channel: what its events change of the answers about others."""
+DIGEST_KEY = "sha256"
+"""Each of our Metadata records carries the sha256 of its other entries under this key."""
+
+LOCK_NAME = ".lock"
+BAG_METADATA_NAME = "metadata.yaml"
+CLOSED_MARK_NAME = "closed.json"
+"""How far the log reached when its last segment was closed: `closed_mark`."""
+TORN_SUFFIX = ".torn"
+RECOVERING_NAME = ".recovering"
+"""In a log that `recover` has made anew, until the damaged one is put away."""
+
+CHUNK_BYTES = 2**20
+"""A longer commit is split into chunks of about this size (uncompressed)."""
+KEYFRAME_EVERY_BYTES = 2**20
+"""Behind so many bytes of records comes a keyframe, so that a moment reads about one chunk …"""
+KEYFRAME_RARITY = 16
+"""… but at least so many times its own size: a map of many doors must not fill the log."""
+COMPRESS_FROM_BYTES = 2**16
+"""Chunks from this size on (imports, floor maps) are written with zstd; small ones as they are."""
+
+ZSTD_LEVEL = 3
+
+MOST_NAME_BYTES = 200
+
+ROLL_BYTES = 64 * 2**20
+ROLL_COMMITS = 10_000
+ROLL_AGE_NS = 24 * 3600 * 10**9
+CONTINUE_BELOW_BYTES = 2**20
+"""A smaller last segment is continued (in a copy), so that a thousand commands make one file."""
+
+LAST_EVENT_CHANNEL = 89
+"""A kind's number is its channel, that of a later version's kind, too; only floor maps have theirs
+further up."""
+COMMIT_CHANNEL = 90
+NOTE_CHANNEL = 91
+KEYFRAME_CHANNEL = 92
+FLOOR_MAP_CHANNEL = 100
+"""Level 0; level n is on channel 100 + n, written before first use in each segment."""
+
+VOLATILE, TRANSIENT_LOCAL = "volatile", "transient_local"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A channel of every segment."""
+
+    channel_id: int
+    schema_id: int
+    topic: str
+    ros_type: str
+    durability: str = VOLATILE
+    """As rosbag2 has it; `transient_local`: who subscribes late gets the latest."""
+    since_minor: int = 0
+    """The first minor version that has it."""
+    changes_nothing: bool = False
+    """As its kind says: `Event.changes_nothing`."""
+
+
+def has_name_of_file(path: Path) -> bool:
+    """Tell whether a path is called like a segment, or like a zip of a log."""
+    return path.suffix.lower() in NAMES_OF_FILES
+
+
+def snake_case(name: str) -> str:
+    """Return `DoorAdded` as `door_added`."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+
+def floor_map_topic(level: int) -> Topic:
+    """Return the channel of a level's floor map."""
+    topic = "/map" if level == 0 else f"/map/{level}"
+    return Topic(
+        FLOOR_MAP_CHANNEL + level, FloorMap.kind, topic, ros_type(FloorMap.kind), TRANSIENT_LOCAL
+    )
+
+
+@cache
+def topics() -> tuple[Topic, ...]:
+    """Return the channels that stand at the head of every segment, ids ascending."""
+    events = [
+        Topic(
+            cls.kind,
+            cls.kind,
+            f"/semmap/{snake_case(cls.__name__)}",
+            ros_type(cls.kind),
+            since_minor=bisect_left(KINDS_OF_MINOR, cls.kind),
+            changes_nothing=cls.changes_nothing,
+        )
+        for cls in KINDS
+        if cls is not FloorMap
+    ]
+    care = [
+        Topic(channel, channel, f"/semmap/{snake_case(name)}", type_name(name), durability)
+        for channel, name, durability in (
+            (COMMIT_CHANNEL, "Commit", VOLATILE),
+            (NOTE_CHANNEL, "CommitNote", VOLATILE),
+            (KEYFRAME_CHANNEL, "Keyframe", TRANSIENT_LOCAL),
+        )
+    ]
+    return (*events, *care, floor_map_topic(0))
+
+
+def kind_of_channel(channel_id: int) -> int | None:
+    """Return the kind of event on that channel; None: Commit, CommitNote, Keyframe or foreign.
+
+    A number beyond those of `KINDS` is that of a later version's kind.
+    """
+    if channel_id >= FLOOR_MAP_CHANNEL:
+        return FloorMap.kind
+    return channel_id if 1 <= channel_id <= LAST_EVENT_CHANNEL else None
+
+
+def count_events(counts: Mapping[int, int]) -> int:
+    """Return how many events there are among so many messages on each channel."""
+    return sum(count for channel, count in counts.items() if kind_of_channel(channel))
+
+
+def is_temporary(name: str) -> bool:
+    """Tell whether that is the name of a file that a writer makes, before it gets its own."""
+    ours = ".mcap" in name or BAG_METADATA_NAME in name or CLOSED_MARK_NAME in name
+    return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
+
+
+def segment_name(log: str, number: int) -> str:
+    """Return the file name of a segment: the log's name, made plain, and a number.
+
+    Names go into metadata.yaml, and temporary names are longer: so no characters that cannot be
+    printed, and at most `MOST_NAME_BYTES`.
+    """
+    name = log.encode("utf-8", "replace").decode()
+    plain = "".join(c if c.isprintable() and c not in "/\\\"'" else "_" for c in name)
+    while len(plain.encode()) > MOST_NAME_BYTES:
+        plain = plain[:-1]
+    return f"{plain or 'log'}_{number:06d}.mcap"
+
+
+def number_in(name: str) -> int | None:
+    """Return the number in a segment's file name; None: it has none."""
+    found = _NUMBER.search(name)
+    return int(found[1]) if found else None
+
+
+def stem_of(name: str) -> str:
+    """Return a segment's file name without its number."""
+    return _NUMBER.sub("", name).removesuffix(".mcap")
+
+
+_NUMBER = re.compile(r"_(\d{6,})\.mcap$")
+
+
+def offered_qos(durability: str) -> str:
+    """Return a channel's QoS as rosbag2 writes it, one block for all topics.
+
+    In words, as version 9 has it: it takes a number for an unknown policy (rosbag2_storage/qos.cpp)
+    and would play nothing. rosbags drops, in silence, a file whose channel and metadata.yaml differ
+    here: both are written from this text.
+    """
+    infinite = "{sec: 9223372036, nsec: 854775807}"
+    return (
+        f"- {{history: keep_last, depth: 10, reliability: reliable, durability: {durability}, "
+        f"deadline: {infinite}, lifespan: {infinite}, liveliness: automatic, "
+        f"liveliness_lease_duration: {infinite}, avoid_ros_namespace_conventions: false}}"
+    )

@@ -1,0 +1,239 @@
+"""What a segment says of itself: the Metadata records `semmap_log` and `semmap_index`."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from mcap.records import Metadata
+from numpy.typing import NDArray
+
+from semmap_log.store.form import (
+    DIGEST_KEY,
+    FORMAT_MINOR,
+    FORMAT_VERSION,
+    INDEX_METADATA,
+    LOG_METADATA,
+)
+from semmap_log.store.newer import NOTHING_NEWER, Newer
+
+
+class OtherVersionError(ValueError):
+    """A segment is of another major version of the format."""
+
+    def __init__(self, version: str) -> None:
+        self.is_newer = version not in ("", "1", "2")  # never released
+        wanted = "a newer semmap-log" if self.is_newer else "the semmap-log that made it"
+        super().__init__(
+            f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
+            f"install {wanted}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LogInfo:
+    """What is fixed when a log is made."""
+
+    log_id: str
+    """32 hexadecimal digits, drawn at random."""
+    timezone: str
+    """IANA name; times without an offset are read and shown in it."""
+    building: str = ""
+    robot: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentHeader:
+    """The Metadata `semmap_log` at the head of each segment."""
+
+    info: LogInfo
+    number: int
+    first_event: int
+    hash_so_far: bytes
+    """Hash of the commit before this segment's first; zeros in the first segment."""
+    last_number: int = -1
+    """Of the segments that were merged into this one, the last; its own where none was."""
+    minor: int = FORMAT_MINOR
+    """Of the format's version."""
+    others: tuple[tuple[str, str], ...] = ()
+    """Entries that a later version has added."""
+    newer: Newer = NOTHING_NEWER
+    """What else it has put at the head; of a segment that is read it is there once it is asked
+    for: `Segment.full_header`."""
+
+    def __post_init__(self) -> None:
+        if self.last_number < 0:
+            object.__setattr__(self, "last_number", self.number)
+
+    def next(self, first_event: int, hash_so_far: bytes) -> SegmentHeader:
+        """Return the header of the segment that follows."""
+        number = self.last_number + 1
+        return replace(
+            self,
+            number=number,
+            last_number=number,
+            first_event=first_event,
+            hash_so_far=hash_so_far,
+        )
+
+    def as_written(self) -> SegmentHeader:
+        """Return the header of this program's copy of the segment: with all that it knows."""
+        return replace(self, minor=max(self.minor, FORMAT_MINOR))
+
+    @property
+    def is_newer(self) -> bool:
+        """Whether a later minor version has written it."""
+        return self.minor > FORMAT_MINOR or bool(self.others or self.newer)
+
+    def to_metadata(self) -> Metadata:
+        """Return the MCAP record."""
+        minor = {_MINOR_KEY: str(self.minor)} if self.minor else {}
+        return _signed(
+            LOG_METADATA,
+            {
+                "format_version": FORMAT_VERSION,
+                "log_id": self.info.log_id,
+                "timezone": self.info.timezone,
+                "building": self.info.building,
+                "robot": self.info.robot,
+                "segment": str(self.number),
+                "last_segment": str(self.last_number),
+                "first_event": str(self.first_event),
+                "hash_so_far": self.hash_so_far.hex(),
+                **minor,
+                **dict(self.others),
+            },
+        )
+
+    @classmethod
+    def from_metadata(cls, metadata: Metadata) -> SegmentHeader:
+        """Read the MCAP record.
+
+        Raises:
+            OtherVersionError: It is of another major version.
+            ValueError: It is damaged.
+        """
+        entries = _checked(metadata)
+        version = entries.pop("format_version", "")
+        if version != FORMAT_VERSION:
+            raise OtherVersionError(version)
+        try:
+            info = LogInfo(
+                *(entries.pop(name) for name in ("log_id", "timezone", "building", "robot"))
+            )
+            number, first, last = (
+                int(entries.pop(name)) for name in ("segment", "first_event", "last_segment")
+            )
+            head = bytes.fromhex(entries.pop("hash_so_far"))
+            minor = int(entries.pop(_MINOR_KEY, "0"))
+            return cls(info, number, first, head, last, minor, tuple(entries.items()))
+        except KeyError as error:
+            raise ValueError(f"its entry {error} is missing") from None
+
+
+_MINOR_KEY = "format_minor"
+
+
+def with_all_of(headers: Sequence[SegmentHeader]) -> SegmentHeader:
+    """Return the first of some segments' headers with what later versions added to any of them."""
+    return replace(
+        headers[0],
+        minor=max(header.minor for header in headers),
+        others=tuple(dict(entry for header in headers for entry in header.others).items()),
+        newer=Newer.all_of(header.newer for header in headers),
+    )
+
+
+def index_metadata(
+    events: Sequence[int], least_ns: Sequence[int], greatest_ns: Sequence[int], head: bytes
+) -> Metadata:
+    """Return the Metadata `semmap_index`: what the events of each chunk span, in file order.
+
+    How many they are, and their least and greatest happened time; 0, -1, -1 where there are none.
+    Values: base64 of zlib of little-endian int64s.
+
+    Args:
+        events: How many events each chunk has.
+        least_ns: Their least happened time.
+        greatest_ns: Their greatest.
+        head: Hash of the segment's last commit; of the one before, if it has none.
+    """
+    return _signed(
+        INDEX_METADATA,
+        {
+            "events": _pack(events),
+            "least_happened_ns": _pack(least_ns),
+            "greatest_happened_ns": _pack(greatest_ns),
+            "head": head.hex(),
+        },
+    )
+
+
+def read_index(
+    metadata: Metadata, *, most: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return (events, least, greatest happened time) of each chunk from a `semmap_index` record.
+
+    Args:
+        metadata: The record.
+        most: So many chunks the segment can have; of a longer index no more is unpacked.
+
+    Raises:
+        ValueError: It is damaged, or longer.
+    """
+    entries = _checked(metadata)
+    names = ("events", "least_happened_ns", "greatest_happened_ns")
+    events, least, greatest = (_unpack(entries[name], most) for name in names)
+    return events, least, greatest
+
+
+def head_in_index(metadata: Metadata) -> bytes | None:
+    """Return the hash of the last commit from a `semmap_index` record; None: an older log's.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    text = _checked(metadata).get("head")
+    return None if text is None else bytes.fromhex(text)
+
+
+def _pack(values: Sequence[int]) -> str:
+    return base64.b64encode(zlib.compress(np.array(values, "<i8").tobytes())).decode()
+
+
+def _unpack(text: str, most: int) -> NDArray[np.int64]:
+    try:
+        return np.frombuffer(_unpacked(base64.b64decode(text, validate=True), 8 * most), "<i8")
+    except (zlib.error, ValueError) as error:
+        raise ValueError(f"its times cannot be read: {error}") from error
+
+
+def _unpacked(data: bytes, most: int) -> bytes:
+    """Return what is packed, or raise ValueError: no more is unpacked than may be there."""
+    unpacker = zlib.decompressobj()
+    unpacked = unpacker.decompress(data, most + 1)
+    if len(unpacked) > most:
+        raise ValueError(f"expected at most {most // 8} chunks, got more")
+    if not unpacker.eof or unpacker.unused_data:
+        raise ValueError("it does not end where what is packed ends")
+    return unpacked
+
+
+def _digest(entries: Mapping[str, str]) -> str:
+    lines = [f"{key}\0{entries[key]}\n" for key in sorted(entries)]
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def _signed(name: str, entries: dict[str, str]) -> Metadata:
+    return Metadata(name=name, metadata={**entries, DIGEST_KEY: _digest(entries)})
+
+
+def _checked(metadata: Metadata) -> dict[str, str]:
+    entries = dict(metadata.metadata)
+    if entries.pop(DIGEST_KEY, "") != _digest(entries):
+        raise ValueError(f"Metadata {metadata.name}: its entries do not fit its {DIGEST_KEY}")
+    return entries

@@ -1,0 +1,240 @@
+"""Chunks of a segment, read and checked: their heads, their CRC, their times."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from semmap_log.errors import CorruptLogError
+from semmap_log.store import records as mcap
+from semmap_log.store.chunks import crc_problem
+from semmap_log.store.pages import Page
+from semmap_log.store.reading.chunk_table import ChunkTable, LoadedChunks
+from semmap_log.store.record_scan import (
+    ChunkDamage,
+    ScannedRecords,
+    gather,
+    scan_by_index,
+    scan_one,
+    scan_together,
+)
+
+_HEAD: np.dtype[np.void] = np.dtype(
+    {
+        "names": ["opcode", "length", "start_ns", "end_ns", "size", "crc", "name_length",
+                  "stored_size"],
+        "formats": ["u1", "<i8", "<i8", "<i8", "<i8", "<u4", "<u4", "<i8"],
+        "offsets": [0, 1, 9, 17, 25, 33, 37, 41],
+        "itemsize": 49,
+    }
+)  # fmt: skip
+"""Of an uncompressed Chunk record, up to its records."""
+
+
+_FEW_RECORDS_BYTES = 1500
+"""Chunks of so few records are walked as fast as their indexes are read."""
+
+
+Records = bytes | memoryview
+
+
+class Unpacked(NamedTuple):
+    """Chunks whose bytes were read."""
+
+    loaded: LoadedChunks
+    records: Records | None
+    """Those of all, one behind the other, each CRC checked. None: there are several that are not
+    compressed, and they lie in what was loaded."""
+
+
+def unpack(chunks: ChunkTable) -> Unpacked:
+    """Read chunks, and decompress them.
+
+    Raises:
+        CorruptLogError: They are not what was written.
+    """
+    loaded = chunks.loaded()
+    if len(chunks) > 1 and chunks.are_plain[0]:
+        return Unpacked(loaded, None)
+    parts = [_records_of(loaded, place) for place in range(len(chunks))]
+    return Unpacked(loaded, parts[0] if len(parts) == 1 else b"".join(parts))
+
+
+def _records_of(loaded: LoadedChunks, place: int) -> Records:
+    try:
+        records = loaded.records(place)
+        _check_filled(records)
+    except ChunkDamage as damage:
+        offset = int(loaded.table.rows["offset"][place])
+        raise CorruptLogError(loaded.table.path, offset, str(damage)) from None
+    return records
+
+
+def _check_filled(records: Records) -> None:
+    if not len(records):
+        raise ChunkDamage("a chunk without messages")
+
+
+def read_page(
+    chunks: ChunkTable,
+    first_event: int,
+    *,
+    unpacked: Unpacked | None = None,
+    in_place: bool = False,
+    is_sound: bool = False,
+) -> Page:
+    """Return the records of these chunks as one page.
+
+    Args:
+        chunks: At least one; where there are several, all of them compressed or none.
+        first_event: Event number at which their segment begins.
+        unpacked: What `unpack` said of them; None: not asked yet.
+        in_place: Whether several that are not compressed stay between what else was read.
+        is_sound: Whether their bytes were checked before: then they are, too.
+
+    Raises:
+        CorruptLogError: One is not what was written.
+    """
+    loaded, records = unpack(chunks) if unpacked is None else unpacked
+    if len(chunks) == 1:
+        assert records is not None, "of one chunk there are"
+        return _page_of_one(loaded, first_event, records)
+    rows = chunks.rows
+    whole, starts = _laid_out(loaded, records, in_place=in_place, is_sound=is_sound)
+    ends = starts + rows["size"]
+    place = int(rows["offset"][0])
+    try:
+        scanned = _walk(loaded, whole, starts, ends)
+    except ChunkDamage as damage:
+        raise CorruptLogError(chunks.path, place, str(damage)) from None
+    page = Page(whole, first_event, chunks.path, place, scanned)
+    violation = _violation(page, np.searchsorted(scanned.offsets, ends), rows)
+    if violation is not None:
+        raise CorruptLogError(chunks.path, int(rows["offset"][violation[0]]), violation[1])
+    return page
+
+
+def _laid_out(
+    loaded: LoadedChunks, unpacked: Records | None, *, in_place: bool, is_sound: bool
+) -> tuple[Records, NDArray[np.int64]]:
+    """Return what holds the records of several chunks, checked, and where those of each begin."""
+    sizes = loaded.table.rows["size"]
+    joined = np.cumsum(sizes) - sizes
+    if unpacked is not None:
+        return unpacked, joined
+    crcs = _check_heads(loaded)
+    starts = loaded.starts + _HEAD.itemsize
+    if is_sound:
+        return loaded.data, starts
+    ends = starts + sizes
+    parts = [loaded.data[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
+    if list(map(zlib.crc32, parts)) != crcs:
+        raise _first_misfit_of_crc(loaded.table, parts, crcs)
+    return (loaded.data, starts) if in_place else (b"".join(parts), joined)
+
+
+def _walk(
+    loaded: LoadedChunks, records: Records, starts: NDArray[np.int64], ends: NDArray[np.int64]
+) -> ScannedRecords:
+    """Return where the messages of several chunks begin."""
+    if int(loaded.table.rows["size"].max()) <= _FEW_RECORDS_BYTES:
+        return ScannedRecords(scan_together(records, starts, ends))
+    return scan_by_index(loaded.data, loaded.index_starts, records, starts, ends)
+
+
+def _first_misfit_of_crc(
+    chunks: ChunkTable, parts: Sequence[memoryview], crcs: Sequence[int]
+) -> CorruptLogError:
+    place = next(i for i, crc in enumerate(crcs) if zlib.crc32(parts[i]) != crc)
+    problem = crc_problem(parts[place], crcs[place])
+    return CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), problem)
+
+
+TIMES_VIOLATION = "its head does not tell the least and greatest log time of its messages"
+
+
+KINDS_MISFIT = "it holds other kinds of messages than the segment's summary says"
+
+
+def _violation(
+    page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]
+) -> tuple[int, str] | None:
+    """Return the place of a chunk that is not what the table says, and what is wrong with it."""
+    place = first_violation(page.heads["log_time"], ends, rows)
+    if place is not None:
+        return place, TIMES_VIOLATION
+    wrong = np.flatnonzero(kinds_of_chunks(page, ends) != rows["kinds"])
+    return (int(wrong[0]), KINDS_MISFIT) if len(wrong) else None
+
+
+def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
+    """Return which kinds of record are in each chunk of a page: `kind_bits`.
+
+    Args:
+        page: Their records.
+        ends: How many messages there are to the end of each; each has at least one.
+    """
+    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(page.bits, np.append(0, ends[:-1]))
+    return kinds
+
+
+def first_violation(
+    log_time: NDArray[np.int64], ends: NDArray[np.intp], rows: NDArray[np.void]
+) -> int | None:
+    """Return the place of the first chunk that says other times than its messages have, if any.
+
+    Args:
+        log_time: Of all messages.
+        ends: How many messages there are to the end of each chunk; each has at least one.
+        rows: What is said of the chunks: `start_ns`, `end_ns`.
+    """
+    starts = np.append(0, ends[:-1])
+    wrong = (np.minimum.reduceat(log_time, starts) != rows["start_ns"]) | (
+        np.maximum.reduceat(log_time, starts) != rows["end_ns"]
+    )
+    places: Sequence[int] = np.flatnonzero(wrong).tolist()
+    return places[0] if places else None
+
+
+def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Page:
+    chunks = loaded.table
+    offset = int(chunks.rows["offset"][0])
+    try:
+        scanned = scan_one(loaded.data, int(loaded.index_starts[0]), records)
+        page = Page(records, first_event, chunks.path, offset, scanned)
+        _check_rows(page, chunks)
+    except ChunkDamage as damage:
+        raise CorruptLogError(chunks.path, offset, str(damage)) from None
+    return page
+
+
+def _check_rows(page: Page, chunks: ChunkTable) -> None:
+    violation = _violation(page, np.array([len(page.offsets)]), chunks.rows)
+    if violation is not None:
+        raise ChunkDamage(violation[1])
+
+
+def _check_heads(loaded: LoadedChunks) -> list[int]:
+    """Check the heads of uncompressed chunks against the table, and return their CRCs."""
+    chunks, rows = loaded.table, loaded.table.rows
+    heads = gather(loaded.data, loaded.starts, _HEAD)
+    wrong = (
+        (heads["opcode"] != Opcode.CHUNK)
+        | (heads["length"] != rows["length"] - mcap.FRAME.size)
+        | (heads["start_ns"] != rows["start_ns"])
+        | (heads["end_ns"] != rows["end_ns"])
+        | (heads["size"] != rows["size"])
+        | (heads["name_length"] != 0)
+        | (heads["stored_size"] != rows["stored_size"])
+        | (rows["size"] == 0)
+    )
+    for place in np.flatnonzero(wrong).tolist():
+        chunks.chunk_in(loaded.data, int(loaded.bases[place]), place)  # says what is wrong
+        raise CorruptLogError(chunks.path, int(rows["offset"][place]), "a chunk without messages")
+    crcs: list[int] = heads["crc"].tolist()
+    return crcs

@@ -1,0 +1,362 @@
+"""The log being read: all segments as one order of events. Needs no lock and no write access."""
+
+from __future__ import annotations
+
+import warnings
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from copy import copy
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.domain.commits import Commit
+from semmap_log.domain.events import Retracted
+from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.folds.retraction import Retractions
+from semmap_log.io.progress import Progress
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.header import LogInfo
+from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import Page
+from semmap_log.store.reading.newer_events import NewerEvents, without_newer
+from semmap_log.store.reading.read_progress import ReadProgress
+from semmap_log.store.reading.segment_folder import SegmentFolder
+from semmap_log.store.reading.segment_reading import (
+    batches_of,
+    commit_of,
+    last_commit,
+    page_at,
+    pages_of,
+)
+from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.reading.segment_set import check_adjoins, check_follows
+from semmap_log.store.reading.window import EVERYTHING, Window
+
+OnPage = Callable[[Segment, Page], None]
+"""Called with the records in which the events of the next batch lie."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkPlace:
+    """A place between two chunks of a log."""
+
+    segment: int
+    chunk: int
+    """The one behind it."""
+
+
+BEGINNING = ChunkPlace(0, 0)
+
+
+class LogReader:
+    """A log as it was when it was opened, or last refreshed."""
+
+    def __init__(self, folder: LogFolder | Path, *, only: Path | None = None) -> None:
+        """Open the log in that folder, or only one segment of it.
+
+        Raises:
+            NotALogError: There is none.
+            CorruptLogError: A segment is damaged, missing, or from elsewhere.
+            LogAccessError: A segment cannot be read.
+        """
+        self.log_folder = LogFolder.of(folder)
+        self._only = only
+        self._files = SegmentFolder(self.log_folder)
+        self.segments: list[Segment] = []
+        self.leftovers: list[Path] = []
+        """Files whose segments were merged into another: for the next writer to remove."""
+        self._retractions: Retractions | None = None
+        self._newer: NewerEvents | None = None
+        self._has_warned = False
+        """Whether somebody was told that events of a later version are left out."""
+        self._latest_ns: NDArray[np.int64] | None = None
+        """Of each segment and those before it, the latest happened time."""
+        self._is_in_order = False
+        self.refresh()
+
+    def refreshed(self) -> LogReader:
+        """Return the log as it is now; this object stays as it was, for who is reading with it.
+
+        Raises:
+            LogError: As `refresh`.
+        """
+        reader = copy(self)
+        reader.refresh()
+        return reader
+
+    def refresh(self) -> None:
+        """Take in what was written since; what is known is not read again.
+
+        Raises:
+            NotALogError: The log is gone.
+            CorruptLogError: A segment is damaged, missing, or from elsewhere.
+            LogAccessError: A segment cannot be read.
+            LogError: Another log lies there now.
+        """
+        before = self.segments
+        if self._only is not None:
+            self.segments = [open_segment(self._only)]
+        else:
+            found = self._files.look()
+            self._check_same_log(found.segments[0])
+            self.segments, self.leftovers = found.segments, found.leftovers
+        if self.segments != before:
+            self._retractions, self._newer = None, None
+            self._latest_ns, self._is_in_order = None, False
+
+    @property
+    def folder(self) -> Path:
+        """The log's folder, as it was given: for messages."""
+        return self.log_folder.path
+
+    @property
+    def info(self) -> LogInfo:
+        """What was fixed when the log was made."""
+        return self.segments[0].header.info
+
+    def pages(
+        self, start: ChunkPlace = BEGINNING, progress: Progress | None = None
+    ) -> Iterator[tuple[Segment, Page]]:
+        """Yield all records, in order, in pages of a few MiB.
+
+        Raises:
+            CorruptLogError: A chunk is not what was written, or a segment does not follow the last.
+        """
+        self._check_order()
+        last: Page | None = None
+        before: Segment | None = None
+        reading = ReadProgress(self.segments[start.segment :], progress)
+        for segment in self.segments[start.segment :]:
+            if before is not None:
+                commit = last.last_commit() if last is not None else None
+                check_follows(segment, commit or last_commit(before), before)
+            last = None
+            for page in pages_of(segment, start.chunk if before is None else 0):
+                yield segment, page
+                last = page
+                reading.reached(segment, page)
+            reading.passed(segment, is_read=True)
+            before = segment
+
+    def batches(
+        self,
+        window: Window = EVERYTHING,
+        *,
+        start: ChunkPlace = BEGINNING,
+        progress: Progress | None = None,
+        on_page: OnPage | None = None,
+        with_newer: bool = False,
+    ) -> Iterator[EventBatch]:
+        """Yield the events of a window, numbers ascending, retracted ones included.
+
+        What cannot hold any is not read. Whether events of kinds unknown here touch the question
+        is not asked: `check_known` does.
+
+        Args:
+            window: Which events.
+            start: What comes before is not looked at.
+            progress: Told how far the reading is.
+            on_page: Called with the records of each batch that follows.
+            with_newer: Yield events of unknown kinds, too.
+
+        Raises:
+            CorruptLogError: A chunk is not what was written, or events are missing.
+        """
+        self._check_order()
+        reading = ReadProgress(self.segments[start.segment :], progress)
+        last: Page | None = None
+        for place in range(start.segment, len(self.segments)):
+            segment, last_before, last = self.segments[place], last, None
+            if window.may_reach(segment, self._next_event(place)):
+                if last_before is not None:
+                    self._check_follows(place, last_before)
+                chunks = window.chunks(segment)
+                if place == start.segment:
+                    chunks = chunks[chunks >= start.chunk]
+                for page, batch in batches_of(segment, chunks):
+                    chosen = window.choose(batch if with_newer else without_newer(batch))
+                    if len(chosen):
+                        if on_page is not None:
+                            on_page(segment, page)
+                        yield chosen
+                    reading.reached(segment, page)
+                    last = page
+            reading.passed(segment, is_read=last is not None)
+
+    def commits(self, first_segment: int = 0) -> Iterator[Commit]:
+        """Yield the commits of the whole log, in order, each checked to follow the one before.
+
+        Raises:
+            CorruptLogError: One does not, or cannot be read.
+        """
+        previous = self.segments[first_segment].header.hash_so_far
+        for segment, page in self.pages(ChunkPlace(first_segment, 0)):
+            for commit in page.commits():
+                if commit.previous_hash != previous:
+                    problem = f"the commit of event {commit.first_event} does not follow the last"
+                    raise CorruptLogError(segment.path, page.offset, problem)
+                previous = commit.hash
+                yield commit
+
+    def last_commit(self) -> Commit | None:
+        """Return the log's last commit; None in a log without any."""
+        return next((c for s in reversed(self.segments) if (c := last_commit(s))), None)
+
+    def last_event(self) -> int:
+        """Return the number of the log's last event; -1: there is none."""
+        last = self.last_commit()
+        return -1 if last is None else last.last_event
+
+    def last_log_time_ns(self) -> int:
+        """Return the log time of the last record, keyframes included; 0 in an empty log."""
+        for segment in reversed(self.segments):
+            if len(segment.chunks):
+                return int(page_at(segment, len(segment.chunks) - 1).heads["log_time"].max())
+        return 0
+
+    def event_known_at(self, known_at_ns: int) -> int:
+        """Return the last event number known at that recorded time, whole commits; -1: none.
+
+        A commit is known from the log time of its first record on.
+        """
+        self._check_order()
+        early = bisect_right(self.segments, known_at_ns, key=lambda s: s.recorded[0])
+        for segment in reversed(self.segments[:early]):
+            for chunk in reversed(range(segment.chunks.starting_by(known_at_ns))):
+                page = page_at(segment, chunk)
+                numbers = page.event_numbers(recorded_by_ns=known_at_ns)
+                if len(numbers):
+                    last = int(numbers[-1])
+                    commit = page.commit_holding(last) or commit_of(segment, last)
+                    if commit is not None:
+                        return commit.last_event
+        return -1
+
+    def event(self, number: int) -> RecordedEvent:
+        """Return the event of that number.
+
+        Raises:
+            LogError: There is none.
+        """
+        window = Window(first_event=number, before_event=number + 1)
+        for batch in self.batches(window, with_newer=True):
+            (recorded,) = batch
+            return recorded
+        raise self.no_event(number)
+
+    def commit_at(self, number: int) -> Commit:
+        """Return the commit that holds an event, with its note.
+
+        Raises:
+            LogError: There is no such event.
+        """
+        commit = self.find_commit(number)
+        if commit is None:
+            raise self.no_event(number)
+        return commit
+
+    def find_commit(self, number: int) -> Commit | None:
+        """Return the same; None: there is no such event."""
+        self._check_order()
+        place = self.segment_of(number)
+        return None if place is None else commit_of(self.segments[place], number)
+
+    def no_event(self, number: int) -> LogError:
+        """Return the error that there is no event of that number, and which is the last."""
+        last = self.last_event()
+        there = "the log has none yet" if last < 0 else f"the last is event {last}"
+        return LogError(f"{self.folder}: there is no event {number}; {there}.")
+
+    def segment_of(self, number: int) -> int | None:
+        """Return the place of the segment that holds an event, or would; None: none begins yet."""
+        behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
+        return behind - 1 if behind else None
+
+    @property
+    def newer_events(self) -> NewerEvents:
+        """What in the log is of kinds that a later version has added.
+
+        Raises:
+            CorruptLogError: A summary is damaged, or a chunk that holds some.
+        """
+        if self._newer is None:
+            self._newer = NewerEvents.of(self.segments)
+        return self._newer
+
+    def check_known(self, limit: int | None = None) -> None:
+        """Return if no event up to a number, of a kind unknown here, can touch an answer.
+
+        Raises:
+            NewerLogError: One can.
+        """
+        newer = self.newer_events
+        if newer.reach(limit):
+            raise newer.refusal(self.folder)
+        if newer.counts and newer.first is None and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(newer.warning(self.folder), stacklevel=3)
+
+    def retractions(self, *, limit: int | None = None, with_newer: bool = False) -> Retractions:
+        """Return what was taken back by the events up to the number `limit`.
+
+        Args:
+            limit: None: by all.
+            with_newer: Even where an event of an unknown kind may have taken back others: for who
+                shows events as they were recorded.
+
+        Raises:
+            NewerLogError: There is such an event.
+        """
+        if not with_newer:
+            self.check_known(limit)
+        if self._retractions is None:
+            found = Retractions()
+            for batch in self.batches(Window(kinds=bits_of_kinds([Retracted]))):
+                found.apply(batch)
+            self._retractions = found  # once it is whole: others ask, and reading may be cut short
+        return self._retractions if limit is None else self._retractions.up_to(limit)
+
+    def segments_by(self, at_ns: int) -> int:
+        """Return the place of the last segment before which all events had happened by then."""
+        if self._latest_ns is None:
+            greatest = [segment.span[1] for segment in self.segments]
+            self._latest_ns = np.maximum.accumulate(np.array(greatest, np.int64))
+        by = int(np.searchsorted(self._latest_ns, at_ns, "right"))
+        return min(by, len(self.segments) - 1)
+
+    def _check_same_log(self, found: Segment) -> None:
+        log_id = found.header.info.log_id
+        if self.segments and log_id != self.info.log_id:
+            raise LogError(
+                f"{self.folder}: another log lies here now (expected the id {self.info.log_id}, "
+                f"got {log_id}); open it anew."
+            )
+
+    def _next_event(self, place: int) -> int | None:
+        """Return the number of the first event behind a segment; None: it is the last."""
+        if place + 1 < len(self.segments):
+            return self.segments[place + 1].header.first_event
+        return None
+
+    def _check_follows(self, place: int, last: Page) -> None:
+        """Check that a segment follows the one before it by hash, if that one's end was read.
+
+        Args:
+            place: Its own.
+            last: The last page that was read of the one before.
+        """
+        segment, commit = self.segments[place], last.last_commit()
+        if commit is not None and commit.last_event + 1 == segment.header.first_event:
+            check_follows(segment, commit, self.segments[place - 1])
+
+    def _check_order(self) -> None:
+        """Check that the segments are one log's, one behind the other, as their heads tell."""
+        if not self._is_in_order:
+            for before, segment in pairwise(self.segments):
+                check_adjoins(segment, before)
+            self._is_in_order = True

@@ -1,0 +1,224 @@
+"""Finding things in one segment: pages, the chunk of an event, the commit of an event."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cache, partial
+from itertools import repeat, tee
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Commit
+from semmap_log.errors import CorruptLogError
+from semmap_log.io.prefetch import ahead
+from semmap_log.store.bag_metadata import ClosedSegment, tells_of_newer
+from semmap_log.store.chunks import StoredChunk
+from semmap_log.store.form import CHUNK_BYTES, count_events
+from semmap_log.store.kind_bits import COMMIT_BIT, UNKNOWN_BIT
+from semmap_log.store.pages import Page
+from semmap_log.store.reading.chunk_table import ChunkTable
+from semmap_log.store.reading.note_sources import NoteSources
+from semmap_log.store.reading.page_reading import Unpacked, read_page, unpack
+from semmap_log.store.reading.segment_head import last_commit_in
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.window import numbers_of
+from semmap_log.store.record_scan import ChunkDamage
+
+
+def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
+    """Yield a segment's records from a chunk on, chunks joined to pages of a few MiB.
+
+    Raises:
+        CorruptLogError: A chunk is not what was written.
+    """
+    for group in _groups(segment, segment.chunks[first_chunk:]):
+        yield read_page(group, segment.header.first_event)
+
+
+def page_at(segment: Segment, chunk: int) -> Page:
+    """Return the records of one chunk.
+
+    Raises:
+        CorruptLogError: They are not what was written.
+    """
+    alone = segment.chunks[chunk : chunk + 1]
+    segment.source.will_need(*alone.span())
+    return read_page(alone, segment.header.first_event)
+
+
+def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
+    """Return a chunk's records, CRC checked.
+
+    Raises:
+        CorruptLogError: They are not what was written.
+    """
+    try:
+        stored = segment.source.read(chunk.offset, chunk.offset + chunk.length)
+        return chunk.records(stored, chunk.offset)
+    except ChunkDamage as damage:
+        raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
+
+
+def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Page, EventBatch]]:
+    """Yield the events of some chunks of a segment, with the pages they lie in.
+
+    Args:
+        segment: The segment.
+        chunks: Places of its chunks, ascending.
+
+    Raises:
+        CorruptLogError: They are not what was written, or not the events that must be there.
+    """
+    _keep_freed_memory()
+    firsts, ends = numbers_of(segment)
+    wanted = segment.chunks.chosen(chunks)
+    is_worth_it = 2 * len(chunks) > len(firsts) and len(chunks) >= MANY_CHUNKS
+    may_trust = is_worth_it and wanted.are_small and segment.source.is_guarded
+    is_sound = may_trust and segment.is_sound  # to know it, all is read
+    names = segment.newer.names if len(wanted.having(UNKNOWN_BIT)) else {}
+    at = 0
+    for group, unpacked in _unpacked(segment, wanted):
+        mine = chunks[at : at + len(group)]
+        at += len(group)
+        page = read_page(
+            group, segment.header.first_event, unpacked=unpacked, in_place=True, is_sound=is_sound
+        )
+        batch = page.events(NoteSources(page, partial(commit_of, segment)), names)
+        _check_numbers(page, batch, firsts[mine], ends[mine])
+        yield page, batch
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library keep a few MiB that were freed for the next page's arrays.
+
+    glibc hands larger arrays back to the kernel at once, until it has seen one freed that is larger
+    still (mallopt(3), M_MMAP_THRESHOLD). Every page of memory that the kernel clears and maps anew
+    costs as much as reading 20 events.
+    """
+    np.empty(_KEPT_BYTES, np.uint8)  # never touched, so it takes no memory
+
+
+_KEPT_BYTES = 2**23
+
+_PAGE_BYTES = 5 * CHUNK_BYTES // 2
+"""So many are read together: each page costs some 0.2 ms beside its bytes. Behind a keyframe come a
+whole chunk and a fifth of one: twice that is a page."""
+
+MANY_CHUNKS = 32
+"""Fewer are checked one by one sooner than all the data of their segment are."""
+
+FEW_CHUNKS = 3
+"""So few are unpacked at once: to hand them to other threads would take longer."""
+
+
+def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Unpacked | None]]:
+    """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
+    groups = _groups(segment, chunks)
+    if len(chunks) <= FEW_CHUNKS or chunks.are_plain.all():
+        yield from zip(groups, repeat(None))
+        return
+    mine, theirs = tee(groups)
+    yield from zip(mine, ahead(partial(unpack, group) for group in theirs), strict=True)
+
+
+def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
+    """Yield chunks in groups, each of them asked of the disk one group ahead."""
+    before: ChunkTable | None = None
+    for group in chunks.groups(_PAGE_BYTES):
+        segment.source.will_need(*group.span())
+        if before is not None:
+            yield before
+        before = group
+    if before is not None:
+        yield before
+
+
+def _check_numbers(
+    page: Page, batch: EventBatch, firsts: NDArray[np.int64], ends: NDArray[np.int64]
+) -> None:
+    """Check that a batch holds the events from each of `firsts` to before each of `ends`."""
+    if len(firsts) == 1:
+        (first,), (end,) = firsts.tolist(), ends.tolist()
+        if len(batch) == end - first and (batch.number == np.arange(first, end)).all():
+            return
+    counts = ends - firsts
+    shift = firsts - np.cumsum(counts) + counts
+    expected = np.arange(len(batch)) + np.repeat(shift, counts)[: len(batch)]
+    if len(batch) != counts.sum() or (batch.number != expected).any():
+        wanted = counted(int(counts.sum()), "event")
+        problem = f"expected {wanted} from {int(firsts[0])} on, got others"
+        raise CorruptLogError(page.path, page.offset, problem)
+
+
+def statistics_of(segment: Segment) -> ClosedSegment:
+    """Return what metadata.yaml is to say of a closed segment: its own Statistics.
+
+    Raises:
+        CorruptLogError: Its summary is damaged.
+    """
+    said = segment.statistics
+    is_newer = tells_of_newer(segment.header, said.channel_message_counts)
+    header = segment.full_header if is_newer else segment.header
+    return ClosedSegment.of(segment.path, said, header)
+
+
+def last_commit(segment: Segment) -> Commit | None:
+    """Return a segment's last commit; None: it has none."""
+    return last_commit_in(segment.chunks, segment.header)
+
+
+def end_of(segment: Segment) -> int:
+    """Return the number of the first event behind a segment's whole commits.
+
+    Raises:
+        CorruptLogError: The summary of a closed segment is damaged.
+    """
+    if segment.live is not None:
+        return segment.live.whole_place.committed
+    assert segment.counts is not None, "a closed segment counts its messages"
+    return segment.header.first_event + count_events(segment.counts)
+
+
+def head_before(segments: Sequence[Segment], event: int) -> bytes | None:
+    """Return the hash of the commit that ends right before an event; None: none ends there.
+
+    Args:
+        segments: All of a log, in order.
+        event: Its number.
+
+    Raises:
+        CorruptLogError: The commit cannot be read.
+    """
+    for segment in reversed(segments):
+        if event == segment.header.first_event:
+            return segment.header.hash_so_far
+        if event > segment.header.first_event:
+            if event == end_of(segment):
+                return segment.head
+            commit = commit_of(segment, event - 1)
+            return commit.hash if commit and commit.last_event == event - 1 else None
+    return None
+
+
+def chunk_of(segment: Segment, event: int) -> int | None:
+    """Return the place of the chunk that holds an event; None: the segment does not hold it."""
+    firsts, ends = numbers_of(segment)
+    chunk = int(np.searchsorted(ends, event, "right"))
+    return chunk if chunk < len(ends) and firsts[chunk] <= event else None
+
+
+def commit_of(segment: Segment, event: int) -> Commit | None:
+    """Return the commit that holds an event; None: the segment does not hold it."""
+    chunk = chunk_of(segment, event)
+    if chunk is None:
+        return None
+    places = segment.chunks.having(COMMIT_BIT)
+    for place in places[places >= chunk].tolist():
+        commit = page_at(segment, place).commit_holding(event)
+        if commit is not None:
+            return commit
+    return None

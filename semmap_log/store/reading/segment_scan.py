@@ -1,0 +1,346 @@
+"""A segment being read, closed or live: its header and the chunks of its whole commits."""
+
+from __future__ import annotations
+
+import weakref
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Header, Metadata, Statistics
+from numpy.typing import NDArray
+
+from semmap_log.common.command_lines import command_line
+from semmap_log.common.computed_once import computed_once
+from semmap_log.common.wording import counted
+from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogError
+from semmap_log.io.byte_source import ByteSource
+from semmap_log.store import records as mcap
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import LOG_METADATA, PROFILE
+from semmap_log.store.header import OtherVersionError, SegmentHeader
+from semmap_log.store.kind_bits import UNKNOWN_BIT, bits_of_counts
+from semmap_log.store.newer import Newer
+from semmap_log.store.reading.chunk_table import ChunkTable
+from semmap_log.store.reading.closed_summary import (
+    FOOTER_BYTES,
+    SMALL_BYTES,
+    ClosedSummary,
+    is_footer,
+    read_summary,
+)
+from semmap_log.store.reading.happened_spans import spans_of_summary, total_span
+from semmap_log.store.reading.live_scan import LiveScan, go_on, head_records, scan_live
+from semmap_log.store.reading.mapped_file import map_file
+from semmap_log.store.reading.segment_head import last_commit_in, stored_head
+from semmap_log.store.record_scan import frames
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """What lies in a segment's file.
+
+    Of a closed one only the head was read, and that there is a footer: the rest is looked at when
+    it is asked for. Of a live one all that counts was read and checked.
+    """
+
+    path: Path
+    header: SegmentHeader
+    source: ByteSource
+    """The file's bytes as it was when it was opened; to be had still if it is replaced."""
+    head_end: int
+    """Where the records behind the head's Metadata begin."""
+    live: LiveScan | None
+    """What a scan of a live segment found; None: it is closed."""
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self.source.size
+
+    @computed_once
+    def newer(self) -> Newer:
+        """What a later version has put at its head.
+
+        Raises:
+            UnreadableLogError: It cannot be read.
+        """
+        return Newer.of(head_records(self.source, self.head_end))
+
+    @property
+    def full_header(self) -> SegmentHeader:
+        """Its header with all that whoever writes it anew must keep."""
+        return replace(self.header, newer=self.newer)
+
+    @property
+    def has_unknown_events(self) -> bool:
+        """Whether events of kinds that a later version has added are in it.
+
+        Raises:
+            CorruptLogError: The summary of a closed segment is damaged.
+        """
+        if self.counts is not None:
+            return bool(bits_of_counts(self.counts) & UNKNOWN_BIT)
+        return bool(len(self.chunks.having(UNKNOWN_BIT)))
+
+    @property
+    def closed(self) -> bool:
+        """With index and footer: complete, never modified again."""
+        return self.live is None
+
+    @computed_once
+    def summary(self) -> ClosedSummary:
+        """What closing a segment wrote behind its data.
+
+        Raises:
+            CorruptLogError: It does not fit its CRC, or itself.
+        """
+        found = read_summary(self.path, self.source)
+        if len(found.tail) > SMALL_BYTES:
+            _with_summary.add(self)
+        return found
+
+    @computed_once
+    def head(self) -> bytes:
+        """Hash of its last commit; of the commit before the segment, if it has none.
+
+        Of a closed one as closing wrote it; of one that was closed before that was written, and
+        whose last chunk of commits is read for it.
+
+        Raises:
+            CorruptLogError: What closed it, or that chunk, is damaged.
+        """
+        if self.live is not None:
+            return self.live.whole_place.hash
+        stored = stored_head(self.summary)
+        if stored is not None:
+            return stored
+        last = last_commit_in(self.chunks, self.header)
+        return self.header.hash_so_far if last is None else last.hash
+
+    @computed_once
+    def counts(self) -> Mapping[int, int] | None:
+        """Messages on each channel, as a closed segment counts them; None for a live one.
+
+        Raises:
+            CorruptLogError: The summary is damaged.
+        """
+        if self.live is not None:
+            return None
+        counts: Mapping[int, int] = self.statistics.channel_message_counts
+        return counts
+
+    @property
+    def recorded(self) -> tuple[int, int]:
+        """The least and the greatest log time in it; (0, 0) if there is no record.
+
+        Raises:
+            CorruptLogError: The summary is damaged.
+        """
+        if self.live is None:
+            return self.statistics.message_start_time, self.statistics.message_end_time
+        rows = self.chunks.rows
+        return (int(rows["start_ns"][0]), int(rows["end_ns"].max())) if len(rows) else (0, 0)
+
+    @computed_once
+    def statistics(self) -> Statistics:
+        """What a closed segment counts of itself.
+
+        Raises:
+            CorruptLogError: The summary is damaged.
+        """
+        return self.summary.statistics()
+
+    @property
+    def chunks(self) -> ChunkTable:
+        """Keyframes and the chunks of whole commits, in file order.
+
+        Raises:
+            CorruptLogError: The summary of a closed segment is damaged.
+        """
+        return self._table if self.live is None else self.live.chunks
+
+    @computed_once
+    def _table(self) -> ChunkTable:
+        _with_tables.add(self)
+        return self.summary.chunks(self.head_end)
+
+    @property
+    def spans(self) -> NDArray[np.void]:
+        """How many events each of its chunks has, and when they happened, as `SPAN`.
+
+        Raises:
+            CorruptLogError: The index of a closed segment is damaged.
+        """
+        spans = self._spans if self.live is None else self.live.spans[: self.live.whole]
+        if len(spans) != len(self.chunks):
+            told = counted(len(spans), "chunk")
+            problem = f"its index tells of {told}; there are {len(self.chunks)}"
+            raise CorruptLogError(self.path, self.whole_end, problem)
+        return spans
+
+    @computed_once
+    def _spans(self) -> NDArray[np.void]:
+        _with_tables.add(self)
+        return spans_of_summary(self.summary)
+
+    @computed_once
+    def span(self) -> tuple[int, int]:
+        """When its events happened, at the earliest and at the latest; (-1, -1) without any.
+
+        Raises:
+            CorruptLogError: The index of a closed segment is damaged.
+        """
+        if self.live is None and "_spans" not in vars(self):
+            return total_span(spans_of_summary(self.summary))  # of a long log's every segment
+        return total_span(self.spans)
+
+    @computed_once
+    def is_sound(self) -> bool:
+        """Whether all of its data are what was written, as one CRC tells, or a scan has found."""
+        if self.live is not None:
+            return True
+        self.source.will_need(0, self.size)
+        return self.summary.fits_data()
+
+    @property
+    def whole_end(self) -> int:
+        """Where the last whole commit (or keyframe) ends."""
+        if self.live is not None:
+            return min(self.live.whole_at, self.size)
+        return self.summary.data_end
+
+    @property
+    def problem(self) -> str:
+        """Why what lies behind `whole_end` does not count; empty if nothing of worth lies there."""
+        return self.live.problem if self.live is not None else ""
+
+    @property
+    def torn_bytes(self) -> int:
+        """How many bytes lie behind the last whole commit of a live segment, and do not count."""
+        return self.size - self.whole_end if self.problem else 0
+
+
+class _Keepers:
+    """Segments that keep what can be read again: only the last ones, since a long log has many."""
+
+    def __init__(self, most: int, *names: str) -> None:
+        self._most = most
+        self._names = names
+        """Under which attributes they keep it."""
+        self._segments: deque[weakref.ref[Segment]] = deque()
+
+    def add(self, segment: Segment) -> None:
+        """Take in one that begins to keep something; the one that has done so longest lets go."""
+        self._segments.append(weakref.ref(segment))
+        if len(self._segments) > self._most:
+            oldest = self._segments.popleft()()
+            if oldest is not None:
+                for name in self._names:
+                    vars(oldest).pop(name, None)
+
+
+_with_tables = _Keepers(64, "_table", "_spans")
+_with_summary = _Keepers(4, "summary")
+
+
+def open_segment(
+    path: Path, *, earlier: Segment | None = None, folder: LogFolder | None = None
+) -> Segment:
+    """Return the segment in that file.
+
+    Args:
+        path: The file, for messages.
+        folder: Where it is found by its name; None: where its path says.
+        earlier: The same segment as it was: a live one is read on from where it ended then.
+
+    Raises:
+        NotALogError: The file is not a segment of ours.
+        NewerLogError: A later major version has written it.
+        CorruptLogError: It was, and is damaged: in its head; a live one, in what was on the disk.
+        LogAccessError: It cannot be read.
+    """
+    source = map_file(path, folder)
+    ends = source.read_ranges(
+        ((0, _USUAL_HEAD_BYTES), (max(0, source.size - FOOTER_BYTES), source.size))
+    )
+    header, head_end = read_head(path, source, ends[: min(_USUAL_HEAD_BYTES, source.size)])
+    if is_footer(ends[-FOOTER_BYTES:]):
+        return Segment(path, header, source, head_end, live=None)
+    live = _known_scan(earlier, source, header)
+    source.will_need(0 if live is None else min(live.at, source.size), source.size)
+    if live is None:
+        live = scan_live(path, header, source, head_end)
+    else:
+        live = go_on(live, header, source)
+    if live.is_damage:
+        raise CorruptLogError(path, min(live.at, source.size), live.problem)
+    return Segment(path, header, source, head_end, live)
+
+
+def _known_scan(
+    earlier: Segment | None, source: ByteSource, header: SegmentHeader
+) -> LiveScan | None:
+    """Return the scan of the same file when it was shorter; None if it is another file."""
+    if (
+        earlier is None
+        or earlier.source.identity != source.identity
+        or earlier.header != header
+        or earlier.size > source.size
+    ):
+        return None
+    return earlier.live
+
+
+_USUAL_HEAD_BYTES, _MOST_HEAD_BYTES = 2**12, 2**16
+"""A segment's own header lies within the first, but for very long names; within the second, else
+it is none of ours."""
+
+
+def read_head(
+    path: Path, source: ByteSource, start: memoryview | None = None
+) -> tuple[SegmentHeader, int]:
+    """Return a segment's own header and where the records behind it begin.
+
+    Args:
+        path: Its file.
+        source: The file's bytes.
+        start: The first of them; None: not read yet.
+
+    Raises:
+        NotALogError: Not an MCAP file, or one that somebody else wrote.
+        NewerLogError: A later major version has written it.
+        CorruptLogError: The header is damaged.
+    """
+    file = source.read(0, _USUAL_HEAD_BYTES) if start is None else start
+    if file[: len(mcap.MAGIC)] != mcap.MAGIC:
+        raise NotALogError(f"{path}: not an MCAP file.")
+    if len(list(islice(frames(file, len(mcap.MAGIC), len(file)), 2))) < 2:
+        file = source.read(0, _MOST_HEAD_BYTES)
+    records = frames(file, len(mcap.MAGIC), len(file))
+    first, second = next(records, None), next(records, None)
+    if first is None or second is None or first[0] != Opcode.HEADER:
+        raise NotALogError(f"{path}: an MCAP file without a header.")
+    frame = mcap.FRAME.size
+    try:
+        profile = mcap.read_record(Header, file[first[1] + frame : first[1] + first[2]]).profile
+        metadata = (
+            mcap.read_record(Metadata, file[second[1] + frame : second[1] + second[2]])
+            if second[0] == Opcode.METADATA
+            else None
+        )
+        if profile != PROFILE or metadata is None or metadata.name != LOG_METADATA:
+            line = command_line("import", "LOG", path)
+            raise NotALogError(
+                f"{path}: an MCAP file, but not of a semmap log. "
+                f"To take its doors into a log: {line}"
+            )
+        return SegmentHeader.from_metadata(metadata), second[1] + second[2]
+    except OtherVersionError as error:
+        raise (NewerLogError if error.is_newer else LogError)(f"{path}: {error}.") from None
+    except ValueError as error:
+        raise CorruptLogError(path, second[1], str(error)) from None

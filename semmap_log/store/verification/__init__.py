@@ -1,0 +1,26 @@
+"""Reads all of a log, believes nothing of it, and says what is wrong, where, and what it costs.
+
+findings    what can be found, as values
+files       a file's head and bytes, whatever the disk does
+folder      which files make up the log, which are missing, foreign, there twice
+walk        one segment, byte for byte; behind damage it goes on at the next whole chunk
+pieces      one chunk, examined by itself
+chain       numbers, times and hashes from chunk to chunk and from segment to segment
+keyframes   each against the replay
+closing     index, summary and footer, computed anew
+run         all of it
+"""
+
+from semmap_log.store.verification.findings import Finding, Severity, Verification
+from semmap_log.store.verification.hash_chain import WholeCommit
+from semmap_log.store.verification.verifying import Progress, Verifier, verify
+
+__all__ = [
+    "Finding",
+    "Progress",
+    "Severity",
+    "Verification",
+    "Verifier",
+    "WholeCommit",
+    "verify",
+]

@@ -1,0 +1,166 @@
+"""The files that a verification reads: what their heads say, and their bytes, whatever the disk."""
+
+from __future__ import annotations
+
+import os
+import stat
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import Header, Metadata
+
+from semmap_log.errors import LogAccessError, LogError, NewerLogError
+from semmap_log.io.file_calls import open_plainly
+from semmap_log.store import records as mcap
+from semmap_log.store.form import LIBRARY, LOG_METADATA, PROFILE, number_in, segment_name, stem_of
+from semmap_log.store.header import OtherVersionError, SegmentHeader
+from semmap_log.store.verification.file_bytes import FileBytes, Vanished
+
+HEAD_BYTES = 2**16
+"""The header lies well within; a longer one is none of ours."""
+FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
+
+_MARKS = (LOG_METADATA.encode(), b"hash_so_far")
+"""Both stand in every head: one flipped bit leaves one of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentFile:
+    """A file that is, or was, a segment: what its head says."""
+
+    path: Path
+    size: int
+    identity: tuple[int, int]
+    """Device and inode."""
+    header: SegmentHeader | None
+    """None: it cannot be read."""
+    header_end: int
+    """Where the records behind the header begin; 0 without a header."""
+    problem: str
+    """Why the header cannot be read."""
+    is_closed: bool
+    """Whether it ends in a footer."""
+
+    @property
+    def named_number(self) -> int | None:
+        """The number that its name gives it; None: its name has none."""
+        return number_in(self.path.name)
+
+    @property
+    def number(self) -> int:
+        """Its place among the segments: what its header says, else its name."""
+        if self.header is not None:
+            return self.header.number
+        return -1 if self.named_number is None else self.named_number
+
+    @property
+    def last_number(self) -> int:
+        """The last of the segments that were merged into it."""
+        return self.number if self.header is None else self.header.last_number
+
+
+def name_of(file: SegmentFile, number: int) -> Path:
+    """Return the name that the segment of another number must have beside this one."""
+    return file.path.with_name(segment_name(stem_of(file.path.name), number))
+
+
+def look_at(path: Path) -> SegmentFile | None:
+    """Return what a file's head says; None if it is none of ours.
+
+    Raises:
+        LogAccessError: It cannot be opened.
+        Vanished: It is gone.
+        NewerLogError: A later major version has written it.
+        LogError: It is of an older one.
+    """
+    with _opened(path) as fd:
+        status = os.fstat(fd)
+        if not stat.S_ISREG(status.st_mode):
+            return None
+        data = FileBytes(path, fd, status.st_size)
+        head = bytes(data[:HEAD_BYTES])
+        is_named_like_ours = bool(data.unreadable) and number_in(path.name) is not None
+        if not (_is_ours(head) or is_named_like_ours):
+            return None
+        foot = bytes(data[max(0, status.st_size - FOOTER_BYTES) :])
+        # An end that the disk does not give is taken for that of a closed segment: no torn tail.
+        is_closed = _ends_in_footer(foot) or status.st_size in [end for _, end in data.unreadable]
+    header, end, problem = _header_of(path, head)
+    identity = (status.st_dev, status.st_ino)
+    return SegmentFile(path, status.st_size, identity, header, end, problem, is_closed)
+
+
+@contextmanager
+def bytes_of(file: SegmentFile) -> Iterator[FileBytes]:
+    """Hand out a file's bytes.
+
+    A live segment may have grown since it was listed; that is seen, too.
+
+    Raises:
+        Vanished: The file is gone, or another has its name.
+    """
+    with _opened(file.path) as fd:
+        status = os.fstat(fd)
+        if (status.st_dev, status.st_ino) != file.identity or status.st_size < file.size:
+            raise Vanished(file.path)
+        yield FileBytes(file.path, fd, status.st_size)
+
+
+@cache
+def first_bytes() -> bytes:
+    """Return the bytes with which every segment begins: magic and Header."""
+    return mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
+
+
+def _is_ours(head: bytes) -> bool:
+    """Tell whether a file is, or was before some bytes of it went wrong, a segment of ours."""
+    return any(mark in head for mark in _MARKS) or (
+        bool(head) and first_bytes().startswith(head[: len(first_bytes())])
+    )
+
+
+def _header_of(path: Path, head: bytes) -> tuple[SegmentHeader | None, int, str]:
+    """Return the header, where it ends, and what is wrong with it."""
+    start = len(first_bytes())
+    problem = "" if head.startswith(first_bytes()) else "its magic or its Header record"
+    try:
+        opcode, length = mcap.FRAME.unpack_from(head, start)
+        end = start + mcap.FRAME.size + length
+        if opcode != Opcode.METADATA or end > len(head):
+            return None, 0, f"no Metadata {LOG_METADATA} where it must be"
+        metadata = mcap.read_record(Metadata, head[start + mcap.FRAME.size : end])
+        header = SegmentHeader.from_metadata(metadata)
+    except OtherVersionError as error:
+        raise (NewerLogError if error.is_newer else LogError)(f"{path}: {error}.") from None
+    except (ValueError, struct.error) as error:
+        return None, 0, f"its Metadata {LOG_METADATA}: {error}"
+    # Its own length is believed no more. How a later version orders its entries is not known.
+    expected = mcap.record(metadata if header.others else header.to_metadata())
+    if expected != head[start : start + len(expected)]:
+        problem = f"its Metadata {LOG_METADATA} is not as it is written"
+    return header, start + len(expected), problem
+
+
+def _ends_in_footer(foot: bytes) -> bool:
+    if len(foot) < FOOTER_BYTES or not foot.endswith(mcap.MAGIC):
+        return False
+    return bool(mcap.FRAME.unpack_from(foot) == (Opcode.FOOTER, 20))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    try:
+        fd = open_plainly(path)
+    except FileNotFoundError:
+        raise Vanished(path) from None
+    except OSError as error:
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    try:
+        yield fd
+    finally:
+        os.close(fd)

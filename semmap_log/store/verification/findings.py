@@ -1,0 +1,91 @@
+"""What a verification found, as values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from pathlib import Path
+
+from semmap_log.store.commit_records import NO_HASH
+
+EXIT_GOOD, EXIT_TORN, EXIT_DAMAGE, EXIT_NOT_A_LOG = 0, 3, 4, 5
+
+
+class Severity(IntEnum):
+    """How bad a finding is, from the harmless up."""
+
+    NOTE = 0
+    """Good to know: a suspect clock, a kept tail."""
+    WARNING = 1
+    """A cache is not as it should be; the log itself is."""
+    TORN = 2
+    """An unfinished end, as a crash leaves it; the next writer puts it in order."""
+    DAMAGE = 3
+    """Bytes are not what was written, or are missing."""
+    NOT_A_LOG = 4
+    """There is nothing of ours at that path."""
+
+
+_EXIT_CODES = {
+    Severity.TORN: EXIT_TORN,
+    Severity.DAMAGE: EXIT_DAMAGE,
+    Severity.NOT_A_LOG: EXIT_NOT_A_LOG,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is not as it should be, or worth to know."""
+
+    kind: str
+    """One word for machines: `chunk`, `chain`, `missing`, `keyframe`, `clock` …"""
+    severity: Severity
+    path: Path
+    offset: int | None
+    """Where in the file; None: it is about the file as a whole."""
+    events: tuple[int, int | None] | None
+    """First and last number of the events it is about; last None: it cannot be known; None: it
+    is about no event."""
+    text: str
+    """What was expected, what was found, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What reading every byte of a log has shown."""
+
+    path: Path
+    findings: tuple[Finding, ...]
+    """The worst first; of equal ones in the order of the log."""
+    log_id: str = ""
+    segments: int = 0
+    commits: int = 0
+    """That are whole and in their place."""
+    events: int = 0
+    """In those commits."""
+    keyframes: int = 0
+    """That were compared with the replay."""
+    size: int = 0
+    """Bytes that were read."""
+    head: bytes = NO_HASH
+    """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
+    events_after_head: int | None = None
+    """How many events came after the head that was asked about; None: none was, or not found."""
+
+    @property
+    def exit_code(self) -> int:
+        """Return 0 good, 3 torn tail and nothing else, 4 damage, 5 not a log."""
+        worst = max((finding.severity for finding in self.findings), default=Severity.NOTE)
+        return _EXIT_CODES.get(worst, EXIT_GOOD)
+
+    def moved(self, source: Path, target: Path) -> Verification:
+        """Return the same of a folder that people know by another path."""
+        findings = tuple(
+            replace(finding, path=target / finding.path.relative_to(source))
+            for finding in self.findings
+        )
+        return replace(self, path=target, findings=findings)
+
+    def of(self, *severities: Severity) -> list[Finding]:
+        """Return the findings of these severities."""
+        return [finding for finding in self.findings if finding.severity in severities]

@@ -1,0 +1,243 @@
+"""Which files of a folder make up a log, in which order, and which do not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from semmap_log.common.command_lines import command_line
+from semmap_log.errors import CorruptLogError, LogAccessError
+from semmap_log.io.disk import TEMPORARY_SUFFIX
+from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
+from semmap_log.store.closed_mark import ClosedMark, read_mark
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    CLOSED_MARK_NAME,
+    RECOVERING_NAME,
+    TORN_SUFFIX,
+    number_in,
+)
+from semmap_log.store.verification.file_heads import SegmentFile, look_at
+from semmap_log.store.verification.findings import Finding, Severity
+
+
+@dataclass(slots=True)
+class FolderFiles:
+    """The files of a log, sorted out."""
+
+    folder: Path
+    segments: list[SegmentFile] = field(default_factory=list)
+    """In the order of their numbers."""
+    leftovers: list[SegmentFile] = field(default_factory=list)
+    """Segments that were merged into others and not removed yet."""
+    missing: dict[int, int] = field(default_factory=dict)
+    """Number of a segment behind a gap -> the first number that is missing before it."""
+    findings: list[Finding] = field(default_factory=list)
+    mark: ClosedMark | None = None
+    """How far it reached, as was known before the files were listed."""
+    listed: frozenset[str] = frozenset()
+    """What metadata.yaml named as closed before the files were listed."""
+
+    def has(self, number: int) -> bool:
+        """Tell whether a segment stands for that number."""
+        return any(s.number <= number <= s.last_number for s in self.segments)
+
+    def lacks(self, number: int) -> bool:
+        """Tell whether segments that follow show that this one is missing."""
+        return any(first <= number < behind for behind, first in self.missing.items())
+
+
+def arrange(path: Path) -> FolderFiles:
+    """Return the segments of a log's folder, or of a single file.
+
+    Raises:
+        LogAccessError: Something cannot be read.
+        LogError: It is of another format version.
+        Vanished: A file went away meanwhile.
+    """
+    found = FolderFiles(path)
+    if path.suffix == ".mcap" and not path.is_dir():
+        one = look_at(path)
+        found.segments = [one] if one else []
+        if one is None:
+            found.findings.append(_alien(path, "not a segment of a semmap log"))
+        return found
+    if not path.is_dir():
+        found.findings.append(
+            _alien(path, "no such log: expected a folder, a zip of it, or one .mcap file")
+        )
+        return found
+    found.mark = _mark(found)
+    found.listed = frozenset(listed_names(_bag_metadata_of(path)))
+    try:
+        names = sorted(p for p in path.iterdir())
+    except OSError as error:
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    ours: list[SegmentFile] = []
+    for name in names:
+        if name.suffix == ".mcap":
+            one = look_at(name)
+            if one is not None:
+                ours.append(one)
+            else:
+                text = "a foreign file: no segment of a semmap log; move it elsewhere"
+                found.findings.append(_damage("foreign", name, text))
+    if not ours:
+        found.findings = [_alien(path, "no segment of a semmap log is in this folder")]
+        return found
+    found.findings += _notes(names)
+    _sort_out(found, ours)
+    return found
+
+
+def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None) -> list[Finding]:
+    """Compare metadata.yaml with the closed segments; it is a cache, but it knows what there was.
+
+    What it names only now was closed while the files were read, and is no evidence against them.
+
+    Args:
+        found: The log's files.
+        closed: What their own bytes say of the closed segments; None: not all can be read.
+    """
+    path, text = found.folder / BAG_METADATA_NAME, _bag_metadata_of(found.folder)
+    findings = []
+    for name in listed_names(text):
+        if name not in found.listed:
+            continue
+        number = number_in(name)
+        present = next((s for s in found.segments if s.path.name == name), None)
+        if present is not None and not present.is_closed:
+            problem = f"{BAG_METADATA_NAME} names it as closed, but no footer ends it: it was cut"
+            findings.append(_damage("shortened", present.path, problem))
+        is_known = number is None or found.has(number) or found.lacks(number)
+        if present is None and not is_known:
+            problem = f"{BAG_METADATA_NAME} names it, but it is missing: the log's tail was cut"
+            findings.append(_damage("missing", found.folder / name, problem))
+    expected = bag_metadata_text(closed) if closed else ""
+    if closed is not None and text != expected and not findings:
+        problem = (
+            f"{BAG_METADATA_NAME}, by which other tools open the folder, does not describe the "
+            "closed segments; the next writer makes it anew"
+        )
+        findings.append(Finding("metadata", Severity.WARNING, path, None, None, problem))
+    return findings
+
+
+def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> list[Finding]:
+    """Compare how far the log reached, as closed.json tells, with how far it does.
+
+    Args:
+        found: The log's files.
+        next_event: The number behind its last event.
+        head: Hash of its commit that ends where closed.json says; None: none ends there.
+    """
+    mark = found.mark
+    if mark is None:
+        return []
+    path, last = found.folder / CLOSED_MARK_NAME, found.segments[-1]
+    if last.header is not None and last.header.info.log_id != mark.log_id:
+        text = f"it tells of the log {mark.log_id}, not of this one"
+        return [_damage("mark", path, text)]
+    if next_event < mark.next_event:
+        where = last.path if last.last_number >= mark.segment else path
+        text = (
+            f"the log's last segment that was closed ended before event {mark.next_event} "
+            f"({CLOSED_MARK_NAME}), and now all ends before event {next_event}: a segment was "
+            "cut, is missing, or is an older state of itself"
+        )
+        lost = (next_event, mark.next_event - 1)
+        return [Finding("shortened", Severity.DAMAGE, where, None, lost, text)]
+    if mark.next_event and head is not None and head.hex() != mark.head:
+        text = (
+            f"the commit before event {mark.next_event} is not the one that {CLOSED_MARK_NAME} "
+            "tells of: one of the two is of another copy of this log"
+        )
+        return [_damage("mark", last.path, text)]
+    return []
+
+
+def _bag_metadata_of(folder: Path) -> str:
+    """Return the text of metadata.yaml; nothing where there is none.
+
+    Raises:
+        LogAccessError: It cannot be read.
+    """
+    try:
+        return LogFolder(folder).read_bytes(BAG_METADATA_NAME).decode(errors="replace")
+    except (FileNotFoundError, LogAccessError):  # or it is no regular file
+        return ""
+    except OSError as error:
+        path = folder / BAG_METADATA_NAME
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+
+
+def _mark(found: FolderFiles) -> ClosedMark | None:
+    try:
+        return read_mark(LogFolder(found.folder))
+    except CorruptLogError as error:
+        found.findings.append(_damage("mark", error.path, error.problem))
+        return None
+
+
+def _sort_out(found: FolderFiles, ours: list[SegmentFile]) -> None:
+    """Tell the log's segments from those of other logs, leftovers and copies."""
+    ids = Counter(f.header.info.log_id for f in ours if f.header is not None)
+    log_id = max(ids, key=lambda one: ids[one], default="")
+    last: SegmentFile | None = None
+    for file in sorted(ours, key=lambda f: (f.number, -f.last_number, f.path.name)):
+        if file.header is not None and file.header.info.log_id != log_id:
+            other = file.header.info.log_id
+            text = f"of another log: expected the log id {log_id}, got {other}; move it elsewhere"
+            found.findings.append(_damage("foreign", file.path, text))
+            continue
+        if last is not None and file.number <= last.last_number:
+            _add_second(found, file, last)
+            continue
+        expected = 0 if last is None else last.last_number + 1
+        if file.number > expected:
+            found.missing[file.number] = expected
+        if file.header is not None and file.named_number not in (None, file.number):
+            text = (
+                f"its name says segment {file.named_number}, its header segment {file.number}: "
+                "it was renamed, or two files were swapped"
+            )
+            found.findings.append(_damage("name", file.path, text))
+        found.segments.append(file)
+        last = file
+
+
+def _add_second(found: FolderFiles, file: SegmentFile, last: SegmentFile) -> None:
+    """Take in a file whose number another one has, or stands for."""
+    is_inside = (file.number, file.last_number) != (last.number, last.last_number)
+    if file.header is not None and is_inside and file.last_number <= last.last_number:
+        found.leftovers.append(file)
+        return
+    text = f"segment {file.number} is there twice: {last.path.name} has it, too"
+    found.findings.append(_damage("duplicated", file.path, text))
+
+
+def _notes(names: list[Path]) -> list[Finding]:
+    """Return what lies beside the segments and is harmless."""
+    findings = []
+    for path in names:
+        if TORN_SUFFIX in path.name:
+            text = "what a crash left behind the last whole commit, kept; you may remove it"
+        elif path.name.startswith(".") and path.name.endswith(TEMPORARY_SUFFIX):
+            text = "a file that a writer did not finish; the next one removes it"
+        elif path.name == RECOVERING_NAME:
+            line = command_line("recover", path.parent)
+            text = f"a recovery was interrupted at its last step; to finish it: {line}"
+        else:
+            continue
+        findings.append(Finding("leftover", Severity.NOTE, path, None, None, text))
+    return findings
+
+
+def _alien(path: Path, text: str) -> Finding:
+    return Finding("not a log", Severity.NOT_A_LOG, path, None, None, text)
+
+
+def _damage(kind: str, path: Path, text: str) -> Finding:
+    return Finding(kind, Severity.DAMAGE, path, None, None, text)

@@ -1,0 +1,333 @@
+"""What holds between the records of a log: event numbers, times, and the hash chain, recomputed.
+
+A commit counts when it is whole: its events follow each other by number and by nanosecond, its
+Commit record says so, and the hash that is computed from all of its records is the one it bears.
+What is wrong stays open until the next whole commit (or segment) tells how many events were lost.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from semmap_log.common.wording import counted
+from semmap_log.domain.commits import Commit, Durability, Note
+from semmap_log.messages import deserialize, layout, type_name
+from semmap_log.store.commit_records import HASH_BYTES, NO_HASH, commit_hash
+from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kind_of_channel
+from semmap_log.store.header import SegmentHeader
+from semmap_log.store.records import MESSAGE
+from semmap_log.store.verification.findings import Finding, Severity
+from semmap_log.store.verification.pieces import Message, Piece
+
+Report = Callable[[Finding], None]
+_NO_NOTE = Note()
+
+SEQUENCE_RANGE = 2**32
+
+
+@dataclass(slots=True)
+class CommitPart:
+    """What a commit has in one chunk."""
+
+    piece: Piece
+    first: int
+    """Its first message there, by its place in `piece.messages`."""
+    last: int
+    """Behind its last."""
+
+
+@dataclass(slots=True)
+class WholeCommit:
+    """A commit that is as it was written, and where it lies."""
+
+    commit: Commit
+    parts: list[CommitPart]
+    """Its events and its note; empty where nobody asked for them."""
+
+
+OnCommit = Callable[[WholeCommit], None]
+
+
+@dataclass(slots=True)
+class _Pending:
+    """The records of a commit whose Commit record has not come yet."""
+
+    first_event: int
+    count: int = 0
+    last_ns: int = -1
+    problem: str = ""
+    note: Note = _NO_NOTE
+    has_note: bool = False
+    digests: dict[int, Any] = field(default_factory=dict)
+    parts: list[CommitPart] = field(default_factory=list)
+
+    def add(self, channel: int, record: bytes | memoryview, log_ns: int) -> None:
+        """Take a record in; within a commit each is one nanosecond later than the one before."""
+        if self.last_ns >= 0 and log_ns != self.last_ns + 1:
+            self.wrong(f"a record of {log_ns} ns follows one of {self.last_ns} ns")
+        self.last_ns = log_ns
+        digest = self.digests.get(channel)
+        if digest is None:
+            digest = self.digests[channel] = hashlib.sha256()
+        digest.update(record)
+
+    def keep(self, piece: Piece, i: int) -> None:
+        """Remember where its records are."""
+        if not self.parts or self.parts[-1].piece is not piece:
+            self.parts.append(CommitPart(piece, i, i))
+        self.parts[-1].last = i + 1
+
+    def wrong(self, problem: str) -> None:
+        """Remember the first thing that is wrong with it."""
+        self.problem = self.problem or problem
+
+
+class Chain:
+    """Takes chunk after chunk of a log, in order, and reports what does not follow."""
+
+    def __init__(
+        self, report: Report, on_commit: OnCommit | None = None, *, keep_parts: bool = False
+    ) -> None:
+        """Begin before the first segment.
+
+        Args:
+            report: Takes each finding.
+            on_commit: Takes each commit that is whole and in its place.
+            keep_parts: Whether to tell it where the commit's records are.
+        """
+        self.next_event = 0
+        self.head = NO_HASH
+        self.commits = 0
+        self.events = 0
+        self.last_ns = -1
+        self.last_seen = -1
+        """The greatest event number seen in a chunk that was whole, whatever came of it."""
+        self.breaks = 0
+        """How often something was wrong with it."""
+        self._report = report
+        self._on_commit = on_commit
+        self._keep_parts = keep_parts
+        self._pending: _Pending | None = None
+        self._open: list[Finding] = []
+        self._path = Path()
+
+    def start_at(self, header: SegmentHeader) -> None:
+        """Begin in the middle of a log, as the first segment's header says."""
+        self.next_event, self.head = header.first_event, header.hash_so_far
+        self.last_seen = header.first_event - 1
+
+    def begin_segment(self, path: Path, header: SegmentHeader | None) -> None:
+        """Go on in the next segment; None: its header cannot be read, so it is not asked."""
+        self._path = path
+        if header is None:
+            return
+        if self._pending is not None:
+            self.wrong("commit", path, None, "the segment before ends in the middle of a commit")
+        if header.first_event > self.next_event:
+            if not self._open:
+                problem = f"expected event {self.next_event} next, its header says "
+                self.wrong("missing", path, None, f"{problem}{header.first_event}")
+            self._settle(header.first_event)
+            self.head = header.hash_so_far
+        elif header.first_event < self.next_event:
+            self._report(
+                _damage(
+                    "header",
+                    path,
+                    f"its header says that it begins at event {header.first_event}, but "
+                    f"event {self.next_event} is the next",
+                )
+            )
+        elif header.hash_so_far != self.head:
+            self.wrong(
+                "chain",
+                path,
+                None,
+                f"its header says that the commit before has the hash "
+                f"{header.hash_so_far.hex()[:16]}…, that one's is {self.head.hex()[:16]}…: "
+                "it does not belong behind it, or commits were cut off before it",
+            )
+            self.head = header.hash_so_far
+            self._settle(header.first_event)
+
+    def wrong(self, kind: str, path: Path, offset: int | None, text: str) -> None:
+        """Note damage; which events it cost shows when whole commits come again."""
+        self.breaks += 1
+        self._open.append(Finding(kind, Severity.DAMAGE, path, offset, None, text))
+        self._pending = None
+
+    def add(self, piece: Piece) -> None:
+        """Take the next chunk."""
+        self._check_times(piece)
+        records = piece.records
+        for i, message in enumerate(piece.messages):
+            channel, _, _, _, start, end = message
+            if channel == KEYFRAME_CHANNEL:
+                self._keyframe(piece, message)
+            elif channel == COMMIT_CHANNEL:
+                self._commit(piece, i, records[start:end])
+            else:
+                self._add_to_commit(piece, i, records[start:end])
+
+    def end(self, *, last_known: int | None = None) -> None:
+        """Report what is still open: nothing follows that would tell what was lost."""
+        first = self.next_event
+        last = max(self.last_seen, last_known if last_known is not None else -1)
+        lost = (first, last if last >= first else None)
+        for finding in self._open:
+            self._report(replace(finding, events=lost))
+        self._open = []
+
+    def forget_unfinished(self) -> int:
+        """Leave out the commit that was begun; return how many events of it have come."""
+        count = 0 if self._pending is None else self._pending.count
+        self._pending = None
+        return count
+
+    def _number(self, sequence: int) -> int:
+        """Return the event number with these low 32 bits that is nearest to the next one."""
+        half = SEQUENCE_RANGE // 2
+        ahead = (sequence - self.next_event + half) % SEQUENCE_RANGE - half
+        return self.next_event + ahead
+
+    def _check_times(self, piece: Piece) -> None:
+        last = self.last_ns
+        is_rising = True
+        for channel, _, time, *_ in piece.messages:
+            is_rising &= time > last or (time == last and channel == KEYFRAME_CHANNEL)
+            last = time
+        if not is_rising:
+            problem = f"its log times do not rise from {self.last_ns} ns on"
+            self._report(_damage("time", self._path, problem, piece.stored.offset))
+        self.last_ns = max(self.last_ns, *(message[2] for message in piece.messages))
+
+    def _keyframe(self, piece: Piece, message: Message) -> None:
+        pending = self._pending
+        behind = self.next_event if pending is None else pending.first_event + pending.count
+        is_here = (message[1] - behind + 1) % SEQUENCE_RANGE == 0
+        if not self._open and not (is_here and message[2] == message[3]):
+            problem = f"a keyframe that is not of event {behind - 1}, behind which it is"
+            self.wrong("keyframe", self._path, piece.stored.offset, problem)
+
+    def _add_to_commit(self, piece: Piece, i: int, record: bytes | memoryview) -> None:
+        channel, sequence, log_ns, publish_ns, *_ = piece.messages[i]
+        pending = self._pending
+        if pending is None:
+            pending = self._pending = _Pending(self._number(sequence))
+        if self._keep_parts:
+            pending.keep(piece, i)
+        pending.add(channel, record, log_ns)
+        expected = pending.first_event + pending.count
+        if channel == NOTE_CHANNEL:
+            pending.note = self._note(pending, record)
+            if (sequence - expected + 1) % SEQUENCE_RANGE or log_ns != publish_ns:
+                pending.wrong("a note that is not of its last event")
+        elif kind_of_channel(channel) is None:
+            pending.wrong(f"a message on channel {channel}, which is none of ours")
+        elif (sequence - expected) % SEQUENCE_RANGE:
+            pending.wrong(f"expected event {expected}, got one with the sequence {sequence}")
+        elif pending.has_note:
+            pending.wrong("an event behind the commit's note")
+        else:
+            pending.count += 1
+            self.last_seen = max(self.last_seen, expected)
+
+    def _note(self, pending: _Pending, record: bytes | memoryview) -> Note:
+        if pending.has_note:
+            pending.wrong("two notes")
+        pending.has_note = True
+        try:
+            said = deserialize(type_name("CommitNote"), record[MESSAGE.size :])
+            return Note(said.actor, said.source, said.reason, said.correlation, bytes(said.salt))
+        except ValueError as error:
+            pending.wrong(f"its note: {error}")
+            return Note()
+
+    def _commit(self, piece: Piece, i: int, record: bytes | memoryview) -> None:
+        pending = self._pending or _Pending(self.next_event)
+        begun, offset = self._pending is not None, piece.stored.offset
+        self._pending = None
+        _, sequence, log_ns, publish_ns, *_ = piece.messages[i]
+        digests = {channel: digest.digest() for channel, digest in pending.digests.items()}
+        pending.add(COMMIT_CHANNEL, record, log_ns)
+        said = _fields_of(record)
+        if said is None:
+            self.wrong("commit", self._path, offset, "a Commit record that cannot be read")
+            return
+        first, count = said["first_event"], said["count"]
+        self.last_seen = max(self.last_seen, min(first + count, 2**63) - 1)
+        if (first, count) != (pending.first_event, pending.count):
+            got = f"{pending.count} from {pending.first_event} on"
+            has = counted(count, "event")
+            pending.wrong(f"the commit has {has} from {first} on, but {got} are here")
+        if not count:
+            pending.wrong("a commit without events")
+        if (sequence - first - count + 1) % SEQUENCE_RANGE or log_ns != publish_ns:
+            pending.wrong("its Commit record does not bear its last event's number and time")
+        if commit_hash(record, digests) != bytes(record[-HASH_BYTES:]):
+            pending.wrong("its hash is not that of its records")
+        if said["durable_before"] > first:
+            pending.wrong("it calls events durable that come after it")
+        if pending.problem:
+            is_rest = self._open and (not begun or pending.first_event > first)
+            if not is_rest:  # of a commit whose beginning is known to be lost
+                self.wrong("commit", self._path, offset, pending.problem)
+            return
+        has_note = pending.has_note
+        commit = Commit(
+            recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
+        )
+        self._place(WholeCommit(commit, pending.parts), offset)
+
+    def _place(self, whole: WholeCommit, offset: int) -> None:
+        """Put a commit that is whole behind the last one, if it belongs there."""
+        commit = whole.commit
+        if commit.first_event < self.next_event:
+            last = commit.last_event
+            problem = f"events {commit.first_event}..{last} come a second time"
+            self._report(_damage("repeated", self._path, problem, offset))
+            return
+        if commit.first_event > self.next_event and not self._open:
+            problem = f"expected event {self.next_event} next, got {commit.first_event}"
+            self.wrong("missing", self._path, offset, problem)
+        elif commit.first_event == self.next_event and commit.previous_hash != self.head:
+            problem = (
+                f"the commit of event {commit.first_event} follows one with the hash "
+                f"{commit.previous_hash.hex()[:16]}…, but the one before has "
+                f"{self.head.hex()[:16]}…"
+            )
+            self.wrong("chain", self._path, offset, problem)
+        self._settle(commit.first_event)
+        self.next_event, self.head = commit.last_event + 1, commit.hash
+        self.commits += 1
+        self.events += commit.count
+        if self._on_commit is not None:
+            self._on_commit(whole)
+
+    def _settle(self, next_event: int) -> None:
+        """Report what is open, now that it is known which event comes next."""
+        lost = (self.next_event, next_event - 1) if next_event > self.next_event else None
+        for finding in self._open:
+            self._report(replace(finding, events=lost))
+        self._open = []
+        self.next_event = next_event
+
+
+def _damage(kind: str, path: Path, text: str, offset: int | None = None) -> Finding:
+    return Finding(kind, Severity.DAMAGE, path, offset, None, text)
+
+
+def _fields_of(record: bytes | memoryview) -> dict[str, Any] | None:
+    """Return the fields of a Commit record; None: it is none."""
+    commit = layout("Commit")
+    if len(record) != MESSAGE.size + commit.dtype.itemsize:
+        return None
+    said = commit.unpack(record, MESSAGE.size)
+    if said["durability"] not in list(Durability):
+        return None
+    said["durability"] = Durability(said["durability"])
+    return said

@@ -1,0 +1,444 @@
+"""Reads every byte of a log and says what is not as it was written."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from semmap_log.common.wording import counted
+from semmap_log.errors import CorruptLogError, LogError, NotALogError
+from semmap_log.store.bag_metadata import ClosedSegment
+from semmap_log.store.clock_check import ClockCheck
+from semmap_log.store.commit_records import NO_HASH
+from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
+from semmap_log.store.header import SegmentHeader
+from semmap_log.store.newer import NOTHING_NEWER, is_later_kind
+from semmap_log.store.newer import name_of as name_of_kind
+from semmap_log.store.verification.closing import (
+    Contents,
+    closing_flaws,
+    is_torn_closing,
+    is_whole_closing,
+    summary_flaws,
+)
+from semmap_log.store.verification.file_bytes import Vanished
+from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
+from semmap_log.store.verification.findings import Finding, Severity, Verification
+from semmap_log.store.verification.folder_files import (
+    FolderFiles,
+    arrange,
+    bag_metadata_findings,
+    mark_findings,
+)
+from semmap_log.store.verification.hash_chain import Chain, OnCommit, WholeCommit
+from semmap_log.store.verification.keyframe_check import KeyframeCheck, KeyframePlace
+from semmap_log.store.verification.pieces import Piece
+from semmap_log.store.verification.walk import Flaw, Gap, SegmentWalk
+from semmap_log.store.zipped import is_zip, unpacked
+
+Progress = Callable[[int, int], None]
+"""Called with (bytes done, bytes in all)."""
+
+TORN_KINDS = ("message index", "times")
+"""Flaws around a chunk that a crash in the middle of its write can leave."""
+
+_ATTEMPTS = 5
+"""How often to begin anew when a compaction replaces files under our hands."""
+
+
+def verify(path: Path, head: bytes | None = None, progress: Progress | None = None) -> Verification:
+    """Read all of a log, or one segment of it, and return what is wrong.
+
+    Nothing is written, and no lock is taken. While a writer is at work, a commit that is half
+    written looks like a torn tail.
+
+    Args:
+        path: The log's folder, one .mcap file, or a zip file with a log in it.
+        head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
+            cut off since.
+        progress: Told how many bytes are read.
+
+    Raises:
+        LogAccessError: The file system does not let us read it.
+        LogError: It is of another format version.
+    """
+    if is_zip(path):
+        try:
+            files = unpacked(path)
+        except (NotALogError, CorruptLogError) as error:
+            return Verification(path, (_of_zip(path, error),))
+        return verify(files.path, head, progress).moved(files.path, path)
+    for _ in range(_ATTEMPTS):
+        with suppress(Vanished):
+            return Verifier(path, head, progress).run()
+    raise LogError(f"{path}: its files change faster than they can be read; try again.")
+
+
+def _of_zip(path: Path, error: NotALogError | CorruptLogError) -> Finding:
+    text = str(error).removeprefix(f"{path}: ")
+    if isinstance(error, NotALogError):
+        return Finding("not a log", Severity.NOT_A_LOG, path, None, None, text)
+    return Finding("zip", Severity.DAMAGE, path, None, None, text)
+
+
+class Verifier:
+    """One reading of a log."""
+
+    def __init__(
+        self,
+        path: Path,
+        head: bytes | None = None,
+        progress: Progress | None = None,
+        on_commit: OnCommit | None = None,
+        *,
+        keep_parts: bool = False,
+    ) -> None:
+        """Prepare to read.
+
+        Args:
+            path: As for `verify`.
+            head: As for `verify`.
+            progress: As for `verify`.
+            on_commit: Takes each commit that is whole and in its place.
+            keep_parts: Whether it wants the commit's records: a long commit is in memory then.
+        """
+        self.path = path
+        self.chain = Chain(self._report, self._commit, keep_parts=keep_parts)
+        self.arrangement = FolderFiles(path)
+        self.findings: list[Finding] = []
+        self._head = head
+        self._progress = progress
+        self._on_commit = on_commit
+        self._clock = ClockCheck()
+        self._keyframes = KeyframeCheck(self._report, self._reread)
+        self._bytes = self._todo = 0
+        self._head_event: int | None = -1 if head == NO_HASH else None
+        self._breaks = 0
+        self._merged: dict[int, tuple[Path, bytes]] = {}
+        """Last event of a leftover -> its file, and the hash of that event's commit."""
+        self._closed: list[ClosedSegment] = []
+        self._current = Path()
+        self.headers: list[SegmentHeader] = []
+        """Of the segments so far, with what later versions have put there."""
+        self.newer: Counter[str] = Counter()
+        """How many events there are of each kind that is unknown here."""
+        self.has_unknown_changes = False
+        """Whether some of them may have changed more than themselves."""
+        self._marked: bytes | None = None
+        """Hash of the commit that ends where closed.json says that the log ended once."""
+
+    def run(self) -> Verification:
+        """Return what was found."""
+        self.arrangement = found = arrange(self.path)
+        self.findings += found.findings
+        if not found.segments:
+            return Verification(self.path, tuple(self.findings))
+        self._todo = sum(file.size for file in (*found.segments, *found.leftovers))
+        self._leftovers(found.leftovers)
+        self._begin(found.segments[0])
+        for i in range(len(found.segments)):
+            self._segment(i)
+        self.chain.end()
+        self._keyframes.finish()
+        if found.folder.is_dir():
+            self._folder(found)
+        self._check_head()
+        if self.newer or any(header.minor > FORMAT_MINOR for header in self.headers):
+            self.findings.append(self._newer_finding())
+        return self._result(found)
+
+    def _begin(self, first: SegmentFile) -> None:
+        """Begin at event 0; a single file of a log's middle, where its header says."""
+        if self.path == first.path and first.header is not None:
+            self.chain.start_at(first.header)
+        if self.chain.next_event == 0:
+            self._keyframes.begin()
+
+    def _segment(self, i: int) -> None:
+        file = self.arrangement.segments[i]
+        self._current = file.path
+        is_last = i == len(self.arrangement.segments) - 1
+        is_live = is_last and not file.is_closed
+        contents = Contents(file.header_end, file.header, is_complete=file.header_end > 0)
+        self._check_place(file, contents)
+        with bytes_of(file) as data:
+            self._bytes += len(data)
+            data.try_all()
+            walk = SegmentWalk(data, file.header_end, file.header)
+            is_whole = self._chunks(i, walk, contents, is_live=is_live)
+            contents.header = walk.header
+            if walk.header is not None:
+                self.headers.append(walk.header)
+            if is_whole:
+                self._end_of_segment(file, walk, contents, is_live=is_live)
+            for start, end in data.unreadable:
+                self._damage("unreadable", start, f"the disk does not give bytes {start}..{end}")
+        if self.chain.breaks != self._breaks:
+            self._breaks = self.chain.breaks
+            self._keyframes.forget()
+
+    def _check_place(self, file: SegmentFile, contents: Contents) -> None:
+        """Check what the head says, and that nothing is missing before it."""
+        missing_from = self.arrangement.missing.get(file.number)
+        if missing_from is not None and self.path != file.path:
+            many = file.number - missing_from
+            what = (
+                f"segment {missing_from} is"
+                if many == 1
+                else (f"segments {missing_from}..{file.number - 1} are")
+            )
+            path = name_of(file, missing_from)
+            self.chain.wrong("missing", path, None, f"{what} missing before {file.path.name}")
+        if file.problem:
+            at = 0 if "magic" in file.problem else len(first_bytes())
+            self._damage("header", at, file.problem)
+            contents.is_flawless = False
+        self.chain.begin_segment(file.path, file.header)
+
+    def _chunks(self, i: int, walk: SegmentWalk, contents: Contents, *, is_live: bool) -> bool:
+        """Take all chunks of a segment; return False where the rest of it is a torn tail."""
+        chain, path = self.chain, self._current
+        for item in walk:
+            if isinstance(item, Piece):
+                self._note_newer(item, walk)
+                self._piece(item, KeyframePlace(i, item.stored.offset))
+                if is_live and not item.is_compressed_as_usual(walk.file):
+                    self._report(_unusual(path, item.stored.offset))
+                contents.add(item)
+                if self._progress is not None:
+                    self._progress(self._bytes - len(walk.file) + item.end, self._todo)
+            elif isinstance(item, Flaw):
+                contents.is_flawless = False
+                is_head = not contents.chunks  # the keyframe: synced before the file has its name
+                if not self._flaw(item, walk, is_live=is_live and not is_head):
+                    return False
+            elif is_live and self._is_torn(item, walk):
+                chain.forget_unfinished()
+                self._torn(item.start, len(walk.file), item.text)
+                return False
+            else:
+                contents.is_complete = False
+                chain.wrong("chunk", path, item.start, f"{item.text}; to byte {item.end}")
+                self._keyframes.forget()
+        return True
+
+    def _piece(self, piece: Piece, place: KeyframePlace) -> None:
+        expected, breaks = self.chain.next_event, self._breaks
+        self.chain.add(piece)
+        self._breaks = self.chain.breaks
+        if self._breaks != breaks:
+            self._keyframes.forget()
+        else:
+            self._keyframes.add(self._current, piece, place, expected)
+
+    def _note_newer(self, piece: Piece, walk: SegmentWalk) -> None:
+        """Count events of kinds unknown here; no keyframe can be folded behind some of them."""
+        unknown = {c: n for c, n in piece.counts.items() if is_later_kind(c)}
+        if unknown:
+            newer = walk.header.newer if walk.header is not None else NOTHING_NEWER
+            self.newer.update({name_of_kind(c, newer.names): n for c, n in unknown.items()})
+            if not unknown.keys() <= newer.harmless:
+                self.has_unknown_changes = True
+                self._keyframes.give_up()
+
+    def _is_torn(self, gap: Gap, walk: SegmentWalk) -> bool:
+        """Tell whether a bad place in a live segment can be what a crash left."""
+        if gap.start == walk.head_end:
+            return False  # the head and its keyframe are synced before the file has its name
+        return not walk.is_durable_behind(gap.end, self.chain.next_event)
+
+    def _flaw(self, flaw: Flaw, walk: SegmentWalk, *, is_live: bool) -> bool:
+        """Report a flaw around a chunk; return False where it makes the rest a torn tail."""
+        is_torn = (
+            is_live
+            and flaw.kind in TORN_KINDS
+            and not walk.is_durable_behind(flaw.offset + 1, self.chain.next_event)
+        )
+        if not is_torn:
+            self._damage(flaw.kind, flaw.offset, flaw.text)
+            return True
+        if flaw.kind == "message index":  # which is made anew: the chunk before it counts
+            self._torn(flaw.offset, flaw.offset, flaw.text)
+            return True
+        self.chain.forget_unfinished()
+        self._torn(flaw.offset, len(walk.file), flaw.text)
+        return False
+
+    def _end_of_segment(
+        self, file: SegmentFile, walk: SegmentWalk, contents: Contents, *, is_live: bool
+    ) -> None:
+        data, at = walk.file, walk.pieces_end
+        if is_live:
+            self._end_of_live(walk, contents)
+        elif contents.is_complete and not file.is_closed and is_whole_closing(data, at, contents):
+            self._report_all(closing_flaws(data, at, contents))
+        elif not file.is_closed:
+            text = "segments follow it, so it was closed once, but no footer ends it: it was cut"
+            self.chain.wrong("shortened", file.path, at, text)
+        elif not contents.is_complete:
+            self._report_all(summary_flaws(data))
+        elif data[at : at + 1] == bytes([Opcode.METADATA]):
+            self._report_all(closing_flaws(data, at, contents))
+            self._closed.append(contents.closed_segment(file.path.name))
+        else:
+            self.chain.wrong("chunk", file.path, at, walk.problem)
+            self._report_all(summary_flaws(data))
+
+    def _end_of_live(self, walk: SegmentWalk, contents: Contents) -> None:
+        data, at = walk.file, walk.pieces_end
+        unfinished = self.chain.forget_unfinished()
+        if at <= walk.head_end:
+            text = walk.problem or "the keyframe at its head is missing"
+            self.chain.wrong("chunk", self._current, at, text)
+        elif at == len(data):
+            if unfinished:
+                events = counted(unfinished, "event")
+                text = f"a commit that was not finished: {events} without a Commit"
+                self._torn(at, at, text)
+        elif contents.is_complete and is_torn_closing(data, at, contents):
+            self._torn(at, len(data), "the closing was not finished")
+        elif contents.is_complete and is_whole_closing(data, at, contents):
+            self._report_all(closing_flaws(data, at, contents))
+        else:
+            self._torn(at, len(data), walk.problem)
+
+    def _leftovers(self, files: list[SegmentFile]) -> None:
+        """Read segments that were merged into others: their last hash must come again there."""
+        for file in files:
+            found: list[Finding] = []
+            chain = Chain(found.append)
+            assert file.header is not None
+            chain.start_at(file.header)
+            with bytes_of(file) as data:
+                self._bytes += len(data)
+                for item in SegmentWalk(data, file.header_end, file.header):
+                    if isinstance(item, Piece):
+                        chain.add(item)
+            if chain.commits:
+                self._merged[chain.next_event - 1] = (file.path, chain.head)
+            self.findings.append(_leftover(file.path, is_whole=not found))
+
+    def _commit(self, whole: WholeCommit) -> None:
+        commit = whole.commit
+        mark = self.arrangement.mark
+        if mark is not None and mark.next_event == commit.last_event + 1:
+            self._marked = commit.hash
+        if commit.hash == self._head:
+            self._head_event = commit.last_event
+        path, wanted = self._merged.pop(commit.last_event, (self._current, commit.hash))
+        if wanted != commit.hash:
+            text = "its number is that of a merged segment, but its commits are others"
+            self.findings.append(Finding("duplicated", Severity.DAMAGE, path, None, None, text))
+        suspect = self._clock.add(commit)
+        if suspect is not None:
+            events = (commit.first_event, commit.last_event)
+            finding = Finding(
+                "clock", Severity.NOTE, self._current, None, events, f"suspect: {suspect.text}"
+            )
+            self.findings.append(finding)
+        if self._on_commit is not None:
+            self._on_commit(whole)
+
+    def _folder(self, found: FolderFiles) -> None:
+        """Compare what closed.json and metadata.yaml know; a leftover's hash must have come."""
+        mark = found.mark
+        damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
+        marks = mark_findings(found, self.chain.next_event, self._marked)
+        self.findings += [finding for finding in marks if finding.path not in damaged]
+        damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
+        is_all = len(self._closed) == sum(file.is_closed for file in found.segments)
+        closed = self._closed if is_all else None
+        for finding in bag_metadata_findings(found, closed):
+            if finding.path not in damaged:
+                last = None if mark is None else mark.next_event - 1
+                lost = (self.chain.next_event, last) if finding.kind == "missing" else None
+                self.findings.append(replace(finding, events=lost))
+        for path, _ in self._merged.values():
+            text = "its number is that of a merged segment, but its commits are not in that one"
+            self.findings.append(Finding("duplicated", Severity.DAMAGE, path, None, None, text))
+
+    def _check_head(self) -> None:
+        if self._head is None or self._head_event is not None:
+            return
+        text = (
+            f"expected a commit with the hash {self._head.hex()}, but the log ends with event "
+            f"{self.chain.next_event - 1} and the head {self.chain.head.hex()}: its tail was "
+            "cut, or the log was rewritten"
+        )
+        self.findings.append(Finding("head", Severity.DAMAGE, self.path, None, None, text))
+
+    def _newer_finding(self) -> Finding:
+        minor = max((header.minor for header in self.headers), default=0)
+        text = f"a newer version of semmap-log has written to it (format {FORMAT_VERSION}.{minor})"
+        if self.newer:
+            what = ", ".join(f"{count} {kind}" for kind, count in self.newer.items())
+            text += f"; unknown here: {what}: their bytes and their place were checked, no more"
+        if self.has_unknown_changes:
+            text += "; nor were keyframes behind them"
+        return Finding("newer", Severity.NOTE, self.path, None, None, text)
+
+    def _result(self, found: FolderFiles) -> Verification:
+        chain = self.chain
+        header = next((f.header for f in found.segments if f.header is not None), None)
+        since = None if self._head_event is None else chain.next_event - 1 - self._head_event
+        return Verification(
+            path=self.path,
+            findings=tuple(sorted(self.findings, key=lambda finding: -finding.severity)),
+            log_id="" if header is None else header.info.log_id,
+            segments=len(found.segments),
+            commits=chain.commits,
+            events=chain.events,
+            keyframes=self._keyframes.compared,
+            size=self._bytes,
+            head=chain.head,
+            events_after_head=since,
+        )
+
+    def _reread(self, place: KeyframePlace) -> Iterator[Piece]:
+        """Yield the chunks from a place on, which were read before and were whole."""
+        for i in range(place.file, len(self.arrangement.segments)):
+            file = self.arrangement.segments[i]
+            with bytes_of(file) as data:
+                for item in SegmentWalk(data, file.header_end, file.header):
+                    at_or_behind = i > place.file or (
+                        isinstance(item, Piece) and item.stored.offset >= place.offset
+                    )
+                    if isinstance(item, Piece) and at_or_behind:
+                        yield item
+
+    def _torn(self, start: int, end: int, text: str) -> None:
+        behind = f"{counted(end - start, 'byte')} behind the last whole commit: "
+        lost = behind if end > start else ""
+        finding = Finding("torn", Severity.TORN, self._current, start, None, f"{lost}{text}")
+        self.findings.append(finding)
+
+    def _damage(self, kind: str, offset: int | None, text: str) -> None:
+        self._report(Finding(kind, Severity.DAMAGE, self._current, offset, None, text))
+
+    def _report_all(self, flaws: Iterable[Flaw]) -> None:
+        for flaw in flaws:
+            self._damage(flaw.kind, flaw.offset, flaw.text)
+
+    def _report(self, finding: Finding) -> None:
+        self.findings.append(finding)
+
+
+def _leftover(path: Path, *, is_whole: bool) -> Finding:
+    text = "was merged into another segment; the next writer removes it"
+    if is_whole:
+        return Finding("leftover", Severity.NOTE, path, None, None, text)
+    text = f"{text}; its own bytes are damaged, which costs nothing"
+    return Finding("leftover", Severity.WARNING, path, None, None, text)
+
+
+def _unusual(path: Path, offset: int) -> Finding:
+    text = (
+        "a chunk is compressed to other bytes than this zstd makes: another version wrote it, or "
+        "a bit of it that means nothing is not as it was. Its records are as they were"
+    )
+    return Finding("compression", Severity.WARNING, path, offset, None, text)

@@ -1,0 +1,249 @@
+"""The segments of a log that is being written: which one takes the next commit, and what of others.
+
+One segment is live. When it is full it is closed, and another begins; a background thread then
+puts the closed one into large compressed chunks. A small closed segment is continued in a copy,
+so that a thousand commands of one line do not make a thousand files.
+"""
+
+from __future__ import annotations
+
+import errno
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from semmap_log.errors import CorruptLogError
+from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
+from semmap_log.store.chunks import BuiltChunk
+from semmap_log.store.closed_mark import ClosedMark, read_mark, write_mark
+from semmap_log.store.compaction.background import BackgroundCompactor
+from semmap_log.store.compaction.rechunk import needs_compaction
+from semmap_log.store.folder import LogFolder, Version
+from semmap_log.store.form import (
+    CONTINUE_BELOW_BYTES,
+    ROLL_AGE_NS,
+    ROLL_BYTES,
+    ROLL_COMMITS,
+    segment_name,
+)
+from semmap_log.store.header import SegmentHeader
+from semmap_log.store.reading.segment_reading import statistics_of
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.segment import SegmentWriter
+from semmap_log.store.writing.recovery import reopened
+
+MOST_LEFT = 16
+"""So many segments are looked at, when a log is opened, for compaction that was left undone."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogEnd:
+    """Where a log ends."""
+
+    next_event: int
+    """Number of the event that comes next."""
+    head: bytes
+    """Hash of the last commit."""
+
+    def mark(self, last: SegmentHeader) -> ClosedMark:
+        """Return what is written down of a log that ends here, its last segment closed."""
+        return ClosedMark(last.info.log_id, last.last_number, self.next_event, self.head.hex())
+
+
+class SegmentChain:
+    """Used by one thread at a time, but for what the background thread reports.
+
+    Every method may raise OSError; after that the live segment must only be abandoned.
+    """
+
+    def __init__(
+        self, folder: LogFolder, closed: Callable[[SegmentWriter], None], *, compacts: bool
+    ) -> None:
+        """Prepare.
+
+        Args:
+            folder: The log's.
+            closed: Told of each segment that was live and is closed, before it is compacted.
+            compacts: Whether full segments are compacted in the background.
+        """
+        self.folder = folder
+        self.live: SegmentWriter | None = None
+        self._header: SegmentHeader
+        """Of the last segment, live or not."""
+        self._small: Segment | None = None
+        """The last segment if it is closed and nothing was written yet: perhaps to continue."""
+        self._older: Sequence[Segment] = ()
+        """Closed segments whose statistics nobody has needed yet."""
+        self._closed: dict[str, ClosedSegment] = {}
+        self._listing = threading.Lock()
+        """Held while metadata.yaml is made: the background thread changes it, too."""
+        self._written: dict[str, Version] = {}
+        """Segments that this writer has closed, or compacted, as they were then."""
+        self._tell_closed = closed
+        self._compacts = compacts
+        self._compactor = BackgroundCompactor(folder, self._compacted)
+
+    def begin(self, header: SegmentHeader, keyframe: BuiltChunk) -> None:
+        """Start a segment: head, keyframe, its name on disk."""
+        name = segment_name(self.folder.name, header.number)
+        segment = SegmentWriter(self.folder, name, header)
+        try:
+            segment.add(keyframe)
+            segment.install()
+        except BaseException:
+            segment.abandon()
+            raise
+        self._header, self.live, self._small = header, segment, None
+
+    def begin_next(self, first_event: int, hash_so_far: bytes, keyframe: BuiltChunk) -> None:
+        """Start the segment after the last."""
+        self.begin(self._header.next(first_event, hash_so_far), keyframe)
+
+    @property
+    def is_single(self) -> bool:
+        """Whether there is one segment, and never was another."""
+        return self._header.number == 0
+
+    def begin_anew(self, keyframe: BuiltChunk) -> None:
+        """Put a new segment in the place of the only one, which holds no events."""
+        first, small = self.live, self._small
+        assert first is not None or small is not None
+        name = first.name if first is not None else small.path.name  # type: ignore[union-attr]
+        self.live = self._small = None
+        segment = SegmentWriter(self.folder, name, self._header)
+        try:
+            segment.add(keyframe)
+            self._list()  # rosbag2's tools must not meet a live segment
+            segment.install(replacing=self.folder.identity(segment.name))
+        except BaseException:
+            segment.abandon()
+            raise
+        finally:
+            if first is not None:
+                first.abandon()
+        self.live = segment
+
+    def take_up(self, segments: Sequence[Segment], end: LogEnd) -> None:
+        """Go on behind these: a live segment is repaired now, a closed one when it is needed."""
+        *older, last = segments
+        self._older, self._header, self._small = older, last.full_header, last
+        if last.closed:
+            self.folder.sync_file(last.path.name)  # who closed it may have been killed before that
+            mark = end.mark(last.header)
+            if read_mark(self.folder) != mark:
+                write_mark(self.folder, mark)
+        else:
+            self.continue_last(end)
+        for segment in reversed(_left_to_compact(older)):
+            self._compact(segment.path.name)
+
+    def continue_last(self, end: LogEnd) -> None:
+        """Make the last segment live again, in a copy, if it is small; else close it."""
+        last, self._small = self._small, None
+        if last is None:
+            return  # a crash left a large one: it was made whole, and closed
+        if last.closed and last.size >= CONTINUE_BELOW_BYTES:
+            self._older = (*self._older, last)
+            return
+        segment = reopened(self.folder, last)
+        self._list()  # rosbag2's tools must not meet a live segment
+        segment.install(replacing=last.source.identity)
+        self.live = segment
+        if segment.size >= CONTINUE_BELOW_BYTES:
+            self.roll(end)
+
+    def is_full(self, now_ns: int) -> bool:
+        """Tell whether the live segment wants another after it."""
+        live = self.live
+        return live is not None and (
+            live.size >= ROLL_BYTES
+            or live.commits >= ROLL_COMMITS
+            or now_ns - live.start_ns >= ROLL_AGE_NS
+        )
+
+    def roll(self, end: LogEnd) -> None:
+        """Close the live segment, since another will follow, and have it compacted."""
+        segment = self.live
+        self.close_live(end)
+        if segment is not None:
+            self._compact(segment.name)
+
+    def close_live(self, end: LogEnd) -> None:
+        """Give the live segment its index and footer, so that every tool reads it.
+
+        Args:
+            end: Where it ends: from then on, a log that ends before is known to be cut.
+        """
+        segment, self.live = self.live, None
+        if segment is not None:
+            try:
+                segment.close()
+            except BaseException:
+                segment.abandon()
+                raise
+            self._tell_closed(segment)
+            self._list(segment.closed_segment())
+            write_mark(self.folder, end.mark(segment.header))
+            self._check_written(segment.name)
+
+    def abandon(self) -> None:
+        """Let go of the live segment as it is."""
+        if self.live is not None:
+            self.live.abandon()
+            self.live = None
+
+    def rest(self, *, wait: bool) -> None:
+        """End the background thread; what it has not done is left to the next writer.
+
+        Args:
+            wait: Let it finish the segment that it is at.
+        """
+        self._compactor.close(wait=wait)
+
+    def _compact(self, name: str) -> None:
+        if self._compacts:
+            self._compactor.add(name)
+
+    def _compacted(self, closed: ClosedSegment) -> None:
+        """Take in that a segment was replaced; called by the background thread."""
+        with self._listing:
+            self._written[closed.name] = self.folder.version(closed.name)
+            self._closed[closed.name] = closed
+            if not self._older:
+                write_bag_metadata(self.folder, self._closed.values())
+
+    def _check_written(self, closed: str) -> None:
+        """Check that all that this writer has written is still what lies there.
+
+        Raises:
+            OSError: A file was removed, exchanged or written over by somebody else.
+        """
+        with self._compactor.swapping, self._listing:
+            for name, version in self._written.items():
+                if not self.folder.has(name) or self.folder.version(name) != version:
+                    problem = f"{name} was removed, exchanged or written over by somebody else"
+                    raise FileNotFoundError(errno.ENOENT, problem)
+            self._written[closed] = self.folder.version(closed)
+
+    def _list(self, *closed: ClosedSegment) -> None:
+        """Write metadata.yaml anew, with what was closed."""
+        with self._listing:
+            older, self._older = self._older, ()
+            for segment in older:
+                with suppress(CorruptLogError):  # who reads it is told
+                    self._closed[segment.path.name] = statistics_of(segment)
+            for one in closed:
+                self._closed[one.name] = one
+            write_bag_metadata(self.folder, self._closed.values())
+
+
+def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
+    """Return the last segments that the writers before did not get to, the last first."""
+    found = []
+    with suppress(CorruptLogError):  # who reads it is told
+        for segment in reversed(closed[-MOST_LEFT:]):
+            if not needs_compaction(segment):
+                break
+            found.append(segment)
+    return found

@@ -1,0 +1,120 @@
+"""How a writer gets hold of a log: made anew, or taken up where it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from semmap_log.common.command_lines import command_line
+from semmap_log.errors import LogAccessError, LogError, LogExistsError
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.io.disk import sync_folder
+from semmap_log.io.file_calls import check_can_write
+from semmap_log.store.commit_records import NO_HASH
+from semmap_log.store.compaction.merge import remove_merged
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import has_name_of_file
+from semmap_log.store.header import LogInfo, SegmentHeader
+from semmap_log.store.lock import WriterLock
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_folder import check_is_log
+from semmap_log.store.reading.state import state_at
+from semmap_log.store.writing.writer import Environment, LogWriter
+from semmap_log.store.zipped import refuse_zip
+
+
+def create_log(path: Path, info: LogInfo, environment: Environment = Environment()) -> LogWriter:
+    """Make a new log in a folder that does not exist, or is empty, and open it.
+
+    Raises:
+        LogExistsError: Something is there already.
+        LogError: Its name is that of a file: a zip of a log, or a segment.
+        LogAccessError: The folder cannot be made, or this system lacks what writing needs.
+    """
+    check_can_write(path)
+    with _told_as_access_error(path, "no log can be made here"):
+        _check_is_free(path)
+        _check_is_folders_name(path)
+        path.mkdir(parents=True, exist_ok=True)
+        folder = LogFolder.held(path)
+        with _locked(folder) as lock:
+            _check_is_free(path, folder)  # again: somebody may have been quicker
+            folder.remove_leftovers()
+            writer = LogWriter(folder, lock, DoorMapState(), environment)
+            writer.begin(SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH))
+            sync_folder(path.parent)
+            return writer
+
+
+def open_for_append(path: Path, environment: Environment = Environment()) -> LogWriter:
+    """Open a log for writing; a last segment that a crash left torn is made whole first.
+
+    Raises:
+        NotALogError: There is none.
+        LogLockedError: Somebody else is writing.
+        LogAccessError: The file system does not let us.
+        CorruptLogError: Commits that were acknowledged are damaged.
+    """
+    refuse_zip(path)
+    check_is_log(LogFolder(path))  # before a lock file is put into somebody else's folder
+    with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
+        folder.remove_leftovers()
+        reader = LogReader(folder)
+        remove_merged(reader)
+        writer = LogWriter(folder, lock, state_at(reader), environment)
+        writer.go_on(reader)
+        if _may_be_half_made(reader):
+            sync_folder(path.parent)
+        return writer
+
+
+def _check_is_free(path: Path, folder: LogFolder | None = None) -> None:
+    if path.exists() and not (path.is_dir() and (folder or LogFolder(path)).is_empty()):
+        raise LogExistsError(
+            f"{path}: there is something here already; a new log wants a new or an empty folder."
+        )
+
+
+def _check_is_folders_name(path: Path) -> None:
+    if has_name_of_file(path):
+        line = command_line("init", path.with_suffix(""))
+        raise LogError(
+            f"{path}: a log is a folder, and this is the name of a file; leave {path.suffix} out: "
+            f"{line}"
+        )
+    if path.name == "-":
+        raise LogError(f"{path}: expected the name of a folder; a log is not written to a stream.")
+
+
+def _may_be_half_made(reader: LogReader) -> bool:
+    """Tell whether who made the log may have been killed before the folder's name was synced."""
+    return len(reader.segments) == 1 and not reader.segments[0].closed
+
+
+@contextmanager
+def _held(path: Path) -> Iterator[tuple[LogFolder, WriterLock]]:
+    folder = LogFolder.held(path)
+    with _locked(folder) as lock:
+        yield folder, lock
+
+
+@contextmanager
+def _locked(folder: LogFolder) -> Iterator[WriterLock]:
+    """Take the lock; let it go again if what follows fails."""
+    lock = WriterLock(folder)
+    try:
+        yield lock
+    except BaseException:
+        lock.release()
+        raise
+
+
+@contextmanager
+def _told_as_access_error(path: Path, problem: str) -> Iterator[None]:
+    try:
+        yield
+    except LogAccessError:
+        raise
+    except OSError as error:
+        raise LogAccessError(f"{path}: {problem}: {error.strerror}.") from error

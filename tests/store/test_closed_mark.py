@@ -1,0 +1,418 @@
+"""closed.json: a closed segment that was cut, or is missing, is no shorter log."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.errors import CorruptLogError
+from semmap_log.store.closed_mark import MOST_BYTES, read_mark
+from semmap_log.store.compaction import compact
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.reading import segment_folder
+from semmap_log.store.salvage import recover
+from semmap_log.store.verification import verify
+from semmap_log.store.verification.findings import Severity
+from semmap_log.store.writing import segment_chain
+from tests.store.logs import segment_files
+
+DOOR = sl.DoorId(1)
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Three closed segments of 10, 10 and 6 events."""
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 10)
+    with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
+        log.add_door()
+        see(log, 25)
+    return tmp_path / "log"
+
+
+def see(log: sl.DoorLogWriter, count: int) -> None:
+    for i in range(count):
+        log.observe(DOOR, "open" if i % 2 else "closed")
+
+
+def events(log: Path) -> int:
+    return sum(len(batch) for batch in sl.read(log).batches())
+
+
+def mark(log: Path) -> dict[str, object]:
+    said: dict[str, object] = json.loads((log / "closed.json").read_text())
+    return said
+
+
+def cut(log: Path) -> None:
+    last = segment_files(log)[-1]
+    os.truncate(last, sl.read(log).reader.segments[-1].chunks[-1].offset + 40)
+
+
+def cut_behind_its_last_chunk(log: Path) -> None:
+    last = segment_files(log)[-1]
+    os.truncate(last, sl.read(log).reader.segments[-1].whole_end)
+
+
+def cut_in_the_middle(log: Path) -> None:
+    last = segment_files(log)[-1]
+    os.truncate(last, sl.read(log).reader.segments[-1].chunks[3].offset)
+
+
+def removed(log: Path) -> None:
+    segment_files(log)[-1].unlink()
+
+
+DAMAGES = [cut, cut_in_the_middle, removed]
+
+
+def test_it_tells_where_the_last_closed_segment_ended(log: Path) -> None:
+    """
+    The number behind its last event, and the hash of its last commit.
+    """
+    *_, last = sl.read(log).commits()
+
+    said = mark(log)
+
+    assert (2, 26, last.hash.hex()) == (said["segment"], said["next_event"], said["head"])
+    assert said["log_id"] == sl.read(log).info.log_id
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Path], None]) -> None:
+    """
+    Reading is refused, and appending; what is there is not made the whole log by anybody.
+    """
+    damage(log)
+    before = {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
+
+    for ask in (sl.read, sl.append, compact):
+        with pytest.raises(
+            CorruptLogError, match=r"closed\.json tells that .* ended before event 26"
+        ):
+            ask(log)
+
+    assert before == {p.name: p.read_bytes() for p in log.iterdir() if p.name != ".lock"}
+    assert 4 == verify(log).exit_code
+    assert 26 - 1 == max(f.events[1] or 0 for f in verify(log).findings if f.events)
+
+
+def test_a_footer_that_was_lost_alone_loses_nothing(log: Path) -> None:
+    """
+    All commits are there: the segment is read like a live one, and closed anew.
+    """
+    cut_behind_its_last_chunk(log)
+
+    assert 26 == events(log)
+    sl.append(log).close()
+    assert (26, 0) == (events(log), verify(log).exit_code)
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_recover_goes_on_with_what_is_there(log: Path, damage: Callable[[Path], None]) -> None:
+    """
+    Told to, it makes a log of what is left, and names what is lost.
+    """
+    damage(log)
+
+    done = recover(log)
+
+    (loss,) = done.plan.losses
+    assert 25 == loss.last_event
+    assert 0 == verify(log).exit_code
+    assert loss.first_event + 1 == events(log)  # and the commit that says so
+    with sl.append(log) as opened:
+        see(opened, 3)
+
+
+def test_a_reader_that_was_open_is_told(log: Path) -> None:
+    """
+    Cut under an open reader: the next look is refused, not a shorter answer.
+    """
+    reader = sl.read(log)
+    removed(log)
+
+    with pytest.raises(CorruptLogError, match="segment 2, its last, is missing"):
+        reader.refresh()
+
+    with pytest.raises(CorruptLogError, match="segment 2, its last, is missing"):
+        list(reader.follow(20, poll_s=0, stop=lambda: True))
+
+
+def test_a_reader_that_was_open_is_told_of_what_was_closed_since(log: Path) -> None:
+    """
+    It has not looked meanwhile: a log that is as it saw it is shorter than it was.
+    """
+    reader = sl.read(log)
+    before = {path: path.read_bytes() for path in segment_files(log)}
+    with sl.append(log, compact=False) as opened:
+        see(opened, 10)
+    for path in segment_files(log):
+        path.unlink()
+    for path, data in before.items():
+        path.write_bytes(data)
+
+    with pytest.raises(CorruptLogError, match=r"ended before event 36"):
+        reader.refresh()
+
+
+def test_a_writer_that_rolls_at_every_look_is_no_damage(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    What is closed after the files were listed is not among them, and nothing is missing.
+    """
+    list_segments = segment_folder.list_segments
+    looks: list[int] = []
+    with sl.append(log, compact=False, durability="flush") as writer:
+        see(writer, 10)
+
+        def then_rolled(folder: LogFolder) -> segment_folder.Listing:
+            found = list_segments(folder)
+            looks.append(len(found))
+            see(writer, 20)
+            return found
+
+        with monkeypatch.context() as patch:
+            patch.setattr(segment_folder, "list_segments", then_rolled)
+            seen = events(log)
+
+    assert [4] == looks
+    assert 40 == seen
+
+
+def test_a_writer_that_rolls_while_it_is_verified_is_no_damage(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Here, too: what was closed since the files were listed is not missing.
+    """
+    iterdir = Path.iterdir
+    looks: list[Path] = []
+    with sl.append(log, compact=False, durability="flush") as writer:
+        see(writer, 10)
+
+        def then_rolled(path: Path) -> Iterator[Path]:
+            found = list(iterdir(path))
+            if path == log:
+                looks.append(path)
+                see(writer, 20)
+            return iter(found)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "iterdir", then_rolled)
+            found = verify(log)
+
+    assert [log] == looks
+    assert [] == [finding.text for finding in found.of(Severity.DAMAGE)]
+
+
+def test_an_older_state_of_a_segment_is_damage(log: Path, tmp_path: Path) -> None:
+    """
+    A small closed segment is continued in a copy: the file as it was before is whole, and short.
+    """
+    last = segment_files(log)[-1]
+    shutil.copy(last, tmp_path / "older")
+    with sl.append(log, compact=False) as opened:
+        see(opened, 2)
+    shutil.copy(tmp_path / "older", last)
+
+    with pytest.raises(CorruptLogError, match="it ends before event 26: it was cut, or is an"):
+        sl.read(log)
+
+    assert 4 == verify(log).exit_code
+
+
+def test_another_copy_of_the_last_segment_is_damage(log: Path, tmp_path: Path) -> None:
+    """
+    As many events, but others.
+    """
+    shutil.copytree(log, tmp_path / "copy")
+    for path, state in ((log, "open"), (tmp_path / "copy", "closed")):
+        with sl.append(path, compact=False) as opened:
+            opened.observe(DOOR, state)
+    shutil.copy(segment_files(tmp_path / "copy")[-1], segment_files(log)[-1])
+
+    with pytest.raises(CorruptLogError, match="of another copy of this log"):
+        sl.read(log)
+
+    assert {"mark"} == {f.kind for f in verify(log).findings if f.kind != "metadata"}
+
+
+def test_a_live_segment_may_not_end_before_it(log: Path) -> None:
+    """
+    Continued and not closed, then cut by a crash of the disk: what was closed once was there.
+    """
+    opened = sl.append(log, compact=False, durability="flush")
+    see(opened, 2)
+    whole = segment_files(log)[-1].read_bytes()
+    first = opened.reader.segments[-1].chunks[2].offset
+    opened.close()
+    segment_files(log)[-1].write_bytes(whole)
+    assert events(log) == 28  # not closed: all of it is there
+
+    segment_files(log)[-1].write_bytes(whole[:first])
+
+    with pytest.raises(CorruptLogError, match="it ends before event"):
+        sl.read(log)
+
+
+def test_a_log_without_it_opens_and_gets_it(log: Path) -> None:
+    """
+    Copied without it, or made before there was one.
+    """
+    (log / "closed.json").unlink()
+
+    assert 26 == events(log)
+    sl.append(log).close()
+
+    assert 26 == mark(log)["next_event"]
+
+
+@pytest.mark.parametrize(
+    ("damage", "problem"),
+    [
+        (cut, r"metadata\.yaml lists it as closed, but no footer ends it: it was cut"),
+        (removed, r"log: damaged: segment 2, its last, is missing; metadata\.yaml lists it"),
+    ],
+)
+def test_without_it_metadata_yaml_tells(
+    log: Path, damage: Callable[[Path], None], problem: str
+) -> None:
+    """
+    Of a log that is older than closed.json: reading and appending are refused as well.
+    """
+    damage(log)
+    (log / "closed.json").unlink()
+
+    for ask in (sl.read, sl.append):
+        with pytest.raises(CorruptLogError, match=problem):
+            ask(log)
+
+    (log / "metadata.yaml").unlink()
+    assert events(log) < 26
+
+
+def test_it_outlives_compaction(log: Path) -> None:
+    """
+    Segments are rechunked and merged: what it tells stays true.
+    """
+    before = mark(log)
+
+    compact(log)
+
+    assert (before, 26, 0) == (mark(log), events(log), verify(log).exit_code)
+    removed(log)
+    with pytest.raises(sl.SemmapError):
+        sl.read(log)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", "null", '{"log_id": 1}', "[" * 3000])
+def test_damage_of_the_file_itself_is_named(log: Path, text: str) -> None:
+    """
+    Whether the log was cut cannot be told then: that is said, and `recover` takes it as it is.
+    """
+    (log / "closed.json").write_text(text)
+
+    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
+        sl.read(log)
+    assert 4 == verify(log).exit_code
+
+    recover(log)
+
+    assert (27, 0) == (events(log), verify(log).exit_code)
+
+
+@pytest.mark.parametrize("head", ["", "ab" * 31, "zz" * 32, 7])
+def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None:
+    """
+    However well its digest fits.
+    """
+    found = read_mark(LogFolder(log))
+    assert found is not None
+    (log / "closed.json").write_text(replace(found, head=head).text())
+
+    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
+        sl.read(log)
+
+
+def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
+    """
+    A stranger's may fill the memory; one that begins with so many blanks is not ours.
+    """
+    text = (log / "closed.json").read_text()
+    (log / "closed.json").write_text(" " * MOST_BYTES + text)
+
+    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
+        sl.read(log)
+
+
+def test_every_flipped_bit_of_it_is_seen(log: Path) -> None:
+    """
+    It has a digest of its own.
+    """
+    whole = (log / "closed.json").read_bytes()
+    for place in range(len(whole) - 1):
+        data = bytearray(whole)
+        data[place] ^= 1
+        (log / "closed.json").write_bytes(data)
+        if data.lower() != whole.lower():
+            with pytest.raises(CorruptLogError):
+                sl.read(log)
+
+
+def test_of_another_log_it_is_named(log: Path, tmp_path: Path) -> None:
+    """
+    Files of two logs that were mixed up.
+    """
+    sl.create(tmp_path / "other", tz="UTC").close()
+    shutil.copy(tmp_path / "other" / "closed.json", log / "closed.json")
+
+    with pytest.raises(CorruptLogError, match="it tells of the log"):
+        sl.read(log)
+
+    assert 4 == verify(log).exit_code
+
+
+def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
+    log: Path, tmp_path: Path
+) -> None:
+    """
+    Of a copy that went another way; its numbers fit, and nothing of it was read by the question.
+    """
+    copy = tmp_path / "copy" / "log"
+    for path in segment_files(log)[1:]:
+        path.unlink()
+    (log / "closed.json").unlink()
+    (log / "metadata.yaml").unlink()
+    shutil.copytree(log, copy)
+    for path, accuracy in ((log, 0.9), (copy, 0.8)):
+        with sl.append(path, compact=False) as opened:
+            for _ in range(25):
+                opened.observe(DOOR, "open", accuracy=accuracy)
+    shutil.copy(segment_files(copy)[1], segment_files(log)[1])
+
+    swapped = sl.read(log)
+
+    asks: list[Callable[[], object]] = [
+        lambda: swapped.replay(event=14),
+        lambda: swapped.replay(event=3),
+        swapped.replay,
+        lambda: swapped.event(12),
+        lambda: list(swapped.history(DOOR)),
+        lambda: swapped.diff("event:12", "event:15"),
+        lambda: list(swapped.follow(13, poll_s=0, stop=lambda: True)),
+        lambda: list(swapped.follow(22, poll_s=0, stop=lambda: True)),
+        lambda: swapped.reader.find_commit(25),
+        lambda: swapped.reader.event_known_at(2**62),
+        lambda: sl.append(log),
+    ]
+    for ask in asks:
+        with pytest.raises(CorruptLogError, match="of another copy of this log"):
+            ask()
