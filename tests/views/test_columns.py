@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from semmap_log.views.column_table import Both, ColumnTable, TableColumn
+from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn
 from semmap_log.views.pairs import pairs
 
 LONG_NAME = "the door behind the kitchen of the canteen"
@@ -36,7 +36,7 @@ def a_table(*, has_head: bool = True) -> ColumnTable:
         has_head=has_head,
     )
     table.add("1", "DoorAdded", Text("OPEN"), f"added as {LONG_NAME}", "survey")
-    table.add("2", "DoorObserved", Both("08:00\n+01:00", "…"), "seen CLOSED", "", style="dim")
+    table.add("2", "DoorObserved", CellValue("08:00\n+01:00", "…"), "seen CLOSED", "", style="dim")
     return table
 
 
