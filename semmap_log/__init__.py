@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from semmap_log.common.lazy_names import lazy_names
+from semmap_log.common.lazily import lazy_names
 
 if TYPE_CHECKING:
     from semmap_log.batches.event_batch import EventBatch

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
-from semmap_log.common.command_lines import command_line
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import command_line, counted
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorMap

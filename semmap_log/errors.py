@@ -43,7 +43,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from semmap_log.common.repeats import MOST_TOLD, Repeats
+from semmap_log.common.texts import MOST_TOLD, Repeats
 
 
 class SemmapError(Exception):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.learning import learn
+from semmap_log.beliefs.belief_query import learn
 from semmap_log.cli import main
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted

@@ -12,7 +12,7 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALogError

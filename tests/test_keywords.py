@@ -14,10 +14,10 @@ import pytest
 import semmap_log as sl
 from semmap_log.batches.made_of_columns import MadeOfColumns
 from semmap_log.beliefs.applying import apply_probabilities
+from semmap_log.beliefs.belief_query import learn
 from semmap_log.beliefs.best_times import best_time
 from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.beliefs.evaluation import evaluate
-from semmap_log.beliefs.learning import learn
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.protocol import Protocol
 from semmap_log.beliefs.sensor_calibration import calibrate

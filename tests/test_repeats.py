@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.common.repeats import MOST_KEPT, Repeats, told_once
+from semmap_log.common.texts import MOST_KEPT, Repeats, told_once
 from semmap_log.errors import FormatError
 from semmap_log.formats.parsing.problems import MOST_KINDS, Problems
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 PACKAGE = Path(__file__).parents[1] / "semmap_log"
 NOUNS = (

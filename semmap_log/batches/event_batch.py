@@ -20,7 +20,7 @@ from semmap_log.batches.event_columns import (
     rows_of,
 )
 from semmap_log.batches.made_of_columns import MadeOfColumns
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.events import DOOR_KINDS, KINDS, DoorEvent, Event, event_of
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.errors import InvalidEventError

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.events import DoorUpdated

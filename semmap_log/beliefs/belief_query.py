@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.beliefs.learning import learn
 from semmap_log.domain.doors import Door, DoorId, DoorMap
+from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.door_log.known_later import known_later, moment_asked_ns
 from semmap_log.errors import UnknownDoorError
 from semmap_log.io.progress import Progress
-from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
@@ -133,3 +134,31 @@ def _door_then(
             raise error from None
         later = known_later(log, at, known_at, door=ever)
         raise UnknownDoorError(f"{error} {later}".strip()) from None
+
+
+@knows_keywords
+def learn(
+    log: DoorLog,
+    *,
+    at: Time = None,
+    known_at: Time = None,
+    estimator: Estimator | str = "filter",
+    tz: str | None = None,
+    progress: Progress | None = None,
+) -> Beliefs:
+    """Return what a log's doors are believed to be.
+
+    Args:
+        log: The log.
+        at: Only what had happened by then, with all that is known today.
+        known_at: Only what had been recorded by then, whole commits.
+        estimator: A method, or its name: see `semmap_log.probabilities.estimators`.
+        tz: IANA zone of hours and weekdays; None: the log's.
+        progress: Told how far the reading is.
+
+    Raises:
+        EstimatorError: There is no such estimator.
+        MomentError: No such time, or no such zone.
+    """
+    projection = BeliefProjection(estimator, log.info.timezone if tz is None else tz)
+    return log.fold(projection, at, known_at, progress=progress)

@@ -27,7 +27,7 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.costmaps import Costmap, CostmapOptions

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, console, print_json, say
-from semmap_log.common.command_lines import PROGRAM, command_line
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import PROGRAM, command_line, counted
 
 if TYPE_CHECKING:
     from semmap_log.demo import Demo

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, console, print_json, range_of
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time

@@ -120,7 +120,7 @@ def run(
       semmap-log export office morning.bag --since 06:00 --until 12:00
     """
     import semmap_log as sl
-    from semmap_log.common.repeats import told_once
+    from semmap_log.common.texts import told_once
     from semmap_log.exporting.log_files import export
     from semmap_log.formats.bags.bag_writing import tells_a_bag
 

@@ -232,8 +232,7 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
 
 
 def _tell(file: Path, imported: Any) -> None:
-    from semmap_log.common.repeats import told_once
-    from semmap_log.common.wording import counted
+    from semmap_log.common.texts import counted, told_once
 
     plan = imported.plan
     if imported.known_before:

@@ -43,7 +43,7 @@ def run(
     import semmap_log as sl
     from semmap_log.door_log.day import day_of_doors
     from semmap_log.door_log.summary import open_any, summarize
-    from semmap_log.formats.json.day_json import day_to_json
+    from semmap_log.formats.json.door_json import day_to_json
     from semmap_log.views.day_chart import day_chart
     from semmap_log.views.health import head_hint
     from semmap_log.views.tables import summary_table

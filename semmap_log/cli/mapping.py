@@ -9,7 +9,7 @@ import typer
 
 from semmap_log.cli.common import say
 from semmap_log.cli.plain_streams import json_text
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.importing.import_plan import ImportPlan
@@ -48,7 +48,7 @@ MAPPING_HELP = """\
 def tell_plan(file: Path, plan: ImportPlan) -> None:
     """Print a plan's events, a JSON line each, and say what else there is to it."""
     from semmap_log.batches.event_batch import one_by_one
-    from semmap_log.common.repeats import told_once
+    from semmap_log.common.texts import told_once
     from semmap_log.formats.json.event_json import event_to_json
 
     for event in one_by_one(plan.events):

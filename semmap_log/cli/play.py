@@ -22,7 +22,7 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.exporting.stream import LogStream

@@ -105,8 +105,7 @@ def run(
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
     import semmap_log as sl
-    from semmap_log.common.repeats import MOST_TOLD, Repeats
-    from semmap_log.common.wording import counted
+    from semmap_log.common.texts import MOST_TOLD, Repeats, counted
     from semmap_log.live.line_recorder import LineAnswer, LineRecorder
 
     refused = Repeats()

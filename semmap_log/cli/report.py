@@ -53,7 +53,7 @@ def run(
       semmap-log report office two.html --door front --palette colour-blind
     """
     import semmap_log as sl
-    from semmap_log.common.wording import counted
+    from semmap_log.common.texts import counted
     from semmap_log.exporting.html_report import write_report
 
     opened = sl.read(log)

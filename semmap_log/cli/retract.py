@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, console, say, takes_about
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog

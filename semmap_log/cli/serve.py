@@ -20,7 +20,7 @@ from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
 from semmap_log.cli.record import Level
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.domain.doors import DoorMap

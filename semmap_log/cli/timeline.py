@@ -43,7 +43,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.domain.doors import DoorState
-    from semmap_log.formats.json.timeline_json import timeline_to_json
+    from semmap_log.formats.json.door_json import timeline_to_json
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
     opened = sl.read(log)

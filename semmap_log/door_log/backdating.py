@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from semmap_log.batches.event_batch import RecordedEvent
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given, next_door_id
 from semmap_log.domain.events import (

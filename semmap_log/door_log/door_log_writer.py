@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypedDict, TypeVar
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import NAN, DoorId, DoorState
 from semmap_log.domain.events import (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Durability
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import KINDS

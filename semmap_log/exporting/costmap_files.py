@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.costmap.door_layer import are_on_map
 from semmap_log.costmap.keepout import keepout_mask
 from semmap_log.costmaps import Costmap

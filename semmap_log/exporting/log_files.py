@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.costmaps import costmap_at
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.keywords import knows_keywords

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import SETTING_KINDS, DoorAnnotated, DoorEvent
 from semmap_log.domain.meaning import Presence

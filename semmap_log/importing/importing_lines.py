@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import (
     DoorAdded,

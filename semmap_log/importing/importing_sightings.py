@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorObserved, DoorUpdated
 from semmap_log.domain.meaning import Changed

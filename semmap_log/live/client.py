@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 from uuid import uuid4
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.formats.ros.ros_types import decoded, log_type

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from semmap_log.batches.event_batch import one_by_one
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Durability, Note
 from semmap_log.domain.events import Event
 from semmap_log.door_log.door_log import DoorLog

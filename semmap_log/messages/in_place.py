@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.messages.layout import CDR_HEADER, CODES, message_text
 
 _FIELD = re.compile(r"^(?P<type>\w+)(?P<array>\[(?P<count>\d*)\])? (?P<name>\w+)\s*(#.*)?$")

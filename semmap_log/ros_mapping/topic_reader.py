@@ -13,8 +13,8 @@ from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.folds.levels import resolve_level
 from semmap_log.formats.parsing.problems import shown
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.stamps import happened_ns
 from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping, Unknown
 
@@ -144,3 +144,30 @@ def yaw_of(orientation: Any) -> float:
 
 LENGTH_OFF = 0.01
 """tf2 takes no quaternion whose length is further from 1."""
+
+
+def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int | None:
+    """Return when it happened, nanoseconds since 1970.
+
+    A stamp counts that lies at most `within_s` before the message came, and not after it: robots
+    stamp what they have just measured, and with a clock that is set. A stamp of zero is none; an
+    older one may be that of a map that was loaded long ago, or of a clock that is wrong. Then it
+    counts when the message came.
+
+    Args:
+        stamp: With `sec` and `nanosec`; None: the message has none.
+        received_ns: When the message came: by the bag, or by the node's clock, which is `/clock`
+            under `use_sim_time`.
+        within_s: See above.
+
+    Returns:
+        The time; None where nothing is known of it, which makes it the log's own time: a node
+        under `use_sim_time` before the first `/clock` says zero.
+    """
+    if not 0 < received_ns <= MAX_TIME_NS:
+        return None
+    if stamp is not None:
+        told_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
+        if told_ns > 0 and received_ns - int(within_s * 1e9) <= told_ns <= received_ns:
+            return told_ns
+    return received_ns

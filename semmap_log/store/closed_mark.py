@@ -14,7 +14,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.commit_records import HASH_BYTES
 from semmap_log.store.folder import LogFolder

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, SourcesOf
 from semmap_log.batches.event_columns import LazyColumns
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit, Durability, Note
 from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap, UnknownEvent, unknown_kind
 from semmap_log.errors import CorruptLogError

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import format_short
 from semmap_log.door_log.door_labels import told_apart

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.day import Day

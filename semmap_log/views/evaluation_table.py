@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.beliefs.evaluation import Evaluation
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.scores import Scores
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn, TextPicture

@@ -8,8 +8,7 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from semmap_log.common.command_lines import command_line
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.moments import format_local
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog

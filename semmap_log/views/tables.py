@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.domain.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.domain.meaning import PART_OF

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from semmap_log.live.pace import Pace
+from semmap_log.live.player import Pace
 
 SECOND = 10**9
 BEGIN = 1_772_400_000 * SECOND

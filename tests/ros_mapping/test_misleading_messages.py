@@ -13,7 +13,7 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorUpdated, Event
 from semmap_log.formats.ros.ros_types import DOOR_MAP
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.stamps import happened_ns
+from semmap_log.ros_mapping.topic_reader import happened_ns
 from semmap_log.ros_mapping.topic_rules import ReadPose, ReadRmfState, ReadSensor, RosMapping
 from semmap_log.ros_mapping.transforms import TransformTree
 from tests.ros_mapping.robots import START, Listener, Robot, S

@@ -10,7 +10,7 @@ from struct import Struct, unpack_from
 from typing import Any, BinaryIO
 from zlib import crc32
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage
 from semmap_log.formats.bags.damage import reason_of

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from struct import unpack_from
 from typing import Any
+from urllib.parse import quote
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage
 from semmap_log.formats.bags.damage import reason_of
-from semmap_log.formats.bags.db3_tables import check_tables
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.ros.ros_decoding import MessageType
 from semmap_log.formats.ros.ros_types import RosVersion, long_name
@@ -148,3 +150,33 @@ def _troubles(path: Path) -> Iterator[None]:
             f"cannot be read as a bag: {reason_of(error)} (rosbag reindex, or ros2 bag reindex, "
             "mends one that was not closed)",
         ) from error
+
+
+TABLES = ("schema", "metadata", "topics", "messages", "message_definitions")
+
+
+def check_tables(path: Path) -> None:
+    """Return if all that is read of a bag's database are plain tables.
+
+    Raises:
+        FormatError: One is not, or the file is no database.
+    """
+    name = quote(os.fsencode(path.absolute()))
+    try:
+        with closing(sqlite3.connect(f"file:{name}?mode=ro&immutable=1", uri=True)) as database:
+            for kind, table, root in database.execute(
+                "SELECT type, name, rootpage FROM sqlite_master"
+            ):
+                is_read = str(table).lower() in TABLES
+                if is_read and (kind != "table" or not root or _is_computed(database, table)):
+                    raise FormatError(
+                        path,
+                        f"expected {table} to be a table of rosbag2, got a {kind} that computes",
+                    )
+    except sqlite3.Error as error:
+        raise FormatError(path, f"cannot be read as a bag: {error}") from None
+
+
+def _is_computed(database: sqlite3.Connection, table: str) -> bool:
+    columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (table,))
+    return any(hidden for (hidden,) in columns)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.formats.files.door_table import TableDoor
 from semmap_log.formats.files.floor_plan import Outlines, Point
 from semmap_log.formats.parsing.problems import Problems, shown

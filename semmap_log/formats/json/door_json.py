@@ -10,11 +10,16 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semmap_log.domain.doors import Door, DoorMap, DoorState, Level
 from semmap_log.domain.meaning import FIELDS
-from semmap_log.domain.moments import format_utc
+from semmap_log.domain.moments import SECOND_NS, format_utc
+from semmap_log.door_log.day import Day
 from semmap_log.folds.diff import Diff, FieldChange
 from semmap_log.folds.history import HistoryEntry
+from semmap_log.folds.timeline import Interval, Timeline
 from semmap_log.formats.json.event_json import event_to_json
 
 
@@ -133,3 +138,59 @@ def _number(value: float) -> float | None:
 
 def _time(ns: int | None) -> str | None:
     return None if ns is None else format_utc(ns)
+
+
+def day_to_json(day: Day) -> dict[str, Any]:
+    """Return the half hours' edges, and of each door how much of each it was open.
+
+    `open` is the share of the time known to be open or closed (null: none was), `known` is that
+    time's share of the half hour.
+    """
+    return {
+        "date": day.date,
+        "edges": [format_utc(edge) for edge in day.edges_ns.tolist()],
+        "doors": [
+            {
+                "door_id": door.door_id,
+                "name": door.label,
+                "changes": door.changes,
+                "open": _rounded(door.shares.opened),
+                "known": _rounded(door.shares.known),
+            }
+            for door in day.doors
+        ],
+    }
+
+
+def _rounded(shares: NDArray[np.float64]) -> list[float | None]:
+    return [None if np.isnan(share) else round(share, 4) for share in shares.tolist()]
+
+
+def timeline_to_json(timeline: Timeline, *, name: str | None = None) -> dict[str, Any]:
+    """Return the intervals, the earliest first, and how many seconds each state lasted in all.
+
+    Args:
+        timeline: A door's.
+        name: What it is called.
+    """
+    return {
+        "door_id": timeline.door_id,
+        "name": name,
+        "removed": timeline.removed,
+        "intervals": [_interval(interval) for interval in timeline],
+        "seconds": {
+            state.name: timeline.total_ns(state) / SECOND_NS
+            for state in DoorState
+            if (timeline.state == state).any()
+        },
+    }
+
+
+def _interval(interval: Interval) -> dict[str, Any]:
+    return {
+        "since": format_utc(interval.start_ns),
+        "until": format_utc(interval.end_ns),
+        "state": interval.state.name,
+        "sightings": interval.sightings,
+        "event": interval.event,
+    }

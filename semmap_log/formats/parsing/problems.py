@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semmap_log.common.repeats import Repeats
+from semmap_log.common.texts import Repeats
 from semmap_log.errors import FormatError
 
 MOST_KINDS = 1_000

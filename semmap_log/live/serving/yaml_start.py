@@ -8,8 +8,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import DoorRemoved, Event, LogExported

@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of

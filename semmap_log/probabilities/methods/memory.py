@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting
 from semmap_log.probabilities.chain.nodes import held_at

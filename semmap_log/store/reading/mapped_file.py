@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
 from semmap_log.io.byte_source import Identity
 from semmap_log.io.file_calls import read_into, read_page_into

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.computed_once import computed_once
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.messages import CDR_HEADER, deserialize, type_name

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.prefetch import ahead

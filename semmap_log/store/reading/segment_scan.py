@@ -14,9 +14,8 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Metadata, Statistics
 from numpy.typing import NDArray
 
-from semmap_log.common.command_lines import command_line
-from semmap_log.common.computed_once import computed_once
-from semmap_log.common.wording import counted
+from semmap_log.common.lazily import computed_once
+from semmap_log.common.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogError
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.closed_mark import ClosedMark

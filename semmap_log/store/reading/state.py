@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.errors import KeyframeWarning
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.retraction import Retractions

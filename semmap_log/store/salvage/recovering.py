@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, LogExistsError
 from semmap_log.io.clock import Clock, SystemClock
 from semmap_log.io.disk import sync_folder

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit, Durability, Note
 from semmap_log.messages import deserialize, layout, type_name
 from semmap_log.store.commit_records import HASH_BYTES, NO_HASH, commit_hash

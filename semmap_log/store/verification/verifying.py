@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.clock_check import ClockCheck

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from semmap_log.common.command_lines import command_line
+from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.disk import sync_folder

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.typical_week import By, TypicalWeek, WeekPattern
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.moments import format_short
 from semmap_log.door_log.door_labels import told_apart
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS

@@ -6,20 +6,25 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from semmap_log.beliefs.belief_query import ask
+from semmap_log.beliefs.door_beliefs import LATER, belief, default_estimator
+from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.domain.doors import DoorId, DoorMap, DoorState
-from semmap_log.domain.moments import zone
-from semmap_log.door_log.summary import summarize
+from semmap_log.domain.moments import format_local, zone
+from semmap_log.door_log.summary import LogSummary, summarize
 from semmap_log.folding.replay import Scope, replay
 from semmap_log.folds.levels import levels_of
+from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
 from semmap_log.io.disk import utf8_name
+from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.how_to_begin import how_to_begin
 from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.report.believed import beliefs_of
 from semmap_log.views.report.last_changes import changes_of
-from semmap_log.views.report.log_health import health_of
 from semmap_log.views.report.page import filled, hex_of
 from semmap_log.views.report.page_doors import (
     PageDoor,
@@ -31,7 +36,6 @@ from semmap_log.views.report.page_doors import (
     placed_on,
 )
 from semmap_log.views.report.page_events import PageEvents, gather
-from semmap_log.views.report.patrols import rounds_of
 from semmap_log.views.report.plans import shown_levels
 from semmap_log.views.report.track import track_of
 from semmap_log.views.week_shades import shade
@@ -39,6 +43,8 @@ from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, zone_offs
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time
+if TYPE_CHECKING:
+    from semmap_log.door_log.door_log import DoorLog
 
 BESIDE_MS = 8 * DAY_MS
 """The week of a moment reaches so far beyond the first and the last one."""
@@ -176,3 +182,87 @@ def _door(
         "short": without_level(name, level),
         "said": [[key, value] for key, value in sorted(said.items()) if key != "name"],
     }
+
+
+def rounds_of(log: DoorLog, span: Span) -> list[list[Any]]:
+    """Return [from when, till when, what it is called, who drove] for each round of the page.
+
+    Times are None where nobody told them.
+    """
+
+    def when(ns: int | None) -> int | None:
+        return None if ns is None else span.since_begin(ns)
+
+    since_ns, until_ns = span.begin_ms * MS_NS, span.end_ms * MS_NS + 1
+    return [
+        [when(each.start_ns), when(each.end_ns), each.label, each.actor]
+        for each in rounds(log.history(kinds=ROUND_KINDS))
+        if each.overlaps(since_ns, until_ns)
+    ]
+
+
+MOST_FILES = 50
+MOST_SUSPECTS = 50
+
+
+def health_of(summary: LogSummary, tz: str) -> dict[str, Any]:
+    """Return a log's health; of many files and suspect clocks, the last ones and their number."""
+
+    def span(times: tuple[int, int] | None) -> list[str] | None:
+        return None if times is None else [format_local(time, tz) for time in times]
+
+    return {
+        "logId": summary.info.log_id,
+        "events": summary.events,
+        "commits": summary.commits,
+        "kinds": summary.counts,
+        "happened": span(summary.happened_ns),
+        "recorded": span(summary.recorded_ns),
+        "durability": summary.durability,
+        "head": summary.head.hex(),
+        "bytes": summary.bytes,
+        "segments": len(summary.segments),
+        "files": [
+            [segment.path.name, segment.size, segment.closed, segment.header.first_event]
+            for segment in summary.segments[-MOST_FILES:]
+        ],
+        "suspects": len(summary.suspects),
+        "lastSuspects": [suspect.text for suspect in summary.suspects[-MOST_SUSPECTS:]],
+        "warnings": summary.warnings,
+    }
+
+
+UNKNOWN = -1
+"""Stands for an hour that nobody has seen."""
+
+
+def beliefs_of(excerpt: Excerpt, tz: str, doors: Collection[DoorId]) -> dict[DoorId, Any]:
+    """Return, for the doors in the map when the page ends, what can be said of them.
+
+    `p` is [P(open), low, high] (90 % interval), or null; then `why` says why. `week` has P(open)
+    in percent for 168 hours from Monday's first on, or null where too little is known at all.
+    """
+    now = ask(excerpt.log, at=excerpt.last_ns(), estimator=default_estimator(), tz=tz, doors=None)
+    now.prepare()
+    habits = now.by(LATER)
+    said: dict[DoorId, Any] = {}
+    for door in now.doors:
+        if door.door_id not in doors:
+            continue
+        known = belief(now, door)
+        numbers = [round(value, 4) for value in (known.p_open, known.low, known.high)]
+        said[door.door_id] = {
+            "p": numbers if known.is_known else None,
+            "why": "" if known.is_known else why_unknown(known.evidence),
+            "knownAt": first_ms(known.known_ns),
+            "week": _percent(typical_week(habits, door)),
+        }
+    return said
+
+
+def _percent(week: TypicalWeek) -> list[int] | None:
+    if not week.is_known:
+        return None
+    percent = np.rint(100 * week.hours.p_open).astype(np.int64)
+    cells: list[int] = np.where(week.hours.is_known, percent, UNKNOWN).ravel().tolist()
+    return cells

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.wording import counted
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorObserved, DoorPassed
 from semmap_log.domain.meaning import Changed

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
+from semmap_log.beliefs.belief_query import learn
 from semmap_log.beliefs.door_beliefs import default_estimator
-from semmap_log.beliefs.learning import learn
 from semmap_log.beliefs.typical_week import typical_weeks
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import parse_instant

@@ -1,11 +1,29 @@
-"""Public names of a package that are loaded when they are first used, not when it is imported."""
+"""What is made when it is first asked for: attributes of objects, names of packages."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+class computed_once(cached_property[T]):  # noqa: N801  # a decorator, named as the library's
+    """`functools.cached_property` without its lock, as it is from Python 3.12 on.
+
+    Before, one lock serves all objects of a class. Who reads one segment would wait for who reads
+    another, and a process that forks while a thread computes would leave its child that lock, held
+    for ever. Two threads that ask at once may both compute: the values are equal.
+    """
+
+    def __init__(self, compute: Callable[[Any], T]) -> None:
+        """Take what computes the value."""
+        super().__init__(compute)
+        self.lock = nullcontext()
 
 
 def lazy_names(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:

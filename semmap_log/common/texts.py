@@ -1,10 +1,41 @@
-"""Texts that say the same again and again, told a few times and counted."""
+"""Texts of messages: counts, command lines to paste, and repeats that are told once."""
 
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
+
+
+def counted(number: int, what: str) -> str:
+    """Return how many of a thing: `1 event`, `2,000 events`."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+PROGRAM = "semmap-log"
+
+
+def command_line(verb: str, *words: str | Path, program: str = PROGRAM) -> str:
+    """Return a line that runs a verb; paths and words are quoted where a shell needs it.
+
+    Words in capitals, such as DOOR, stand for what the reader fills in.
+
+    Args:
+        verb: Such as `recover`.
+        *words: Its arguments and options; a path that begins like an option is written so that it
+            is none.
+        program: What runs it.
+    """
+    said = [_path(word) if isinstance(word, Path) else word for word in words]
+    return shlex.join([program, verb, *said])
+
+
+def _path(path: Path) -> str:
+    text = str(path)
+    return f"./{text}" if text.startswith("-") else text
+
 
 MOST_KEPT = 20
 """So many of a kind are kept."""
