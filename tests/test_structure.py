@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -11,6 +12,8 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+from semmap_log import errors
 
 PACKAGE = Path(__file__).parents[1] / "semmap_log"
 
@@ -329,3 +332,41 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
         TopologicalSorter(imports).prepare()
     except CycleError as error:
         pytest.fail(" <- ".join(error.args[1]))
+
+
+def test_every_colour_is_in_the_palette() -> None:
+    """
+    Red, green and blue, or what a web page writes for them; nowhere else in the views.
+    """
+    a_colour = re.compile(r"#[0-9a-fA-F]{6}\b|0x[0-9a-fA-F]{2}, 0x|Rgb = \(")
+
+    found = [
+        f"{path.relative_to(PACKAGE)}: {line.strip()}"
+        for path in MODULES
+        if path.relative_to(PACKAGE).parts[0] == "views" and path.name != "palette.py"
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if a_colour.search(line)
+    ]
+
+    assert [] == found
+
+
+def test_every_error_that_a_user_can_meet_is_in_one_file() -> None:
+    """
+    Errors and warnings of ours; a room's own, which it catches itself, may lie in it.
+    """
+    ours = {name for name, each in vars(errors).items() if isinstance(each, type)}
+    caught_where_they_lie = {"GoneError"}
+
+    found = [
+        f"{path.relative_to(PACKAGE)}: {node.name}"
+        for path in MODULES
+        if path.name != "errors.py"
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+        and {base.id for base in node.bases if isinstance(base, ast.Name)}
+        & (ours | {"UserWarning"})
+        and node.name not in caught_where_they_lie
+    ]
+
+    assert [] == found

@@ -283,8 +283,9 @@ def _follow(
     opened: DoorLog, looks: dict[str, Any], *, web: bool, theme: ThemeName | None, browser: bool
 ) -> None:
     os.environ.setdefault("RUST_LOG", SDK_SAYS)
+    from semmap_log.errors import ViewerError
     from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
-    from semmap_log.views.rerun.process import RerunProcess, ViewerError
+    from semmap_log.views.rerun.process import RerunProcess
     from semmap_log.views.rerun.viewer import window
     from semmap_log.views.rerun.web import web_viewer
 

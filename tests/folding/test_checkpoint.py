@@ -14,8 +14,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.events import Retracted
-from semmap_log.errors import CheckpointError, OutputError
-from semmap_log.folding.checkpoint import CheckpointWarning
+from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
 from tests.folding.projections import Digest, Numbers, Sums
 from tests.store.eventful import flip
 

@@ -17,6 +17,7 @@ from typing import Any
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.errors import ViewerError
 from semmap_log.io.progress import Progress
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.views.excerpt.span import Excerpt
@@ -26,7 +27,6 @@ from semmap_log.views.rerun.blueprint import layout
 from semmap_log.views.rerun.contents import RecordingContents
 from semmap_log.views.rerun.file import Converter, open_recording
 from semmap_log.views.rerun.fitting import fits, with_room
-from semmap_log.views.rerun.process import ViewerError
 from semmap_log.views.rerun.round_lanes import round_lanes
 from semmap_log.views.rerun.scene import Scene
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import urlencode
 
-from semmap_log.views.rerun.process import LOCAL, RerunProcess, ViewerError, reserved_port, running
+from semmap_log.errors import ViewerError
+from semmap_log.views.rerun.process import LOCAL, RerunProcess, reserved_port, running
 
 START_S = 60.0
 MEMORY_LIMIT = "75%"

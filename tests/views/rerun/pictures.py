@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from semmap_log.errors import ViewerError
 from semmap_log.views.palette import Rgb
-from semmap_log.views.rerun.process import ViewerError
 from semmap_log.views.rerun.viewer import Viewer, headless
 
 

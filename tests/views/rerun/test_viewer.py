@@ -18,8 +18,9 @@ from PIL import Image
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorAnnotated
+from semmap_log.errors import ViewerError
 from semmap_log.views.palette import DEFAULT
-from semmap_log.views.rerun.process import LOCAL, ViewerError, explained, reserved_port
+from semmap_log.views.rerun.process import LOCAL, explained, reserved_port
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.viewer import Viewer, headless, open_viewer, screenshot
 from tests.conftest import SteadyClock
