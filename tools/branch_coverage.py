@@ -34,7 +34,7 @@ MEASURED = (
     "semmap_log/messages/codec.py",
 )
 TESTS = (
-    "tests/log/writing",
+    "tests/store/writing",
     "tests/io/test_disk.py",
     "tests/store/test_guards.py",
     "tests/messages",

@@ -21,6 +21,7 @@ from semmap_log.domain.doors import LEVEL_NOT_GIVEN, MAX_DOOR_ID, MAX_LEVEL, NAN
 from semmap_log.domain.meaning import ALL_CHANGED, NO_EFFECT, PARTS, Effect, Presence
 from semmap_log.domain.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
 from semmap_log.errors import InvalidEventError
+from semmap_log.io.clock import MAX_TIME_NS
 
 __all__ = [
     "KINDS",
@@ -45,8 +46,6 @@ __all__ = [
 ]
 
 MAX_EVENT = 2**63 - 1
-MAX_TIME_NS = 2**63 - 1
-"""Times are stored as MCAP's uint64 and handled as int64: good until the year 2262."""
 NO_LEVEL = 2**16 - 1
 """Stands in a column of levels, a uint16, for one that was not given: `LEVEL_NOT_GIVEN`."""
 

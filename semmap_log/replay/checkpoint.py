@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from semmap_log.errors import CheckpointError, OutputError
+from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
 from semmap_log.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.io.disk import (
     left_by_killed,
@@ -40,10 +40,6 @@ MAGIC = b"semmap-log checkpoint\n"
 FORM = 1
 """Of the file; another's checkpoints are not used."""
 DIGEST_BYTES = 32
-
-
-class CheckpointWarning(UserWarning):
-    """A checkpoint is not used, and the fold begins at the log's start."""
 
 
 class Checkpoint(Generic[S]):

@@ -1,6 +1,6 @@
 """Repair on demand: what is whole in a damaged log becomes a log again; the rest is named.
 
-survey        what would be saved and what is lost
+plan_recovery what would be saved and what is lost
 renumbering   event numbers of the old log -> of the new
 rewriting     a commit in its new place
 writing       the new log
