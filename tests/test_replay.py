@@ -31,9 +31,9 @@ from semmap_log.domain.events import (
 from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.door_log.commands import Gatekeeper
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.folding.replay import visible_batches
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.store.keyframes import decode, encode
+from semmap_log.replay.keyframes import decode, encode
+from semmap_log.replay.replay import visible_batches
 from tests.conftest import SteadyClock
 from tests.folds.dictionary_model import ALL, Told, model
 

@@ -21,10 +21,10 @@ from semmap_log.domain.events import FloorMap
 from semmap_log.domain.keywords import knows_its_keywords, knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import CostmapError
-from semmap_log.folding.replay import replay
 from semmap_log.folds.door_layer_fold import By, DoorLayerProjection, door_lines
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.levels import level_shown, resolve_level
+from semmap_log.replay.replay import replay
 
 MARGIN_M = 1.0
 """Around the doors, where there is no map."""

@@ -23,7 +23,7 @@ from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import POSE_KINDS, SETTING_KINDS, FloorMap, Retracted
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.folding.replay import Scope, replay
+from semmap_log.replay.replay import Scope, replay
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ def costmap_live(
     for followed in log.follow(known.event, poll_s=poll_s, stop=stop):
         commit, batch = followed.commit, followed.batch
         if Retracted in batch:
-            now = DoorLog(log.reader.log_folder).reader
+            now = log.reader.anew()
             windows = costmap.show(replay(now, Scope(event=commit.last_event)))
         else:
             windows = costmap.advance([batch])

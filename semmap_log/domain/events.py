@@ -57,7 +57,6 @@ __all__ = [
 ]
 
 MAX_EVENT = 2**63 - 1
-MAX_TIME_NS = Nanoseconds.high
 LEAST_ABOVE_0 = math.nextafter(0.0, 1.0)
 """The least number that is no zero."""
 

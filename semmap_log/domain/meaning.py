@@ -1,7 +1,7 @@
 """What events do to doors, told once: the fields of a door, and which kind of event sets which.
 
 A kind of event says in its `effect` what it does to its door (`events`). From these tables come the
-fold (`projections.registers`), all columns of changes (`projections.door_changes`), evidence, JSON
+fold (`folds.registers`), all columns of changes (`folds.door_changes`), evidence, JSON
 lines, Arrow tables and imports: who adds a kind that sets a state, or a field of a door, tells it
 here and in `events`, and nowhere else.
 """

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.commits import text_expected
+from semmap_log.io.clock import MAX_TIME_NS
 
 _Mark = TypeVar("_Mark")
 
@@ -194,8 +195,7 @@ class Nanoseconds(Whole):
     """Nanoseconds since 1970, UTC."""
 
     low: int = 0
-    high: int = 2**63 - 1
-    """Stored as MCAP's uint64 and handled as int64: good until the year 2262."""
+    high: int = MAX_TIME_NS
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,6 @@ from semmap_log.errors import (
     CommandReusedError,
     EarlyEventsWarning,
     InvalidEventError,
-    LogError,
     LogPoisonedError,
     UnexpectedEventError,
     UnknownDoorError,
@@ -37,9 +36,10 @@ from semmap_log.errors import (
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.early_events import EarlyEvents
 from semmap_log.io.clock import Clock, KeptClock, believable_ns
+from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy
-from semmap_log.store.writing.writer import LogWriter
+from semmap_log.store.writing.writer_opening import OpenedLog
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -96,14 +96,10 @@ class Appended:
 class AppendableLog(DoorLog):
     """A log that is written; answers questions, too. May be used by several threads."""
 
-    def __init__(self, writer: LogWriter) -> None:
-        try:
-            super().__init__(writer.folder)
-        except BaseException:
-            with suppress(LogError):
-                writer.close()  # nobody else could: its lock would last as long as the process
-            raise
-        self._writer = writer
+    def __init__(self, opened: OpenedLog[WrittenState]) -> None:
+        super().__init__(opened.reader)
+        self._writer = writer = opened.writer
+        self._written = opened.keyframes
         self._mutex = threading.RLock()
         self._poses: list[RobotPose] = []
         self._pose_timer: threading.Timer | None = None
@@ -132,12 +128,12 @@ class AppendableLog(DoorLog):
     def state(self) -> DoorMapState:
         """The door map after the last commit, as the writer holds it."""
         with self._mutex:
-            return self._writer.state
+            return self._written.get()
 
     def door_map(self) -> DoorMap:
         """Return the doors after the last commit as values, whatever is appended meanwhile."""
         with self._mutex:
-            return self._writer.state.door_map()
+            return self._written.get().door_map()
 
     @property
     def roster(self) -> Roster:
@@ -145,10 +141,10 @@ class AppendableLog(DoorLog):
         with self._mutex:
             self._take_in()
             if self._roster is None:
-                self._roster = Roster.of(self._writer.state)
+                self._roster = Roster.of(self._written.get())
                 self._roster.log = self.path
                 # Not of this log: what holds itself is let go of late.
-                self._roster.names = partial(_names_now, self._writer)
+                self._roster.names = partial(_names_now, self._written)
             return self._roster
 
     @property
@@ -351,11 +347,11 @@ class AppendableLog(DoorLog):
         with self._mutex:
             self._take_in()
             if self._named is None:
-                self._named = self._writer.state.door_map()
+                self._named = self._written.get().door_map()
             try:
                 return resolve_door(door, self._named)
             except UnknownDoorError:
-                removed = removed_called(door, self._writer.state)
+                removed = removed_called(door, self._written.get())
                 if len(removed) > 1:
                     raise UnknownDoorError(several_removed(door, removed)) from None
                 if removed:
@@ -491,7 +487,7 @@ class AppendableLog(DoorLog):
             return
         self._early_told = count
         since = format_local(min(self._early.first_ns.values()), self.info.timezone)
-        said = self._early.in_words(labels_ever(self._writer.state), since)
+        said = self._early.in_words(labels_ever(self._written.get()), since)
         text = f"{said}; {remedy(self.path)}"
         warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours())
 
@@ -549,8 +545,8 @@ class AppendableLog(DoorLog):
                 self._make_last(commit, sync=None)
 
 
-def _names_now(writer: LogWriter) -> Mapping[DoorId, str]:
-    return writer.state.names()
+def _names_now(written: WrittenState) -> Mapping[DoorId, str]:
+    return written.get().names()
 
 
 def _frames_of_ours() -> int:

@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import (
@@ -39,22 +40,21 @@ from semmap_log.door_log.removed_doors import (
     told_removed,
 )
 from semmap_log.errors import MomentError, UnknownDoorError
-from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
-from semmap_log.folding.live_fold import LiveState, fold_live
-from semmap_log.folding.replay import Scope, replay, visible_batches
 from semmap_log.folds.diff import Diff, diff
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.history import HistoryEntry, history
 from semmap_log.folds.levels import resolve_level
 from semmap_log.folds.projection import Projection
-from semmap_log.folds.retraction import Retractions
 from semmap_log.folds.timeline import Timeline, timelines
 from semmap_log.io.progress import Progress
+from semmap_log.replay.change_finder import ChangeFinder
+from semmap_log.replay.fold import SAVE_EVERY_S, fold, fold_part
+from semmap_log.replay.live_fold import LiveState, fold_live
+from semmap_log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.store.pages import Page
-from semmap_log.store.reading.change_finder import ChangeFinder
 from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.following import FollowedCommit, follow
 from semmap_log.store.reading.reader import LogReader
@@ -75,7 +75,7 @@ S = TypeVar("S")
 class DoorLog:
     """A log that is read: as it was when it was opened, or last refreshed."""
 
-    def __init__(self, path: str | Path | LogFolder) -> None:
+    def __init__(self, path: str | Path | LogFolder | LogReader) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
 
         A log in a zip file is unpacked among the machine's temporary files for as long as it is
@@ -83,12 +83,17 @@ class DoorLog:
 
         A relative path is that of the moment: `os.chdir` leads nobody to another log.
 
+        Args:
+            path: Its folder, or a zip file with one log in it; or what has read it already.
+
         Raises:
             NotALogError: There is no log at that path.
             CorruptLogError: It is damaged.
         """
-        self._reader = LogReader(path if isinstance(path, LogFolder) else Path(path))
-        self.path = self._reader.log_folder.given
+        if not isinstance(path, LogReader):
+            path = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        self._reader = path
+        self.path = self._reader.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
@@ -150,7 +155,7 @@ class DoorLog:
             at: What was true then, with all that is known today.
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
-            checkpoint: A file to go on from, and to save to: see `semmap_log.folding.checkpoint`.
+            checkpoint: A file to go on from, and to save to: see `semmap_log.replay.checkpoint`.
             save_every_s: How often it is saved at most, before the end.
             progress: Told how far the reading is.
 
@@ -203,7 +208,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         return fold_live(
-            LogReader(self._reader.log_folder),
+            self._reader.anew(),
             projection,
             checkpoint=None if checkpoint is None else Path(checkpoint),
             save_every_s=save_every_s,
@@ -312,7 +317,7 @@ class DoorLog:
         """
         if after is None:
             after = self.reader.last_event()
-        reader = LogReader(self._reader.log_folder)
+        reader = self._reader.anew()
         return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
 
     def event(self, number: int) -> RecordedEvent:

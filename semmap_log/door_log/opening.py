@@ -11,6 +11,7 @@ from semmap_log.domain.moments import zone
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.io.clock import Clock, SystemClock
+from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
 from semmap_log.store.writing.durability import DurabilityPolicy
@@ -61,7 +62,7 @@ def create(
     check_text("robot", robot)
     info = LogInfo(entropy(16).hex(), timezone, building, robot)
     environment = Environment(policy, clock or SystemClock(), entropy, compact)
-    return DoorLogWriter(create_log(Path(path), info, environment))
+    return DoorLogWriter(create_log(Path(path), info, WrittenState, environment))
 
 
 @knows_keywords
@@ -94,9 +95,8 @@ def append(
         InvalidEventError: No such durability.
     """
     policy = DurabilityPolicy.of(durability, batch_events, batch_s)
-    return DoorLogWriter(
-        open_for_append(Path(path), Environment(policy, clock or SystemClock(), entropy, compact))
-    )
+    environment = Environment(policy, clock or SystemClock(), entropy, compact)
+    return DoorLogWriter(open_for_append(Path(path), WrittenState, environment))
 
 
 @knows_keywords

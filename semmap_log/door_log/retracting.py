@@ -6,13 +6,8 @@ from collections.abc import Iterator
 
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CommandError
-from semmap_log.folding.position import (
-    NO_EVENT,
-    Retraction,
-    hiding,
-    retractions_behind,
-)
 from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.replay.position import NO_EVENT, Retraction, hiding, retractions_behind
 from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window

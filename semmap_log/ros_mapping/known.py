@@ -20,8 +20,8 @@ from semmap_log.domain.meaning import Presence
 from semmap_log.door_log.appendable_log import AppendableLog
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import UnknownDoorError
-from semmap_log.folding.replay import replay
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.replay.replay import replay
 
 
 class Known:

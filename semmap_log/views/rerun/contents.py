@@ -19,7 +19,7 @@ from semmap_log.domain.events import DoorAnnotated, RobotPose
 from semmap_log.domain.meaning import FIELDS, Changed, Presence
 from semmap_log.folds.door_changes import THERE, Changes, Stamp, door_changes, of_presence
 from semmap_log.folds.levels import levels_of
-from semmap_log.store.reading.state import state_at
+from semmap_log.replay.state import state_at
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,

@@ -39,7 +39,7 @@ explores should not outgrow it again at once."""
 
 
 def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
-    """Tell whether the next events can be shown as more rows of a scene; the survey takes them.
+    """Tell whether the next events can be shown as more rows of a scene; the contents take them in.
 
     Args:
         batch: The next events.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from semmap_log.domain.doors import DoorId
-from semmap_log.folding.position import Retraction, retractions_behind
+from semmap_log.replay.position import Retraction, retractions_behind
 from semmap_log.store.reading.window import Window
 from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.excerpt.span import Excerpt

@@ -20,7 +20,12 @@ CALLS = (
     "open", "ftruncate",
 )  # fmt: skip
 _LOCKS = (type(threading.Lock()), type(threading.RLock()))
-LINES_OF = ("log/writing/", "log/segment.py", "log/compaction/background", "appendable_log.py")
+LINES_OF = (
+    "store/writing/",
+    "store/segment.py",
+    "store/compaction/background",
+    "appendable_log.py",
+)
 """Where threads share what is not theirs alone."""
 
 

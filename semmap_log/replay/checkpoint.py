@@ -21,9 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from semmap_log.errors import CheckpointError, OutputError
-from semmap_log.folding.plain_state import dump_plain, load_plain
-from semmap_log.folding.position import Position, Retraction
+from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
 from semmap_log.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.io.disk import (
     left_by_killed,
@@ -32,6 +30,8 @@ from semmap_log.io.disk import (
     refuse_own_folder,
     replace_file,
 )
+from semmap_log.replay.plain_state import dump_plain, load_plain
+from semmap_log.replay.position import Position, Retraction
 from semmap_log.store.reading.reader import LogReader
 
 S = TypeVar("S")
@@ -40,10 +40,6 @@ MAGIC = b"semmap-log checkpoint\n"
 FORM = 1
 """Of the file; another's checkpoints are not used."""
 DIGEST_BYTES = 32
-
-
-class CheckpointWarning(UserWarning):
-    """A checkpoint is not used, and the fold begins at the log's start."""
 
 
 class Checkpoint(Generic[S]):

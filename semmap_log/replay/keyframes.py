@@ -10,9 +10,6 @@ import numpy as np
 
 from semmap_log.folds.door_map import STATE_VERSION, DoorMapState
 from semmap_log.messages import read_in_place, serialize, type_name
-from semmap_log.store import records as mcap
-from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.form import KEYFRAME_CHANNEL
 
 _LIST_TYPES = {
     "annotation_door_id": "u4", "annotation_happened_ns": "i8", "annotation_event": "i8",
@@ -20,12 +17,6 @@ _LIST_TYPES = {
     "floor_map_happened_ns": "i8", "floor_map_event": "i8",
 }  # fmt: skip
 _HASH_BYTES = 32
-
-
-def keyframe_chunk(state: DoorMapState, log_time_ns: int) -> BuiltChunk:
-    """Return the chunk that holds the state, at a time of the log's own counting."""
-    record = mcap.message(KEYFRAME_CHANNEL, state.event, log_time_ns, log_time_ns, encode(state))
-    return build_chunk(record, np.zeros(1, np.int64))
 
 
 def encode(state: DoorMapState) -> bytes:

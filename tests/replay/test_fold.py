@@ -20,12 +20,12 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorObserved, Retracted
-from semmap_log.folding.checkpoint import Checkpoint
 from semmap_log.folds import projection as projection_module
 from semmap_log.folds.projection import Dumping, Mergeable
+from semmap_log.replay.checkpoint import Checkpoint
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
-from tests.folding.projections import Digest, Numbers, Sums
+from tests.replay.projections import Digest, Numbers, Sums
 from tests.test_replay import random_log
 
 ROOT = Path(__file__).parents[2]

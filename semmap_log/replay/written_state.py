@@ -1,37 +1,47 @@
-"""The door map after the last commit, as a writer needs it: kept current without reading."""
+"""The door map after the last commit, kept current without reading: a writer's keyframes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.events import Retracted
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.replay import keyframes
+from semmap_log.replay.state import state_at
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY
-from semmap_log.store.keyframes import keyframe_chunk
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.state import state_at
 from semmap_log.store.record_scan import ScannedRecords
+from semmap_log.store.records import MESSAGE
+from semmap_log.store.writing.keyframe_source import Flush, KeyframeMessage
 
 
 class WrittenState:
-    """A state with records that wait to be folded in: when somebody asks, or when they are many."""
+    """A state with records that wait to be folded in: when somebody asks, or when they are many.
 
-    def __init__(self, folder: LogFolder, state: DoorMapState, flush: Callable[[], None]) -> None:
+    A `KeyframeSource`.
+    """
+
+    def __init__(self, folder: LogFolder, flush: Flush, reader: LogReader | None = None) -> None:
+        """Begin with the state of the log, as for `NewKeyframeSource`.
+
+        Raises:
+            NewerLogError: An event of an unknown kind may have changed it.
+            CorruptLogError: What was read is not what was written.
+        """
         self._folder = folder
-        self._state = state
         self._flush = flush
-        """Hands the kernel what the writer holds back, before the log is read."""
+        self._state = DoorMapState() if reader is None else state_at(reader)
         self._unfolded: list[bytes] = []
         self._offsets: list[NDArray[np.int64] | None] = []
         """Where the records begin in each of those, as far as it is known."""
         self._unfolded_size = 0
-        self._first_event = state.event + 1
+        self._first_event = self._state.event + 1
         """A number below those that wait, and less than 2^32 away from them."""
         self._needs_reading = False
         self._since_keyframe = 0
@@ -48,15 +58,12 @@ class WrittenState:
         if self._unfolded_size >= CHUNK_BYTES:
             self._fold()
 
-    def keyframe(self, log_time_ns: int) -> BuiltChunk:
-        """Return the keyframe that is written now.
-
-        Args:
-            log_time_ns: Of the record before it, or later.
-        """
-        chunk = keyframe_chunk(self.get(), log_time_ns)
-        self._since_keyframe, self._keyframe_size = 0, len(chunk.records)
-        return chunk
+    def keyframe(self) -> KeyframeMessage:
+        """Return the keyframe that is written now."""
+        state = self.get()
+        data = keyframes.encode(state)
+        self._since_keyframe, self._keyframe_size = 0, MESSAGE.size + len(data)
+        return KeyframeMessage(state.event, data)
 
     def wants_keyframe(self, *, is_commit_begun: bool) -> bool:
         """Tell whether a keyframe should stand before what is written next.

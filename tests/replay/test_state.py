@@ -28,17 +28,17 @@ from semmap_log.domain.events import (
 )
 from semmap_log.errors import CorruptLogError, KeyframeWarning, LogError
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.replay import keyframes, state, written_state
+from semmap_log.replay.keyframes import encode
+from semmap_log.replay.state import state_at
 from semmap_log.store import commit_records as commits
-from semmap_log.store import keyframes
 from semmap_log.store.compaction import compact, repaging
 from semmap_log.store.form import CHUNK_BYTES
-from semmap_log.store.keyframes import encode
 from semmap_log.store.kind_bits import KEYFRAME_BIT
-from semmap_log.store.reading import segment_reading, state
+from semmap_log.store.reading import segment_reading
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
-from semmap_log.store.reading.state import state_at
-from semmap_log.store.writing import segment_chain, written_state
+from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.folds.dictionary_model import model
 from tests.test_replay import expected, plain, random_log

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semmap_log.batches.retraction import Retractions
 from semmap_log.common.texts import counted
 from semmap_log.errors import KeyframeWarning
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.retraction import Retractions
 from semmap_log.io.progress import Progress
-from semmap_log.store import keyframes
+from semmap_log.replay import keyframes
 from semmap_log.store.kind_bits import KEYFRAME_BIT
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.store.reading.segment_reading import page_at

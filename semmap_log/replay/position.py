@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.events import Retracted
-from semmap_log.folds.retraction import Retractions
 from semmap_log.io.progress import Progress
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader

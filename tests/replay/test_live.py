@@ -19,12 +19,12 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.folding.live_fold import LiveState
+from semmap_log.replay.live_fold import LiveState
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
 from tests.calls import MOST_CALLS_A_LOOK, calls_of
-from tests.folding.projections import Numbers
-from tests.folding.test_fold import expected_numbers
+from tests.replay.projections import Numbers
+from tests.replay.test_fold import expected_numbers
 
 ROOT = Path(__file__).parents[2]
 
@@ -244,7 +244,7 @@ for i in itertools.count():
 READER = """
 import sys
 import semmap_log as sl
-from tests.folding.projections import Numbers
+from tests.replay.projections import Numbers
 live = sl.read(sys.argv[1]).fold_live(
     Numbers(), checkpoint=sys.argv[2], save_every_s=0, poll_s=0.001
 )
@@ -308,7 +308,7 @@ FOLDER = """
 import itertools, sys
 import semmap_log as sl
 from pathlib import Path
-from tests.folding.projections import Numbers
+from tests.replay.projections import Numbers
 log, checkpoint = sl.read(sys.argv[1]), Path(sys.argv[2])
 for i in itertools.count():
     log.fold(Numbers(), checkpoint=checkpoint, save_every_s=0)

@@ -15,7 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
-from tests.folding.projections import Digest, Numbers, Sums
+from tests.replay.projections import Digest, Numbers, Sums
 from tests.store.eventful import flip
 
 

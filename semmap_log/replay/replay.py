@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.progress import Progress
+from semmap_log.replay.state import state_at
 from semmap_log.store.reading.reader import LogReader, OnPage
-from semmap_log.store.reading.state import state_at
 from semmap_log.store.reading.window import Window
 
 

@@ -11,8 +11,8 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, Retracted
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.store.verification import verify
-from tests.store.reading.test_state import START_NS, sightings, tiny_steps
+from semmap_log.replay.care import verify
+from tests.replay.test_state import START_NS, sightings, tiny_steps
 
 
 def test_retractions_of_what_was_overwritten_do_not_begin_it_anew(

@@ -2,39 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import SemmapError
 from semmap_log.folds.door_map import STATE_VERSION, DoorMapState
-from semmap_log.folds.retraction import Retractions
-from semmap_log.store import keyframes
+from semmap_log.replay import keyframes
 from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_CHANNEL
 from semmap_log.store.pages import Page
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.verification.findings import Finding, Severity
 from semmap_log.store.verification.hash_chain import Report
+from semmap_log.store.verification.keyframe_place import KeyframePlace, Reread
 from semmap_log.store.verification.pieces import Piece
 
 
-@dataclass(frozen=True, slots=True)
-class KeyframePlace:
-    """A chunk: the number of its segment's file in the walk, and its offset there."""
-
-    file: int
-    offset: int
-
-
-Reread = Callable[[KeyframePlace], Iterator[Piece]]
-"""Yields the chunks of the log from a place on."""
-
-
-class KeyframeCheck:
+class ReplayKeyframeCheck:
     """Folds the events as they come, and compares each keyframe with the state so far.
+
+    A `KeyframeCheck`.
 
     A retraction of events that are folded already makes the state be folded anew, from the last
     keyframe that it does not touch.

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from semmap_log.domain.doors import DoorState
 from semmap_log.errors import CheckpointError
-from semmap_log.folding.plain_state import dump_plain, load_plain
+from semmap_log.replay.plain_state import dump_plain, load_plain
 
 KEYS = st.none() | st.booleans() | st.integers() | st.text() | st.binary() | st.floats()
 PLAIN = st.recursive(

@@ -10,10 +10,10 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.value_changes import Changes, changes_of
+from semmap_log.replay.state import state_at
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.state import state_at
 from semmap_log.store.reading.window import Window
 
 FAR = 20_000

@@ -6,16 +6,10 @@ import time
 from typing import Generic, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.folding.checkpoint import Checkpoint
-from semmap_log.folding.position import (
-    NO_EVENT,
-    Position,
-    events_behind,
-    hiding,
-    retractions_behind,
-)
 from semmap_log.folds.projection import Projection
 from semmap_log.io.progress import Progress
+from semmap_log.replay.checkpoint import Checkpoint
+from semmap_log.replay.position import NO_EVENT, Position, events_behind, hiding, retractions_behind
 from semmap_log.store.reading.reader import LogReader
 
 S = TypeVar("S")

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from semmap_log.errors import CorruptLogError
-from semmap_log.folding.checkpoint import Checkpoint
-from semmap_log.folding.running import RunningFold
 from semmap_log.folds.projection import Projection
+from semmap_log.replay.checkpoint import Checkpoint
+from semmap_log.replay.running import RunningFold
 from semmap_log.store.reading.following import are_same
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TypeVar
 
-from semmap_log.folding.checkpoint import Checkpoint
-from semmap_log.folding.position import Position
-from semmap_log.folding.replay import Scope, visible_batches
-from semmap_log.folding.running import RunningFold
 from semmap_log.folds.projection import Projection
 from semmap_log.io.progress import Progress
+from semmap_log.replay.checkpoint import Checkpoint
+from semmap_log.replay.position import Position
+from semmap_log.replay.replay import Scope, visible_batches
+from semmap_log.replay.running import RunningFold
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
