@@ -21,10 +21,10 @@ from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import LogExistsError, MissingExtraError, NotALogError
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.log_files import export
-from semmap_log.folding.replay import Scope
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.formats.json.event_json import event_to_json
 from semmap_log.live.line_recorder import LineAnswer, LineRecorder
+from semmap_log.replay.replay import Scope
 
 RECORDING = "office"
 MOST_WAIT_S = 10.0

@@ -221,6 +221,10 @@ class CheckpointError(SemmapError):
     """A checkpoint is of something else, or cannot be read; or a state cannot be stored in one."""
 
 
+class ViewerError(SemmapError):
+    """The rerun viewer did not start, or did not do what it was asked for."""
+
+
 class OutputError(SemmapError, OSError):
     """A file could not be written; what had that name before is still whole."""
 
@@ -248,6 +252,10 @@ class NewerLogWarning(UserWarning):
 
 class KeyframeWarning(UserWarning):
     """A keyframe cannot be used: it is of another version, or damaged. The answer is the same."""
+
+
+class CheckpointWarning(UserWarning):
+    """A checkpoint is not used, and the fold begins at the log's start."""
 
 
 class EarlyEventsWarning(UserWarning):

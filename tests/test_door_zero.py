@@ -19,9 +19,9 @@ from semmap_log.cli.show import run
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorEvent, PatrolStarted, RobotPose
 from semmap_log.errors import UnknownDoorError
+from semmap_log.replay.care import verify
 from semmap_log.ros_mapping.known import Known
 from semmap_log.store.compaction.compacting import compact
-from semmap_log.store.verification.verifying import verify
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.taken_back import taken_back
 

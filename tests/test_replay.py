@@ -32,7 +32,7 @@ from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.store.keyframes import decode, encode
+from semmap_log.replay.keyframes import decode, encode
 from tests.conftest import SteadyClock
 from tests.folds.dictionary_model import ALL, Told, model
 

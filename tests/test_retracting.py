@@ -27,7 +27,7 @@ from semmap_log.errors import (
     UnknownDoorError,
 )
 from tests.conftest import SteadyClock
-from tests.folding.test_fold import expected_numbers
+from tests.replay.test_fold import expected_numbers
 from tests.test_replay import random_log
 
 

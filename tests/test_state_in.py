@@ -8,7 +8,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.events import DoorObserved
-from semmap_log.folding.replay import Scope
+from semmap_log.replay.replay import Scope
 
 
 @pytest.fixture

@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from collections import Counter
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+from semmap_log import errors
 
 PACKAGE = Path(__file__).parents[1] / "semmap_log"
 
 ORDER = [
     {"common"},
     {"errors"},
+    {"io"},
     {"domain"},
     {"events"},
     {"messages"},
     {"arrow"},
     {"batches"},
-    {"costmap"},
-    {"projections"},
+    {"store", "costmap"},
+    {"folds"},
     {"probabilities"},
-    {"log"},
-    {"folding"},
+    {"replay"},
     {"door_log"},
     {"costmaps", "beliefs"},
     {"formats"},
@@ -50,9 +54,9 @@ EDGES: dict[str, set[str]] = {
     "matplotlib": {"views"},
     "pyarrow": {"arrow"},
     "pandas": {"arrow"},
-    "mcap": {"log", "formats"},
-    "zstandard": {"log", "formats"},
-    "lz4": {"log", "formats"},
+    "mcap": {"store", "formats"},
+    "zstandard": {"store", "formats"},
+    "lz4": {"store", "formats"},
     "rosbags": {"messages", "formats"},
     "typer": {"cli"},
     "rospy": {"live", "ros"},
@@ -99,35 +103,56 @@ def test_imports_point_toward_the_nouns(path: Path) -> None:
     assert [] == wrong
 
 
-LOG_ORDER = ["", "reading", "compaction", "writing", "verification", "salvage"]
-"""The rooms inside `log`, in the order in which they are built on each other; "": `log` itself."""
+PURE = {"costmap", "folds", "probabilities"}
+"""Rooms that fold what they are given: where it lies on disk is not their concern."""
 
 
-def _room_in_log(module: str) -> str:
-    """Return the room of `semmap_log.store.<room>.<file>`; "" for a file in `log` itself."""
+@pytest.mark.parametrize("room", ["store", *sorted(PURE)])
+def test_the_store_knows_no_doors_and_folds_know_no_store(room: str) -> None:
+    """
+    Storage and folds stand beside each other; `replay` joins them.
+    """
+    strangers = PURE | {"replay"} if room == "store" else {"store", "replay"}
+
+    wrong = [
+        f"{path.relative_to(PACKAGE)}, line {line}: {name}"
+        for path in (PACKAGE / room).rglob("*.py")
+        for line, name in _imports(path)
+        if name.startswith("semmap_log.") and name.split(".")[1] in strangers
+    ]
+
+    assert [] == wrong
+
+
+STORE_ORDER = ["", "reading", "compaction", "writing", "verification", "salvage"]
+"""The rooms inside `store`, in the order in which they are built; "": `store` itself."""
+
+
+def _room_in_store(module: str) -> str:
+    """Return the room of `semmap_log.store.<room>.<file>`; "" for a file in `store` itself."""
     name = module.split(".")[2] if module.count(".") > 1 else ""
-    return name if name in LOG_ORDER else ""
+    return name if name in STORE_ORDER else ""
 
 
 @pytest.mark.parametrize(
     "path",
-    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "log"],
+    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "store"],
     ids=lambda path: str(path.relative_to(PACKAGE)),
 )
-def test_inside_the_log_imports_point_one_way_too(path: Path) -> None:
+def test_inside_the_store_imports_point_one_way_too(path: Path) -> None:
     """
     Nothing shared leans on a room; verification leans on none: it believes not even the reader.
     """
     parts = path.relative_to(PACKAGE).with_suffix("").parts
-    room = _room_in_log(".".join(("semmap_log", *parts)))
-    may_use = {"", room} | set(LOG_ORDER[: LOG_ORDER.index(room)])
+    room = _room_in_store(".".join(("semmap_log", *parts)))
+    may_use = {"", room} | set(STORE_ORDER[: STORE_ORDER.index(room)])
     if room == "verification":
         may_use = {"", room}
 
     wrong = [
         f"line {line}: {name}"
         for line, name in _imports(path)
-        if name.startswith("semmap_log.store") and _room_in_log(name) not in may_use
+        if name.startswith("semmap_log.store") and _room_in_store(name) not in may_use
     ]
 
     assert [] == wrong
@@ -299,7 +324,7 @@ def test_no_two_modules_share_a_name() -> None:
     assert [] == [name for name, count in found.items() if count > 1]
 
 
-MAY_READ_BYTES = {"log", "folding", "door_log", "ros"}
+MAY_READ_BYTES = {"store", "replay", "door_log", "ros"}
 """Rooms that know how a log is read; `ros` holds programs that import nothing of ours."""
 
 
@@ -354,3 +379,71 @@ def test_the_reader_of_a_log_is_not_public() -> None:
 
     assert not hasattr(sl.DoorLog, "reader")
     assert not hasattr(sl.DoorLogWriter, "reader")
+
+
+def _modules_imported(path: Path, modules: set[str]) -> set[str]:
+    """Return the modules of ours that a file imports, wherever in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= (names & modules) or {node.module}
+    return found & modules
+
+
+def _name_of(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    """
+    Imports inside of functions count, too: each file can be read before those that use it.
+    """
+    modules = {_name_of(path): path for path in MODULES}
+    imports = {name: _modules_imported(path, set(modules)) for name, path in modules.items()}
+
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as error:
+        pytest.fail(" <- ".join(error.args[1]))
+
+
+def test_every_colour_is_in_the_palette() -> None:
+    """
+    Red, green and blue, or what a web page writes for them; nowhere else in the views.
+    """
+    a_colour = re.compile(r"#[0-9a-fA-F]{6}\b|0x[0-9a-fA-F]{2}, 0x|Rgb = \(")
+
+    found = [
+        f"{path.relative_to(PACKAGE)}: {line.strip()}"
+        for path in MODULES
+        if path.relative_to(PACKAGE).parts[0] == "views" and path.name != "palette.py"
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if a_colour.search(line)
+    ]
+
+    assert [] == found
+
+
+def test_every_error_that_a_user_can_meet_is_in_one_file() -> None:
+    """
+    Errors and warnings of ours; a room's own, which it catches itself, may lie in it.
+    """
+    ours = {name for name, each in vars(errors).items() if isinstance(each, type)}
+    caught_where_they_lie = {"GoneError"}
+
+    found = [
+        f"{path.relative_to(PACKAGE)}: {node.name}"
+        for path in MODULES
+        if path.name != "errors.py"
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+        and {base.id for base in node.bases if isinstance(base, ast.Name)}
+        & (ours | {"UserWarning"})
+        and node.name not in caught_where_they_lie
+    ]
+
+    assert [] == found

@@ -20,8 +20,8 @@ A_LIMIT = re.compile(r"(at most|expected|expected an? [a-z ]+ of|got|of|holds?|a
 NEVER_ONE = {
     "cli/compact.py: would merge {len(files)} segments",
     "door_log/door_names.py:  can mean {len(doors)} doors",
-    "formats/import_plan.py: : the log has {len(found)} doors",
-    "formats/line_reading.py: {len(found)} doors",
+    "importing/import_plan.py: : the log has {len(found)} doors",
+    "importing/line_reading.py: {len(found)} doors",
     "views/rerun/blueprint.py: {level.name} doors",
 }
 """Told where there are several, or none; the last is no number."""

@@ -28,12 +28,13 @@ MEASURED = (
     "semmap_log/store/writing/uniform_commit.py",
     "semmap_log/store/writing/recovery.py",
     "semmap_log/store/writing/writer_opening.py",
+    "semmap_log/store/writing/keyframe_source.py",
     "semmap_log/store/lock.py",
     "semmap_log/io/disk.py",
     "semmap_log/messages/codec.py",
 )
 TESTS = (
-    "tests/log/writing",
+    "tests/store/writing",
     "tests/io/test_disk.py",
     "tests/store/test_guards.py",
     "tests/messages",

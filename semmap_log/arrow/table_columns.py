@@ -10,13 +10,16 @@ events sorted by (least(happened, recorded), event) are the order of the fold.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import KINDS, Event, field_names
+from semmap_log.domain.events import KINDS, Event, field_names, told_fields
 from semmap_log.domain.meaning import ALL_CHANGED, Changed
-from semmap_log.messages import OBJECT_KINDS, comments_of, fixed_layout
+from semmap_log.domain.rules import Bits, Nanoseconds, OneOf, Rule, Text
+from semmap_log.messages import comments_of
 
 SCHEMA_VERSION = 1
 """Counts up when a column changes its meaning or goes; a new column does not."""
@@ -59,9 +62,6 @@ class Column:
         return tuple(kind.kind for kind in KINDS if self.field_name in field_names(kind))
 
 
-NOT_SHOWN = frozenset({"salt"})
-"""Fields of events that no column holds: a salt keeps a redacted text from being guessed."""
-
 HEAD = (
     Column("event", "int64", "event number, from 0 without gaps", nullable=False),
     Column("kind", KIND, "kind of event, such as DoorObserved", nullable=False),
@@ -72,61 +72,82 @@ WHEN = (
     Column("recorded", TIME, "when the log learnt it, strictly increasing", nullable=False),
 )
 
-OLDEST = (
-    Column("level", "uint16", "storey of the door, the robot or the floor map; 0 without levels"),
-    Column("x", "float64", "start of the door's line, or the robot, m, frame map"),
-    Column("y", "float64", "the same"),
-    Column("theta", "float64", "direction of the door's line, or of the robot, rad"),
-    Column("width", "float64", "length of the door's line, m"),
-    Column("state", STATE, "OPEN CLOSED UNKNOWN MOVING OFFLINE: set, seen or asked for"),
-    Column("prob_open", "float64", "P(open) that was set, 0..1"),
-    Column("prob_closed", "float64", "P(closed) that was set, 0..1"),
-    Column("changed", CHANGED, "DoorUpdated: what it sets, such as POSE|STATE; POSE is with level"),
-    Column("accuracy_open", "float64", "DoorObserved: P(reads open when open), 0.5..1"),
-    Column("accuracy_closed", "float64", "DoorObserved: P(reads closed when closed), 0.5..1"),
-    Column("opening", "float64", "DoorObserved: how far it stood open, 0..1"),
-    Column("passed", "bool", "DoorPassed: the robot went through; false: it gave up"),
-    Column("waited_s", "float64", "DoorPassed: how long it waited before the door, s"),
-    Column("patrol", "uint32", "PatrolStarted, PatrolFinished: the round's number"),
-    Column("sd_xy", "float64", "RobotPose: standard deviation of x and y, m"),
-    Column("sd_theta", "float64", "RobotPose: standard deviation of theta, rad"),
-    Column("first_event", "int64", "Retracted: the first event that it takes back"),
-    Column("last_event", "int64", "Retracted: the last one, inclusive"),
-    Column("key", "str", "DoorAnnotated: what is said, such as name"),
-    Column("value", "str", "DoorAnnotated: in words; empty: taken back"),
-    Column("name", "str", "LevelAdded: the storey's name"),
-    Column("elevation", "float64", "LevelAdded: above the building's zero, m"),
-    Column("resolution", "float64", "FloorMap: size of a cell, m"),
-    Column("origin_x", "float64", "FloorMap: lower left corner of cell (0, 0), m, frame map"),
-    Column("origin_y", "float64", "the same"),
-    Column("origin_theta", "float64", "FloorMap: how the grid is turned, rad"),
+MEANINGS: Mapping[str, str] = {
+    "level": "storey of the door, the robot or the floor map; 0 without levels",
+    "x": "start of the door's line, or the robot, m, frame map",
+    "y": "the same",
+    "theta": "direction of the door's line, or of the robot, rad",
+    "width": "length of the door's line, m",
+    "state": "OPEN CLOSED UNKNOWN MOVING OFFLINE: set, seen or asked for",
+    "prob_open": "P(open) that was set, 0..1",
+    "prob_closed": "P(closed) that was set, 0..1",
+    "changed": "DoorUpdated: what it sets, such as POSE|STATE; POSE is with level",
+    "accuracy_open": "DoorObserved: P(reads open when open), 0.5..1",
+    "accuracy_closed": "DoorObserved: P(reads closed when closed), 0.5..1",
+    "opening": "DoorObserved: how far it stood open, 0..1",
+    "passed": "DoorPassed: the robot went through; false: it gave up",
+    "waited_s": "DoorPassed: how long it waited before the door, s",
+    "patrol": "PatrolStarted, PatrolFinished: the round's number",
+    "sd_xy": "RobotPose: standard deviation of x and y, m",
+    "sd_theta": "RobotPose: standard deviation of theta, rad",
+    "first_event": "Retracted: the first event that it takes back",
+    "last_event": "Retracted: the last one, inclusive",
+    "key": "DoorAnnotated: what is said, such as name",
+    "value": "DoorAnnotated: in words; empty: taken back",
+    "name": "LevelAdded: the storey's name",
+    "elevation": "LevelAdded: above the building's zero, m",
+    "resolution": "FloorMap: size of a cell, m",
+    "origin_x": "FloorMap: lower left corner of cell (0, 0), m, frame map",
+    "origin_y": "the same",
+    "origin_theta": "FloorMap: how the grid is turned, rad",
+    "cells": "FloorMap: row by row, lowest y first; 0 free..100 occupied, -1 unknown",
+    "format": "LogExported: of the file",
+    "file_name": "LogExported: of the file",
+    "at_ns": "LogExported: the moment whose state was saved",
+}
+"""Fields of events, in the order of their columns, and what they mean; those that came later have
+the words of the `.msg` text behind these."""
+
+OF_CELLS = (
     Column("cells_width", "uint32", "FloorMap: cells in a row", field="cells"),
     Column("cells_height", "uint32", "FloorMap: rows", field="cells"),
-    Column(
-        "cells", CELLS, "FloorMap: row by row, lowest y first; 0 free..100 occupied, -1 unknown"
-    ),
-    Column("format", "str", "LogExported: of the file"),
-    Column("file_name", "str", "LogExported: of the file"),
-    Column("at", TIME, "LogExported: the moment whose state was saved", field="at_ns"),
+    Column("cells", CELLS, MEANINGS["cells"]),
 )
+"""What a grid becomes."""
 
 
-def _others() -> Iterator[Column]:
-    """Yield a column for each field that came later: its meaning is that of the `.msg` text."""
-    known = {column.field_name for column in OLDEST} | NOT_SHOWN | {"door_id"}
+def _rules() -> dict[str, tuple[type[Event], Rule]]:
+    """Return each field of events, with the first kind that has it, and its rule there."""
+    found: dict[str, tuple[type[Event], Rule]] = {}
     for kind in KINDS:
-        for name in field_names(kind):
-            if name not in known:
-                known.add(name)
-                yield Column(name, _type_of(kind, name), comments_of(kind.__name__)[name])
+        for name in told_fields(kind):
+            found.setdefault(name, (kind, kind.rules.fields[name]))
+    return found
 
 
-def _type_of(kind: type[Event], name: str) -> str:
-    return "str" if kind.kind in OBJECT_KINDS else str(fixed_layout(kind.kind).dtype[name])
+def _fields() -> Iterator[Column]:
+    """Yield a column for each field that the events of any kind have."""
+    rules = _rules()
+    for name in dict.fromkeys([*MEANINGS, *rules]):
+        kind, rule = rules[name]
+        if name == "cells":
+            yield from OF_CELLS
+        elif name != "door_id":
+            says = MEANINGS.get(name) or comments_of(kind.__name__)[name]
+            ours = name.removesuffix("_ns") if isinstance(rule, Nanoseconds) else name
+            yield Column(ours, _type_of(rule), says, field=name if ours != name else "")
 
 
-FIELDS = (*OLDEST, *_others())
-"""The fields of all kinds; those of `OLDEST` have words of their own."""
+def _type_of(rule: Rule) -> str:
+    """Return the type of a field's column."""
+    return _TYPES.get(type(rule)) or str(np.dtype(rule.dtype))
+
+
+_TYPES = {OneOf: STATE, Bits: CHANGED, Nanoseconds: TIME, Text: "str"}
+"""Rule of a field -> the type of its column, where that is another than in numpy."""
+
+FIELDS = tuple(_fields())
+"""The fields of all kinds."""
 
 DOOR = Column("door_id", "uint32", "the door that it is about")
 

@@ -388,7 +388,7 @@ class EventBatch(MadeOfColumns):
             else:
                 values = dict(zip(names[kind], next(rows[kind]), strict=True))
                 known_ns = None if happened_ns == NO_TIME else happened_ns
-                event = event_of(kind, values, known_ns)
+                event = event_of(KINDS[kind - 1], values, known_ns)
             yield RecordedEvent(number, recorded_ns, event)
 
 

@@ -13,20 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, DoorState, is_given
-from semmap_log.domain.events import (
-    KINDS,
-    MAX_EVENT,
-    NO_LEVEL,
-    DoorAdded,
-    DoorUpdated,
-    Event,
-    Retracted,
-    defaults_of,
-)
-from semmap_log.domain.meaning import ALL_CHANGED, Changed
+from semmap_log.domain.doors import NO_LEVEL, is_given
+from semmap_log.domain.event_base import HAPPENED
+from semmap_log.domain.events import KINDS, Event, defaults_of, event_of
+from semmap_log.domain.meaning import Changed
+from semmap_log.domain.rules import Fit, Rule
 from semmap_log.errors import InvalidEventError
-from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
 
 Rows = NDArray[np.void]
@@ -74,61 +66,6 @@ class LazyColumns(Mapping[int, Rows]):
 
 NO_TIME = -1
 """Stands in a column of happened times for one that was not given: the log's clock says it."""
-
-
-class _Range(NamedTuple):
-    """What the values of a field lie between."""
-
-    low: float
-    high: float
-    or_nan: bool = False
-
-    def outside(self, values: Any) -> Any:
-        """Tell which values are not in the range; NaN is where `or_nan` is."""
-        inside = (values >= self.low) & (values <= self.high)
-        return ~(inside | (values != values)) if self.or_nan else ~inside  # noqa: PLR0124 - NaN
-
-    def holds(self, values: NDArray[Any]) -> bool:
-        """Tell whether all values lie in it."""
-        if self.or_nan:  # all NaN: neither comparison is true
-            least, greatest = np.fmin.reduce(values), np.fmax.reduce(values)
-            return not (least < self.low or greatest > self.high)
-        least, greatest = np.minimum.reduce(values), np.maximum.reduce(values)
-        return bool(least >= self.low and greatest <= self.high)
-
-
-class _Levels(_Range):
-    """Those that there can be, or `NO_LEVEL`."""
-
-    def outside(self, values: Any) -> Any:
-        return super().outside(values) & (values != NO_LEVEL)
-
-    def holds(self, values: NDArray[Any]) -> bool:
-        return super().holds(values) or not self.outside(values).any()
-
-
-_GREATEST = float(np.finfo(np.float64).max)
-_FINITE = _Range(-_GREATEST, _GREATEST)
-_SHARE = _Range(0, 1, or_nan=True)
-_AT_LEAST_0 = _Range(0, _GREATEST, or_nan=True)
-
-_RANGES: Mapping[str, _Range] = {
-    "door_id": _Range(0, 2**32 - 1),
-    "level": _Levels(0, MAX_LEVEL),
-    "state": _Range(0, max(DoorState)),
-    "changed": _Range(1, int(ALL_CHANGED)),
-    "prob_open": _SHARE,
-    "prob_closed": _SHARE,
-    "accuracy_open": _Range(0.5, 1),
-    "accuracy_closed": _Range(0.5, 1),
-    "opening": _SHARE,
-    "waited_s": _AT_LEAST_0,
-    "sd_xy": _AT_LEAST_0,
-    "sd_theta": _AT_LEAST_0,
-    "first_event": _Range(0, MAX_EVENT),
-    "last_event": _Range(0, MAX_EVENT),
-}
-"""Field -> what its values lie between, of whatever kind; the others have none, or `_misfits`."""
 
 
 def rows_of(kind: type[Event], fields: Mapping[str, NDArray[Any]], count: int) -> Rows:
@@ -233,23 +170,57 @@ def check_rows(kind: type[Event], rows: Rows) -> None:
     dtype = fixed_layout(kind.kind).dtype
     if rows.dtype != dtype and not _same_fields(rows.dtype, dtype):
         raise InvalidEventError(kind.__name__, f"rows of {dtype}", rows.dtype)
-    if not len(rows):
-        return
-    names = dtype.names or ()
-    if all(_RANGES[name].holds(rows[name]) for name in names if name in _RANGES):
-        misfits = _misfits(kind, rows)
-        if misfits is None or not misfits.any():
-            return
-    wrong = _misfits(kind, rows)
-    wrong = np.zeros(len(rows), np.bool_) if wrong is None else wrong
-    for name in names:
-        if name in _RANGES:
-            wrong = wrong | _RANGES[name].outside(rows[name])
-    first = int(np.argmax(wrong))
-    try:
-        event_of_row(kind, rows[first], None)
-    except InvalidEventError as error:
-        raise error.of_row(first) from None
+    checks = _checks(kind.kind)
+    for start in range(0, len(rows), _BLOCK):
+        columns = checks.columns_of(rows[start : start + _BLOCK])
+        if not checks.pass_all(columns):
+            first = start + checks.first_wrong(columns)
+            try:
+                event_of_row(kind, rows[first], None)
+            except InvalidEventError as error:
+                raise error.of_row(first) from None
+
+
+_BLOCK = 2**15
+"""So many rows are looked at at once: they stay in the processor's cache."""
+
+Columns = Mapping[str, NDArray[Any]]
+
+
+class _Checks(NamedTuple):
+    """What can be wrong with columns of a kind."""
+
+    alone: Sequence[tuple[str, Rule]]
+    """The rules of fields; not those that a type holds to by itself, as a `uint32` does to ids."""
+    together: Sequence[Fit]
+
+    def columns_of(self, rows: Rows) -> Columns:
+        """Return the columns that are looked at, each in one piece: that is done several times."""
+        alone = [name for name, _ in self.alone]
+        names = dict.fromkeys([*alone, *(name for fit in self.together for name in fit.of)])
+        return {name: np.ascontiguousarray(rows[name]) for name in names}
+
+    def pass_all(self, columns: Columns) -> bool:
+        """Tell whether nothing is wrong with any row."""
+        return all(rule.allows_all(columns[name]) for name, rule in self.alone) and not any(
+            misfits.any() for misfits in self.misfits(columns)
+        )
+
+    def first_wrong(self, columns: Columns) -> int:
+        """Return the first row with which something is."""
+        refused = [rule.refused(columns[name]) for name, rule in self.alone]
+        return int(np.argmax(np.logical_or.reduce([*refused, *self.misfits(columns)])))
+
+    def misfits(self, columns: Columns) -> Iterator[NDArray[np.bool_]]:
+        """Yield which rows' values do not fit each other."""
+        return (fit.broken(*[columns[name] for name in fit.of]) for fit in self.together)
+
+
+@cache
+def _checks(kind: int) -> _Checks:
+    rules, dtype = KINDS[kind - 1].rules, fixed_layout(kind).dtype
+    alone = [(name, rule) for name, rule in rules.fields.items() if rule.limits(dtype[name])]
+    return _Checks(alone, rules.fits)
 
 
 def event_of_row(kind: type[Event], row: Any, happened_ns: int | None) -> Event:
@@ -259,14 +230,7 @@ def event_of_row(kind: type[Event], row: Any, happened_ns: int | None) -> Event:
         InvalidEventError: It holds a value that no such event can have.
     """
     values = dict(zip(row.dtype.names, row.item(), strict=True))
-    state = values.get("state", -1)
-    if state in DoorState._value2member_map_:
-        values["state"] = DoorState(state)
-    if "changed" in values:
-        values["changed"] = Changed(values["changed"])
-    if values.get("level") == NO_LEVEL:
-        values["level"] = LEVEL_NOT_GIVEN
-    return kind(happened_ns=happened_ns, **values)
+    return event_of(kind, values, happened_ns, is_stored=False)
 
 
 def check_times(happened_ns: NDArray[np.int64]) -> None:
@@ -277,28 +241,8 @@ def check_times(happened_ns: NDArray[np.int64]) -> None:
     """
     if len(happened_ns) and np.minimum.reduce(happened_ns) < NO_TIME:
         first = int(np.argmax(happened_ns < NO_TIME))
-        expected = f"a whole number from 0 to {MAX_TIME_NS}"
-        raise InvalidEventError("happened_ns", expected, int(happened_ns[first])).of_row(first)
-
-
-def _misfits(kind: type[Event], rows: Rows) -> NDArray[np.bool_] | None:
-    """Tell which rows' values do not fit each other; None: nothing can be wrong with this kind."""
-    if kind is Retracted:
-        return np.asarray(rows["first_event"] > rows["last_event"])
-    if "theta" not in (rows.dtype.names or ()):
-        return None
-    place = [rows["x"], rows["y"], rows["theta"]]
-    misplaced = np.logical_or.reduce([_FINITE.outside(values) for values in place])
-    if kind not in (DoorAdded, DoorUpdated):
-        return np.asarray(misplaced)
-    unplaced = np.logical_and.reduce([np.isnan(values) for values in place])
-    wide = ~_Range(0, _GREATEST).outside(rows["width"])
-    if kind is DoorAdded:
-        narrow = np.isnan(rows["width"])
-        return np.asarray(np.where(unplaced, ~narrow, misplaced | ~wide))
-    moved = (rows["changed"] & int(Changed.POSE)) != 0
-    widened = (rows["changed"] & int(Changed.WIDTH)) != 0
-    return np.asarray((misplaced & (moved | ~unplaced)) | (widened & ~wide))
+        got = int(happened_ns[first])
+        raise InvalidEventError("happened_ns", HAPPENED.expected, got).of_row(first)
 
 
 @cache

@@ -1,4 +1,7 @@
-"""The columns that a batch of each kind is made from, spelt out for editors and type checkers."""
+"""The columns that a batch of each kind is made from, spelt out for editors and type checkers.
+
+The signatures are written by `python tools/batch_columns.py`, from the table of events.
+"""
 
 from __future__ import annotations
 

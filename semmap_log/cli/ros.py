@@ -63,6 +63,6 @@ def open_node(context: typer.Context, version: RosVersion, name: str) -> RosNode
     Raises:
         RosError: It is not installed, or does not answer.
     """
-    from semmap_log.live import ros_node
+    from semmap_log.live import joining
 
-    return ros_node.open_node(version, name, context.obj or [])
+    return joining.open_node(version, name, context.obj or [])

@@ -43,7 +43,7 @@ def run(
       semmap-log verify office --head "$(cat office.head)"
       semmap-log verify office/office_000000.mcap --json
     """
-    from semmap_log.store.verification import verify
+    from semmap_log.replay.care import verify
     from semmap_log.views.health import verification_report
 
     wanted = _hash(head) if head else None

@@ -1,7 +1,7 @@
 """The door layer as a mask for Nav2's KeepoutFilter: closed doors are kept out of, nothing else.
 
-Write the mask with `formats/map_server_out.write_map(Path("keepout.pgm"), mask, geometry)` and
-give it to Nav2 so (nav2_bringup's names; all three are lifecycle nodes):
+Write the mask with `map_server_out.write_map(Path("keepout.pgm"), mask, geometry)` and give it to
+Nav2 so (nav2_bringup's names; all three are lifecycle nodes):
 
     filter_mask_server:                     # nav2_map_server's map_server
       ros__parameters:

@@ -20,21 +20,10 @@ from semmap_log.costmaps.level_costmap import (
     level_drawn,
 )
 from semmap_log.domain.doors import DoorMap
-from semmap_log.domain.events import (
-    DoorAdded,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorUpdated,
-    FloorMap,
-    Retracted,
-)
+from semmap_log.domain.events import POSE_KINDS, SETTING_KINDS, FloorMap, Retracted
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.folding.replay import Scope
-
-_DRAWN = (DoorAdded, DoorUpdated, DoorRemoved, DoorObserved, DoorPassed)
-"""The kinds of events that a door layer shows."""
+from semmap_log.replay.replay import Scope
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +71,7 @@ def costmap_frames(
     doors = log.replay(at=end_ns)
     level = level_drawn(options, doors)
     floor = floor or log.floor_of(doors, level)
-    later = list(log.batches(first_ns + 1, end_ns + 1, kinds=_DRAWN))
+    later = list(log.batches(first_ns + 1, end_ns + 1, kinds=SETTING_KINDS))
     points = [*ends_of(state.door_map(), level), *_places(later, level, state.door_map())]
     costmap = Costmap(state, geometry_of(floor, points, level, options), floor, level, options)
     yield CostmapFrame(first_ns, state.event, [costmap.geometry.whole], costmap)
@@ -145,7 +134,7 @@ def _in_order(batches: list[EventBatch]) -> Iterator[tuple[int, list[EventBatch]
 
 def _first_ns(log: DoorLog) -> int:
     """Return a moment just before the first event that draws something; of none, the log's end."""
-    firsts = (int(batch.folds_ns.min()) for batch in log.batches(kinds=_DRAWN))
+    firsts = (int(batch.folds_ns.min()) for batch in log.batches(kinds=SETTING_KINDS))
     return min(firsts, default=log.end_ns() + 1) - 1
 
 
@@ -154,7 +143,7 @@ def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Itera
 
     How wide a door is then may be told elsewhere: the widest of all is taken.
     """
-    kinds = [(batch, kind) for batch in batches for kind in (DoorAdded, DoorUpdated)]
+    kinds = [(batch, kind) for batch in batches for kind in POSE_KINDS]
     told = [batch[kind] for batch, kind in kinds if kind in batch]
     widths = [door.width for door in before.doors.values()]
     for rows in told:

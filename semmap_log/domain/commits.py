@@ -69,14 +69,22 @@ def check_text(where: str, text: str) -> None:
     Raises:
         InvalidEventError: It is no text, or one that UTF-8 or a ROS string cannot hold.
     """
+    expected = text_expected(text)
+    if expected:
+        raise InvalidEventError(where, expected, text)
+
+
+def text_expected(text: object) -> str:
+    """Return what is expected instead of a text that cannot be stored; "": it can be."""
     if not isinstance(text, str):
-        raise InvalidEventError(where, "a text", text)
+        return "a text"
     if "\0" in text:
-        raise InvalidEventError(where, "text without NUL characters", text)
+        return "text without NUL characters"
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise InvalidEventError(where, "text that UTF-8 can hold", text) from None
+        return "text that UTF-8 can hold"
+    return ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,9 @@ MAX_DOOR_ID = 2**32 - 1
 MAX_LEVEL = 65_000
 """A level's floor map travels on MCAP channel 100 + level, which is a uint16."""
 
+NO_LEVEL = 2**16 - 1
+"""Stands in a column of levels, a uint16, for one that was not given: `LEVEL_NOT_GIVEN`."""
+
 NAN = math.nan
 
 

@@ -18,8 +18,8 @@ from semmap_log.door_log.early_warnings import EarlyWarnings
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandReusedError, InvalidEventError, LogPoisonedError
 from semmap_log.io.clock import KeptClock
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.writing.writer import LogWriter
+from semmap_log.replay.written_state import WrittenState
+from semmap_log.store.writing.writer_opening import OpenedLog
 
 POSES_WAIT_S = 1.0
 """Robot poses join the next commit; without one, they are written after this time."""
@@ -32,17 +32,16 @@ class Appender:
     others go on.
     """
 
-    def __init__(self, writer: LogWriter, reader: LogReader) -> None:
+    def __init__(self, opened: OpenedLog[WrittenState]) -> None:
         """Begin where the log ends.
 
         Args:
-            writer: Of the log.
-            reader: Of the same log.
+            opened: The log, whose door map is known.
         """
-        self._writer = writer
+        self._writer = opened.writer
         self._lock = threading.RLock()
-        self.now = CurrentMap(writer, reader, self._lock)
-        self._early = EarlyWarnings(self.now, reader.info.timezone)
+        self.now = CurrentMap(opened, self._lock)
+        self._early = EarlyWarnings(self.now, opened.reader.info.timezone)
         self._pose_timer: threading.Timer | None = None
 
     def append(self, command: Command, *, sync: bool | None = None) -> Appended:

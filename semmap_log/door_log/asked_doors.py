@@ -14,8 +14,8 @@ from semmap_log.door_log.removed_doors import (
     told_removed,
 )
 from semmap_log.errors import UnknownDoorError
-from semmap_log.folding.replay import Scope, replay
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.replay.replay import Scope, replay
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window

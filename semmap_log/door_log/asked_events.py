@@ -9,8 +9,8 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import Moment
 from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.replay.change_finder import ChangeFinder
 from semmap_log.store.pages import Page
-from semmap_log.store.reading.change_finder import ChangeFinder
 from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment

@@ -17,9 +17,10 @@ from semmap_log.door_log.times import Time, happened_ns_of
 from semmap_log.errors import InvalidEventError, UnexpectedEventError, UnknownDoorError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.clock import believable_ns
+from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
-from semmap_log.store.writing.writer import LogWriter
+from semmap_log.store.writing.writer_opening import OpenedLog
 
 
 class CurrentMap:
@@ -29,17 +30,17 @@ class CurrentMap:
     the log again when it is needed. May be asked by several threads.
     """
 
-    def __init__(self, writer: LogWriter, reader: LogReader, lock: RLock) -> None:
+    def __init__(self, opened: OpenedLog[WrittenState], lock: RLock) -> None:
         """Begin.
 
         Args:
-            writer: Of the log.
-            reader: Of the same log.
+            opened: The log, whose door map is known.
             lock: Held by whoever appends, and by whoever asks.
         """
-        self.path: Path = reader.log_folder.given
-        self._timezone = reader.info.timezone
-        self._writer, self._reader, self._lock = writer, reader, lock
+        self._writer, self._reader, self._written = opened.writer, opened.reader, opened.keyframes
+        self._lock = lock
+        self.path: Path = self._reader.given
+        self._timezone = self._reader.info.timezone
         self.is_read = True
         """Whether the reader has seen all that was written."""
         self.waiting: list[RobotPose] = []
@@ -48,7 +49,7 @@ class CurrentMap:
         """Which doors and levels there are; None: `door_index` finds out."""
         self.doors: DoorMap | None = None
         """A map as of some moment since which no name has changed; None: there is none."""
-        self.next_event = writer.next_event
+        self.next_event = opened.writer.next_event
         """Events below this number are taken into account in all of these."""
 
     def take_in(self) -> None:
@@ -77,12 +78,12 @@ class CurrentMap:
     def state(self) -> DoorMapState:
         """The door map after the last commit, as the writer holds it."""
         with self._lock:
-            return self._writer.state
+            return self._written.get()
 
     def door_map(self) -> DoorMap:
         """Return the doors after the last commit as values, whatever is appended meanwhile."""
         with self._lock:
-            return self._writer.state.door_map()
+            return self._written.get().door_map()
 
     @property
     def door_index(self) -> DoorIndex:
@@ -90,10 +91,10 @@ class CurrentMap:
         with self._lock:
             self.take_in()
             if self.index is None:
-                self.index = DoorIndex.of(self._writer.state)
+                self.index = DoorIndex.of(self._written.get())
                 self.index.log = self.path
                 # Not of this object: what holds itself is let go of late.
-                self.index.names = partial(_names_now, self._writer)
+                self.index.names = partial(_names_now, self._written)
             return self.index
 
     def now_ns(self) -> int:
@@ -122,11 +123,11 @@ class CurrentMap:
         with self._lock:
             self.take_in()
             if self.doors is None:
-                self.doors = self._writer.state.door_map()
+                self.doors = self._written.get().door_map()
             try:
                 return resolve_door(door, self.doors)
             except UnknownDoorError:
-                removed = removed_called(door, self._writer.state)
+                removed = removed_called(door, self._written.get())
                 if len(removed) > 1:
                     raise UnknownDoorError(several_removed(door, removed)) from None
                 if removed:
@@ -160,5 +161,5 @@ class CurrentMap:
             yield from (recorded.event for recorded in batch)
 
 
-def _names_now(writer: LogWriter) -> Mapping[DoorId, str]:
-    return writer.state.names()
+def _names_now(written: WrittenState) -> Mapping[DoorId, str]:
+    return written.get().names()

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStarted, is_whole_number
@@ -29,18 +30,17 @@ from semmap_log.door_log.last_patrol import last_patrol
 from semmap_log.door_log.log_end import latest_happened_ns
 from semmap_log.door_log.times import Time, moment_of
 from semmap_log.errors import MomentError
-from semmap_log.folding.fold import SAVE_EVERY_S, fold, fold_part
-from semmap_log.folding.live_fold import LiveState, fold_live
-from semmap_log.folding.replay import Scope, replay, visible_batches
 from semmap_log.folds.diff import Diff, diff
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.early_events import EarlyEvents
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.folds.levels import resolve_level
 from semmap_log.folds.projection import Projection
-from semmap_log.folds.retraction import Retractions
 from semmap_log.folds.timeline import Timeline, timelines
 from semmap_log.io.progress import Progress
+from semmap_log.replay.fold import SAVE_EVERY_S, fold, fold_part
+from semmap_log.replay.live_fold import LiveState, fold_live
+from semmap_log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
@@ -63,7 +63,7 @@ S = TypeVar("S")
 class DoorLog:
     """A log that is read: as it was when it was opened, or last refreshed."""
 
-    def __init__(self, path: str | Path | LogFolder) -> None:
+    def __init__(self, path: str | Path | LogFolder | LogReader) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
 
         A log in a zip file is unpacked among the machine's temporary files for as long as it is
@@ -71,12 +71,17 @@ class DoorLog:
 
         A relative path is that of the moment: `os.chdir` leads nobody to another log.
 
+        Args:
+            path: Its folder, or a zip file with one log in it; or what has read it already.
+
         Raises:
             NotALogError: There is no log at that path.
             CorruptLogError: It is damaged.
         """
-        self._opened = LogReader(path if isinstance(path, LogFolder) else Path(path))
-        self.path = self._opened.log_folder.given
+        if not isinstance(path, LogReader):
+            path = LogReader(path if isinstance(path, LogFolder) else Path(path))
+        self._opened = path
+        self.path = self._opened.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
 
@@ -138,7 +143,7 @@ class DoorLog:
             at: What was true then, with all that is known today.
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
-            checkpoint: A file to go on from, and to save to: see `semmap_log.folding.checkpoint`.
+            checkpoint: A file to go on from, and to save to: see `semmap_log.replay.checkpoint`.
             save_every_s: How often it is saved at most, before the end.
             progress: Told how far the reading is.
 
@@ -191,7 +196,7 @@ class DoorLog:
             LogError: Another log lies there now.
         """
         return fold_live(
-            LogReader(self._opened.log_folder),
+            self._opened.anew(),
             projection,
             checkpoint=None if checkpoint is None else Path(checkpoint),
             save_every_s=save_every_s,
@@ -300,7 +305,7 @@ class DoorLog:
         """
         if after is None:
             after = self._reader.last_event()
-        reader = LogReader(self._opened.log_folder)
+        reader = self._opened.anew()
         return follow(reader, after, poll_s=poll_s, stop=stop, with_newer=with_newer)
 
     def state_in(self, scope: Scope = Scope(), *, progress: Progress | None = None) -> DoorMapState:
@@ -397,7 +402,7 @@ class DoorLog:
 
     def opened_anew(self) -> DoorLog:
         """Return the log as it is on the disk now; this object stays as it was opened."""
-        return DoorLog(self._opened.log_folder)
+        return DoorLog(self._opened.anew())
 
     def event(self, number: int) -> RecordedEvent:
         """Return the event of that number.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, Final, TypedDict, TypeVar
 
@@ -39,13 +38,14 @@ from semmap_log.door_log.door_commands import (
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.times import Time
-from semmap_log.errors import InvalidEventError, LogError
-from semmap_log.folding.replay import Scope
+from semmap_log.errors import InvalidEventError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.progress import Progress
+from semmap_log.replay.replay import Scope
+from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy
-from semmap_log.store.writing.writer import LogWriter
+from semmap_log.store.writing.writer_opening import OpenedLog
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -88,15 +88,10 @@ class DoorLogWriter(DoorLog):
     new door or a round, in the log (-1: none): another is an error, and nothing is written.
     """
 
-    def __init__(self, writer: LogWriter) -> None:
-        try:
-            super().__init__(writer.folder)
-        except BaseException:
-            with suppress(LogError):
-                writer.close()  # nobody else could: its lock would last as long as the process
-            raise
-        self._writer = writer
-        self._appender = Appender(writer, self._opened)
+    def __init__(self, opened: OpenedLog[WrittenState]) -> None:
+        super().__init__(opened.reader)
+        self._writer = opened.writer
+        self._appender = Appender(opened)
 
     def add_door(
         self,

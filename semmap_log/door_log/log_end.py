@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semmap_log.folds.retraction import Retractions
+from semmap_log.batches.retraction import Retractions
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment

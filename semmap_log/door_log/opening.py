@@ -12,6 +12,7 @@ from semmap_log.domain.moments import zone
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.io.clock import Clock, SystemClock
+from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
 from semmap_log.store.writing.durability import DurabilityPolicy
@@ -69,13 +70,13 @@ def create(
         MomentError: No such zone.
         InvalidEventError: No such durability.
     """
-    environment = _surroundings(writing)
+    environment = _environment(writing)
     timezone = machine_zone() if tz is None else tz
     zone(timezone)
     check_text("building", building)
     check_text("robot", robot)
     info = LogInfo(environment.entropy(16).hex(), timezone, building, robot)
-    return DoorLogWriter(create_log(Path(path), info, environment))
+    return DoorLogWriter(create_log(Path(path), info, WrittenState, environment))
 
 
 @knows_keywords
@@ -98,7 +99,7 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
         LogAccessError: It is on a read-only place.
         InvalidEventError: No such durability.
     """
-    return DoorLogWriter(open_for_append(Path(path), _surroundings(writing)))
+    return DoorLogWriter(open_for_append(Path(path), WrittenState, _environment(writing)))
 
 
 @knows_keywords
@@ -114,7 +115,7 @@ def read(path: str | Path) -> DoorLog:
     return DoorLog(path)
 
 
-def _surroundings(writing: WritingOptions) -> Environment:
+def _environment(writing: WritingOptions) -> Environment:
     given = _USUAL | writing
     policy = DurabilityPolicy.of(given["durability"], given["batch_events"], given["batch_s"])
     clock = given["clock"] or SystemClock()

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CommandError
 from semmap_log.folds.history import HistoryEntry, history
-from semmap_log.folds.retraction import Retractions
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
+    from semmap_log.batches.retraction import Retractions
     from semmap_log.door_log.door_log import DoorLog
 
 

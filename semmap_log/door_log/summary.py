@@ -20,11 +20,11 @@ from semmap_log.door_log.door_labels import labels_of
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.early_events import EarlyEvents
 from semmap_log.io.progress import Progress
+from semmap_log.replay.state import keyframe_at
 from semmap_log.store.clock_check import ClockCheck, SuspectCommit
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.state import keyframe_at
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,9 @@ from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError
-from semmap_log.folding.replay import Scope
 from semmap_log.formats.files.map_server_out import write_costs, write_map
 from semmap_log.io.disk import output_errors, refuse_own_folder, replace_file, utf8_name, whole_file
+from semmap_log.replay.replay import Scope
 from semmap_log.views.costmap_picture import DoorMark, costmap_png
 
 Part = Literal["master", "door", "keepout"]

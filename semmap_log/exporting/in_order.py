@@ -13,9 +13,9 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.batches.retraction import Retractions
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.folds.history import HistoryEntry, history
-from semmap_log.folds.retraction import Retractions
 from semmap_log.io.progress import Progress
 from semmap_log.store.reading.window import Window
 

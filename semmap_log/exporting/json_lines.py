@@ -11,9 +11,9 @@ from typing import Any
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.folding.replay import Scope
 from semmap_log.formats.json.event_json import line_to_json
 from semmap_log.io.progress import Progress
+from semmap_log.replay.replay import Scope
 from semmap_log.store.reading.reader import OnPage
 from semmap_log.store.reading.window import Window
 

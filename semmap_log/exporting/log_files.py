@@ -16,12 +16,12 @@ from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.json_lines import write_event_lines
-from semmap_log.folding.replay import Scope
 from semmap_log.formats.files.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.files.geojson import dump_geojson
 from semmap_log.formats.files.thesis_yaml import dump_thesis_yaml
 from semmap_log.io.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.io.progress import Progress
+from semmap_log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
 
 WRITABLE = (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semmap_log.domain.doors import DoorMap
-from semmap_log.domain.events import DoorAdded, DoorUpdated, FloorMap, RobotPose
+from semmap_log.domain.events import ADDING_KINDS, POSE_KINDS, FloorMap, RobotPose
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.exporting.in_order import Times
 from semmap_log.formats.bags.bag_protocol import BagTopic
@@ -83,14 +83,14 @@ def plan_of(
     if len(times):
         for batch in log.batches(int(times[0]), int(times[-1]) + 1):
             has_robot |= RobotPose in batch
-            count += len(batch.where(DoorAdded))
+            count += sum(len(batch.where(kind)) for kind in ADDING_KINDS)
             changes.append(batch.folds_ns[batch.about_doors()])
             floors |= {
                 each.level
                 for each in batch.objects.get(FloorMap.kind, ())
                 if isinstance(each, FloorMap)
             }
-            for kind in (DoorAdded, DoorUpdated):
+            for kind in POSE_KINDS:
                 if kind in batch:
                     rows = batch[kind]
                     doors.update(rows["level"][np.isfinite(rows["x"])].tolist())

@@ -45,14 +45,9 @@ STATE_CHANGE = columns("door_id", "folds_ns", "number", "kind", "state")
 """What an event says of a door's state: 22 bytes."""
 
 
-def door_changes(batch: EventBatch, dtype: np.dtype[Any] = CHANGE) -> Changes:
-    """Return the events of the batch that can change a door, in the order of their numbers.
-
-    Args:
-        batch: Any events.
-        dtype: `CHANGE`, or some of its columns, `number` among them.
-    """
-    changes = np.concatenate([np.empty(0, dtype), *parts_of(batch, dtype)])
+def door_changes(batch: EventBatch) -> Changes:
+    """Return the events of the batch that can change a door, in the order of their numbers."""
+    changes = np.concatenate([np.empty(0, CHANGE), *parts_of(batch)])
     return changes[np.argsort(changes["number"], kind="stable")]
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.retraction import in_ranges
 from semmap_log.domain.doors import Door, DoorId, DoorMap, Level, RemovedDoor
 from semmap_log.domain.events import (
     ADDING_KINDS,
@@ -27,7 +28,6 @@ from semmap_log.domain.meaning import FIELDS, REGISTERS, Presence
 from semmap_log.folds.annotations import Annotations, Stamp
 from semmap_log.folds.doors_present import DoorsPresent
 from semmap_log.folds.registers import NEVER, NOBODY, DoorColumns, writes_of
-from semmap_log.folds.retraction import in_ranges
 
 Array = NDArray[Any]
 

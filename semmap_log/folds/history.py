@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorEvent, Event
-from semmap_log.folds.retraction import Retractions
 from semmap_log.folds.value_changes import Changes, ValueChange
 
 

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from semmap_log.batches.retraction import Retractions, in_ranges
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import (
@@ -24,7 +25,6 @@ from semmap_log.domain.events import (
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError
-from semmap_log.folds.retraction import Retractions, in_ranges
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import ParsedLine
 from semmap_log.importing.import_plan import Present

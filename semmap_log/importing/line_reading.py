@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorUpdated, LevelAdded
+from semmap_log.domain.events import DoorAnnotated, DoorEvent, LevelAdded
 from semmap_log.domain.meaning import Changed
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.folds.levels import level_called, levels_of
@@ -58,10 +58,8 @@ class LineReader:
     def _learn(self, event: DoorEvent) -> None:
         self.used_ids.add(event.door_id)
         self.greatest_id = max(self.greatest_id, event.door_id)
-        if isinstance(event, DoorAdded) or (
-            isinstance(event, DoorUpdated) and Changed.POSE in event.changed
-        ):
-            self.levels[event.door_id] = event.level
+        if event.sets() & Changed.POSE:
+            self.levels[event.door_id] = event.values_set()["level"]
         if isinstance(event, DoorAnnotated) and event.key == "name":
             self.names[event.door_id] = event.value
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from typing import Protocol
 
-Identity = tuple[int, int]
-"""Of a file: device and inode."""
+Identity = Hashable
+"""Of a file on a disk: device and inode; of an object in a store: what changes with its bytes."""
 
 BLOCK_BYTES = 2**20
 """So much is read at once where all of a file is."""
@@ -15,7 +15,9 @@ BLOCK_BYTES = 2**20
 class ByteSource(Protocol):
     """A file's bytes as it was when it was opened, handed out as private copies of ranges.
 
-    Offsets are those of the file. What lies behind its end is left out, as by a slice.
+    Offsets are those of the file. What lies behind its end is left out, as by a slice. Nothing is
+    looked at that was not asked for by `read` or `read_ranges`: so a source may have its bytes
+    elsewhere, and fetch what is asked for.
     """
 
     @property
@@ -41,7 +43,10 @@ class ByteSource(Protocol):
         """Return ranges one behind the other, as `read`."""
 
     def will_need(self, start: int, end: int) -> None:
-        """Have a range fetched that is read soon; nothing else is fetched ahead."""
+        """Begin to fetch a range that is read soon, and return; nothing else is fetched ahead.
+
+        It is a hint: what is read may lie elsewhere.
+        """
 
     def let_go(self, start: int, end: int) -> None:
         """Give up what a range that was read still takes of memory; it can be read again."""

@@ -42,7 +42,7 @@ SENT_WITHIN_S = 5.0
 
 
 def open_ros1_node(name: str, ros_args: Sequence[str] = ()) -> Ros1Node:
-    """Join the network of a master; see `ros_node.open_node`."""
+    """Join the network of a master; see `joining.open_node`."""
     for argument in ros_args:
         if argument.startswith("__ns:="):  # rospy looks for it when it is imported, in sys.argv
             os.environ["ROS_NAMESPACE"] = argument.partition(":=")[2]

@@ -41,7 +41,7 @@ ACKNOWLEDGED_WITHIN_S = 5.0
 
 
 def open_ros2_node(name: str, ros_args: Sequence[str] = ()) -> Ros2Node:
-    """Join the domain of the environment; see `ros_node.open_node`."""
+    """Join the domain of the environment; see `joining.open_node`."""
     try:
         import rclpy
         from rclpy.context import Context

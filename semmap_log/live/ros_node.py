@@ -7,7 +7,7 @@ as it does bags. Goals and results cross it as plain values, by the names in the
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -196,24 +196,3 @@ def outcome_of(run: Callable[[Goal], Outcome], goal: Goal, log: Callable[[str], 
         what = "warning about goal" if outcome.succeeded else "refused goal"
         log(f"{goal.action}: {what} {goal.said_id}: {outcome.text}")
     return outcome
-
-
-def open_node(ros_version: RosVersion, name: str, ros_args: Sequence[str] = ()) -> RosNode:
-    """Join ROS.
-
-    Args:
-        ros_version: 1 or 2.
-        name: The node's, unless `ros_args` say otherwise.
-        ros_args: As ROS's own tools take them: `__ns:=/robot1` and the like for ROS 1, what stands
-            behind `--ros-args` for ROS 2.
-
-    Raises:
-        RosError: That ROS is not installed here, or no master answers (ROS 1).
-    """
-    if ros_version == 1:
-        from semmap_log.live.ros1 import open_ros1_node
-
-        return open_ros1_node(name, ros_args)
-    from semmap_log.live.ros2 import open_ros2_node
-
-    return open_ros2_node(name, ros_args)

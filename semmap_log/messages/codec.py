@@ -10,21 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import (
-    KINDS,
-    DoorAnnotated,
-    Event,
-    FloorMap,
-    LevelAdded,
-    LogExported,
-    event_of,
-)
+from semmap_log.domain.events import KINDS, Event, FloorMap, event_of, field_names
 from semmap_log.messages.layout import Layout, layout
 from semmap_log.messages.typestore import OCCUPANCY_GRID, deserialize, serialize, type_name
 
 OBJECT_KINDS: frozenset[int] = frozenset(
-    kind.kind for kind in (DoorAnnotated, LevelAdded, FloorMap, LogExported)
+    kind.kind for kind in KINDS if not all(rule.dtype for rule in kind.rules.fields.values())
 )
 """Kinds with text or arrays, read as objects; all others are read as columns."""
 
@@ -56,22 +47,11 @@ def encode(event: Event, happened_ns: int) -> bytes:
         return fixed.pack(*field_getter(event.kind)(event))
     if isinstance(event, FloorMap):
         return _encode_floor_map(event, happened_ns)
-    if isinstance(event, DoorAnnotated):
-        return serialize(
-            ros_type(event.kind),
-            salt=_salt(event.salt),
-            door_id=event.door_id,
-            key=event.key,
-            value=event.value,
-        )
-    if isinstance(event, LevelAdded):
-        return serialize(
-            ros_type(event.kind), level=event.level, name=event.name, elevation=event.elevation
-        )
-    assert isinstance(event, LogExported)
-    return serialize(
-        ros_type(event.kind), format=event.format, file_name=event.file_name, at_ns=event.at_ns
-    )
+    names, values_of = _object_fields(event.kind)
+    values = dict(zip(names, values_of(event), strict=True))
+    if "salt" in values:
+        values["salt"] = np.frombuffer(values["salt"] or bytes(16), np.uint8)
+    return serialize(ros_type(event.kind), **values)
 
 
 def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
@@ -92,36 +72,24 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
             raise ValueError(
                 f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}"
             )
-        return event_of(kind, fixed.unpack(data), happened_ns)
+        return event_of(KINDS[kind - 1], fixed.unpack(data), happened_ns)
     message = deserialize(ros_type(kind), data)
     cls = KINDS[kind - 1]
     if cls is FloorMap:
         return _decode_floor_map(message, happened_ns, level)
-    if cls is DoorAnnotated:
-        return DoorAnnotated(
-            happened_ns=happened_ns,
-            door_id=DoorId(message.door_id),
-            key=message.key,
-            value=message.value,
-            salt=bytes(message.salt),
-        )
-    if cls is LevelAdded:
-        return LevelAdded(
-            happened_ns=happened_ns,
-            level=message.level,
-            name=message.name,
-            elevation=message.elevation,
-        )
-    return LogExported(
-        happened_ns=happened_ns,
-        format=message.format,
-        file_name=message.file_name,
-        at_ns=message.at_ns,
-    )
+    names, values_of = _object_fields(kind)
+    values = dict(zip(names, values_of(message), strict=True))
+    if "salt" in values:
+        values["salt"] = bytes(values["salt"])
+    return event_of(cls, values, happened_ns)
 
 
-def _salt(salt: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    return np.frombuffer(salt or bytes(16), np.uint8)
+@cache
+def _object_fields(kind: int) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]:
+    """Return the fields of a kind that is read as objects, and what takes their values out."""
+    names = field_names(KINDS[kind - 1])
+    getter = attrgetter(*names)
+    return names, getter if len(names) > 1 else lambda each: (getter(each),)
 
 
 def _encode_floor_map(event: FloorMap, happened_ns: int) -> bytes:

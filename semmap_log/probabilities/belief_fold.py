@@ -101,7 +101,7 @@ class BeliefProjection:
     """The fold: `log.fold(BeliefProjection("filter", log.info.timezone))`, also live.
 
     A checkpoint keeps the evidence, so that one serves all estimators. A retraction of what was
-    taken in folds the log anew (see `semmap_log.folding`), and what had been learnt is gone with
+    taken in folds the log anew (see `semmap_log.replay`), and what had been learnt is gone with
     the state that it was learnt from.
     """
 

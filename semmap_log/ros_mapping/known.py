@@ -31,7 +31,6 @@ class Known:
         self.last_started = 0
         """The greatest number of a round that began."""
         self.last_finished = 0
-        self.greatest_id = max(self._state.used_door_ids, default=0)
         self._doors: dict[int, Door] = {
             door.door_id: door for door in self._state.door_map().doors.values()
         }
@@ -84,7 +83,7 @@ class Known:
 
     def next_id_but(self, others: Collection[int]) -> DoorId:
         """Return a new id that is none of some others that want to stay free."""
-        return next_door_id({*self.used_ids, *others}, self.greatest_id)
+        return next_door_id({*self.used_ids, *others}, max(self.used_ids, default=0))
 
     def called(self, text: str, *, or_id: bool = True) -> DoorId | None:
         """Return the door of that name, level/name or id; None: there is none.
@@ -118,7 +117,6 @@ class Known:
         before = self._name_of(event)
         self._state.apply_one(event, self._state.event + 1)
         if isinstance(event, DoorEvent):
-            self.greatest_id = max(self.greatest_id, event.door_id)
             self._stale.add(event.door_id)
             self._call(event.door_id, before, self._name_of(event))
         elif isinstance(event, FloorMap):

@@ -52,6 +52,7 @@ from functools import cache
 from pathlib import Path
 
 from semmap_log.domain.events import KINDS, FloorMap
+from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.messages import ros_type, type_name
 
 NAMES_OF_FILES = (".mcap", ".zip")
@@ -77,7 +78,6 @@ LOCK_NAME = ".lock"
 BAG_METADATA_NAME = "metadata.yaml"
 CLOSED_MARK_NAME = "closed.json"
 """How far the log reached when its last segment was closed: `closed_mark`."""
-TEMPORARY_SUFFIX = ".tmp"
 TORN_SUFFIX = ".torn"
 RECOVERING_NAME = ".recovering"
 """In a log that `recover` has made anew, until the damaged one is put away."""

@@ -7,6 +7,7 @@ import os
 import threading
 import zlib
 from collections import Counter
+from collections.abc import Hashable
 from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass
@@ -233,7 +234,7 @@ class SegmentWriter:
         if status.st_size < written:
             raise OSError(errno.EIO, "it was cut, or written over, while it was written")
 
-    def install(self, *, replacing: tuple[int, int] | None = None) -> None:
+    def install(self, *, replacing: Hashable | None = None) -> None:
         """Give the file its name; it survives a power cut.
 
         Args:

@@ -11,7 +11,8 @@ import numpy as np
 
 from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.domain.doors import DoorState
-from semmap_log.views.costmap_shading import Rgb, shaded
+from semmap_log.views.costmap_shading import shaded
+from semmap_log.views.palette import COST_DOORS, COST_INK
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -22,13 +23,6 @@ LEGEND_PX = 250
 NOTE_PX = 17
 NOTES_BELOW_PX = 8 * 32 + 6 + 48
 """How far below the legend's upper edge its notes start."""
-INK: Rgb = (40, 40, 46)
-DOOR_RGB: dict[DoorState, Rgb] = {
-    DoorState.CLOSED: (0xD5, 0x5E, 0x00),
-    DoorState.OPEN: (0x00, 0x72, 0xB2),
-    DoorState.UNKNOWN: (0x80, 0x60, 0x00),
-}
-"""After Okabe and Ito, who chose colours that colour-blind eyes tell apart."""
 _SWATCH = (44, 22)
 _LINE_PX = 32
 
@@ -61,14 +55,14 @@ def draw_legend(canvas: Image, at: tuple[int, int], notes: list[str], *, px_a_me
     x, y = at
     for cost, text in _SHADES:
         canvas.paste(_swatch(cost), (x, y))
-        draw.rectangle((x, y, x + _SWATCH[0] - 1, y + _SWATCH[1] - 1), outline=INK)
-        draw.text((x + _SWATCH[0] + 10, y + _SWATCH[1] / 2), text, INK, font(14), anchor="lm")
+        draw.rectangle((x, y, x + _SWATCH[0] - 1, y + _SWATCH[1] - 1), outline=COST_INK)
+        draw.text((x + _SWATCH[0] + 10, y + _SWATCH[1] / 2), text, COST_INK, font(14), anchor="lm")
         y += _LINE_PX
     y += 6
     for state, text in _STROKES:
         middle = y + _SWATCH[1] / 2
         draw_door(draw, (x + 2, middle), (x + _SWATCH[0] - 2, middle), state)
-        draw.text((x + _SWATCH[0] + 10, middle), text, INK, font(14), anchor="lm")
+        draw.text((x + _SWATCH[0] + 10, middle), text, COST_INK, font(14), anchor="lm")
         y += _LINE_PX
     _draw_scale_bar(draw, (x, y + 14), px_a_metre)
     draw_notes(draw, (x, at[1] + NOTES_BELOW_PX), notes)
@@ -78,7 +72,7 @@ def draw_notes(draw: ImageDraw, at: tuple[int, int], notes: list[str]) -> None:
     """Draw lines of small text, each cut off where its column ends."""
     for line, note in enumerate(notes):
         said = fitted(draw, note, LEGEND_PX - 16, 12)
-        draw.text((at[0], at[1] + NOTE_PX * line), said, INK, font(12))
+        draw.text((at[0], at[1] + NOTE_PX * line), said, COST_INK, font(12))
 
 
 def drawable(text: str) -> str:
@@ -116,7 +110,7 @@ def draw_door(
     draw: ImageDraw, start: tuple[float, float], end: tuple[float, float], state: DoorState
 ) -> None:
     """Draw a door's line; each state has a stroke of its own, on white, to stand off any cell."""
-    colour = DOOR_RGB[state]
+    colour = COST_DOORS[state]
     draw.line((*start, *end), "white", 11)
     if state == DoorState.CLOSED:
         draw.line((*start, *end), colour, 7)
@@ -158,9 +152,9 @@ def _draw_scale_bar(draw: ImageDraw, at: tuple[int, int], px_a_metre: float) -> 
     length = round_length(80 / px_a_metre)
     x, y = at
     width = length * px_a_metre
-    draw.rectangle((x, y, x + width, y + 7), "white", INK)
-    draw.rectangle((x, y, x + width / 2, y + 7), INK)
-    draw.text((x + width + 8, y + 4), in_metres(length), INK, font(14), anchor="lm")
+    draw.rectangle((x, y, x + width, y + 7), "white", COST_INK)
+    draw.rectangle((x, y, x + width / 2, y + 7), COST_INK)
+    draw.text((x + width + 8, y + 4), in_metres(length), COST_INK, font(14), anchor="lm")
 
 
 def _dashes(

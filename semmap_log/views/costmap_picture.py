@@ -16,8 +16,6 @@ from semmap_log.costmap.grid import GridGeometry
 from semmap_log.domain.doors import DoorState, reduced
 from semmap_log.errors import CostmapError
 from semmap_log.views.costmap_legend import (
-    DOOR_RGB,
-    INK,
     LEGEND_PX,
     NOTE_PX,
     NOTES_BELOW_PX,
@@ -30,8 +28,9 @@ from semmap_log.views.costmap_legend import (
     lacks_letters,
     round_length,
 )
-from semmap_log.views.costmap_shading import Grid, Rgb, costs_of, shaded
+from semmap_log.views.costmap_shading import Grid, costs_of, shaded
 from semmap_log.views.label_places import FAR_PX, NEAR_PX, Box, LabelPlaces, Point
+from semmap_log.views.palette import COST_DOORS, COST_INK, Rgb
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
@@ -100,7 +99,7 @@ def costmap_png(
     _draw_frame(draw, view)
     room = canvas.width - MARGIN_PX - 12
     head = fitted(draw, drawable(title or "costmap"), room, 20)
-    draw.text((MARGIN_PX, 14), head, INK, font(20))
+    draw.text((MARGIN_PX, 14), head, COST_INK, font(20))
     x = MARGIN_PX + view.width + MARGIN_PX // 2
     draw_legend(canvas, (x, MARGIN_PX), below_legend, px_a_metre=view.px_a_metre)
     for column in beside:
@@ -176,17 +175,17 @@ def _draw_frame(draw: ImageDraw, view: _View) -> None:
     left, top = MARGIN_PX, MARGIN_PX
     right, bottom = left + view.width, top + view.height
     small, geometry = font(12), view.geometry
-    draw.rectangle((left - 1, top - 1, right, bottom), outline=INK)
+    draw.rectangle((left - 1, top - 1, right, bottom), outline=COST_INK)
     for value, label in _ticks(geometry.origin_x, view.width, view.px_a_metre):
         x = left + view.at(value, 0)[0]
-        draw.line((x, bottom, x, bottom + 5), INK)
-        draw.text((x, bottom + 8), label, INK, small, anchor="mt")
+        draw.line((x, bottom, x, bottom + 5), COST_INK)
+        draw.text((x, bottom + 8), label, COST_INK, small, anchor="mt")
     for value, label in _ticks(geometry.origin_y, view.height, view.px_a_metre):
         y = top + view.at(0, value)[1]
-        draw.line((left - 6, y, left - 1, y), INK)
-        draw.text((left - 9, y), label, INK, small, anchor="rm")
-    draw.text((left + view.width / 2, bottom + 28), "x, metres", INK, small, anchor="mt")
-    draw.text((left - 9, top - 10), "y, metres", INK, small, anchor="rb")
+        draw.line((left - 6, y, left - 1, y), COST_INK)
+        draw.text((left - 9, y), label, COST_INK, small, anchor="rm")
+    draw.text((left + view.width / 2, bottom + 28), "x, metres", COST_INK, small, anchor="mt")
+    draw.text((left - 9, top - 10), "y, metres", COST_INK, small, anchor="rb")
 
 
 def _ticks(start: float, length_px: int, px_a_metre: float) -> list[tuple[float, str]]:
@@ -247,7 +246,7 @@ def _draw_label(
         size = (math.ceil(draw.textlength(said, font(LABEL_PX))) + 8, LABEL_PX + 5)
         box = places.place(middle, size, across=across, distances=distances)
         if box is not None:
-            _draw_box(draw, box, said, middle, DOOR_RGB[reduced(door.state)])
+            _draw_box(draw, box, said, middle, COST_DOORS[reduced(door.state)])
             return said == full
     return False
 
@@ -259,7 +258,7 @@ def _draw_box(draw: ImageDraw, box: Box, text: str, middle: Point, colour: Rgb) 
     if math.dist(middle, nearest) > NEAR_PX[-1] + 4:
         draw.line((*middle, *nearest), colour, 1)
     draw.rounded_rectangle((left, top, right - 1, bottom - 1), 3, "white", (150, 150, 156))
-    draw.text(((left + right) / 2, (top + bottom) / 2), text, INK, font(LABEL_PX), anchor="mm")
+    draw.text(((left + right) / 2, (top + bottom) / 2), text, COST_INK, font(LABEL_PX), anchor="mm")
 
 
 def _columns(notes: list[str], view: _View) -> tuple[list[str], list[list[str]]]:

@@ -16,17 +16,18 @@ from semmap_log.costmap.costs import (
     NO_INFORMATION,
     to_occupancy,
 )
+from semmap_log.views.palette import (
+    COST_FREE,
+    COST_HATCH,
+    COST_INSCRIBED,
+    COST_LEAST,
+    COST_LETHAL,
+    COST_MOST,
+    COST_UNKNOWN,
+)
 
-Rgb = tuple[int, int, int]
 Grid = NDArray[np.uint8] | NDArray[np.int8]
 
-FREE_RGB: Rgb = (255, 255, 255)
-LEAST_RGB: Rgb = (236, 230, 250)
-MOST_RGB: Rgb = (150, 110, 200)
-INSCRIBED_RGB: Rgb = (86, 48, 140)
-LETHAL_RGB: Rgb = (16, 16, 20)
-UNKNOWN_RGB: Rgb = (228, 230, 233)
-HATCH_RGB: Rgb = (200, 204, 209)
 HATCH_PX = 8
 LEVELS = 24
 """Of the violet: as many as an eye can tell, and few enough that the file stays small."""
@@ -65,7 +66,7 @@ def shaded(costs: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
         costs = costs.repeat(scale, axis=0).repeat(scale, axis=1)
     rows, columns = picture.shape[:2]
     diagonal = np.add.outer(np.arange(rows), np.arange(columns)) % HATCH_PX < HATCH_PX // 4
-    picture[(costs[::-1] == NO_INFORMATION) & diagonal] = HATCH_RGB
+    picture[(costs[::-1] == NO_INFORMATION) & diagonal] = COST_HATCH
     return picture
 
 
@@ -84,13 +85,13 @@ def _shades() -> NDArray[np.uint8]:
     """Return the colour of each cost, (256, 3)."""
     costs = np.arange(256)
     share = (costs - 1) * LEVELS // 252 / (LEVELS - 1)
-    least, most = np.array(LEAST_RGB), np.array(MOST_RGB)
+    least, most = np.array(COST_LEAST), np.array(COST_MOST)
     table: NDArray[np.float64] = np.rint(least + np.clip(share, 0, 1)[:, None] * (most - least))
     for cost, colour in (
-        (FREE_SPACE, FREE_RGB),
-        (INSCRIBED, INSCRIBED_RGB),
-        (LETHAL, LETHAL_RGB),
-        (NO_INFORMATION, UNKNOWN_RGB),
+        (FREE_SPACE, COST_FREE),
+        (INSCRIBED, COST_INSCRIBED),
+        (LETHAL, COST_LETHAL),
+        (NO_INFORMATION, COST_UNKNOWN),
     ):
         table[cost] = colour
     return table.astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Every colour of the views, in one place."""
+"""Every colour that is drawn, in one place; the report's page has its own paper in `page.css`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from semmap_log.domain.doors import DoorState, reduced
 
 Rgb = tuple[int, int, int]
+
+BLACK: Rgb = (0, 0, 0)
+WHITE: Rgb = (255, 255, 255)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,39 @@ COLOUR_BLIND = Palette(
 deutan and tritan eyes see of them is worked out in tests/views/test_palette.py."""
 
 PALETTES: Mapping[str, Palette] = {"default": DEFAULT, "colour-blind": COLOUR_BLIND}
+
+
+VIRIDIS: tuple[Rgb, ...] = (
+    (68, 1, 84), (72, 24, 106), (71, 45, 123), (66, 64, 134), (59, 82, 139), (51, 99, 141),
+    (44, 114, 142), (38, 130, 142), (33, 145, 140), (31, 160, 136), (40, 174, 128), (63, 188, 115),
+    (94, 201, 98), (132, 212, 75), (173, 220, 48), (216, 226, 25), (253, 231, 37),
+)  # fmt: skip
+"""Of probabilities: matplotlib's colours, evenly spaced from 0 to 1."""
+
+COST_FREE: Rgb = (255, 255, 255)
+COST_LEAST: Rgb = (236, 230, 250)
+COST_MOST: Rgb = (150, 110, 200)
+COST_INSCRIBED: Rgb = (86, 48, 140)
+COST_LETHAL: Rgb = (16, 16, 20)
+COST_UNKNOWN: Rgb = (228, 230, 233)
+COST_HATCH: Rgb = (200, 204, 209)
+
+COST_INK: Rgb = (40, 40, 46)
+COST_DOORS: dict[DoorState, Rgb] = {
+    DoorState.CLOSED: (0xD5, 0x5E, 0x00),
+    DoorState.OPEN: (0x00, 0x72, 0xB2),
+    DoorState.UNKNOWN: (0x80, 0x60, 0x00),
+}
+"""After Okabe and Ito, who chose colours that colour-blind eyes tell apart."""
+WEEK_UNKNOWN: Rgb = (70, 74, 82)
+WEEK_AXES: Rgb = (225, 228, 233)
+
+PLOT_CURVE = "#31688e"
+PLOT_GRID = "#cccccc"
+PLOT_BARS = "#b8b8c4"
+PLOT_MARKS = "#555560"
+PLOT_HATCH = "#9a9a9a"
+PLOT_NOTHING = "#f0f0f0"
 
 
 def packed(colour: Rgb, alpha: int = 255) -> int:

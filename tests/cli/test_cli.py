@@ -647,7 +647,7 @@ def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
     """
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log, pytest.MonkeyPatch.context() as patch:
-        patch.setattr("semmap_log.store.keyframes.STATE_VERSION", 99)
+        patch.setattr("semmap_log.replay.keyframes.STATE_VERSION", 99)
         patch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 1)
         log.add_door(name="front")
         log.add_door(name="back")

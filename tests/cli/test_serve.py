@@ -13,7 +13,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import RosError
-from semmap_log.live import ros_node
+from semmap_log.live import joining
 from tests.live.running import DEADLINE_S
 
 YAML = "1:\n  position: {x: 1.0, y: 2.0, theta: 0.0}\n  width: 0.5\n  status: OPEN\n"
@@ -113,7 +113,7 @@ def test_a_plain_file_of_doors_makes_a_log_and_starts(
     def no_ros(*_: object) -> None:
         raise RosError("no ROS in this test")
 
-    monkeypatch.setattr(ros_node, "open_node", no_ros)
+    monkeypatch.setattr(joining, "open_node", no_ros)
     file, log = tmp_path / "doors.yaml", tmp_path / "new"
     file.write_text(YAML + "  open_prob: .nan\n  name: front\n  tags: [a]\n")
 

@@ -15,10 +15,10 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorObserved, DoorRemoved, Retracted
 from semmap_log.errors import FormatError
 from semmap_log.exporting.log_files import export
-from semmap_log.folding.replay import Scope
 from semmap_log.formats.json.door_json import entry_to_json
 from semmap_log.importing.importing import Imported, import_file
-from semmap_log.store.verification import verify
+from semmap_log.replay.care import verify
+from semmap_log.replay.replay import Scope
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.exporting.random_logs import LATER_NS, random_log

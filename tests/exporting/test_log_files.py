@@ -13,8 +13,8 @@ import yaml
 import semmap_log as sl
 from semmap_log.errors import CommandError, OutputError
 from semmap_log.exporting.log_files import export
-from semmap_log.folding.replay import Scope
 from semmap_log.importing.importing import import_file
+from semmap_log.replay.replay import Scope
 
 
 def test_the_yaml_is_the_thesis_schema(tmp_path: Path) -> None:

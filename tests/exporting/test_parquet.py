@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.domain.events import Event, Retracted
 from semmap_log.exporting.log_files import export
-from semmap_log.folding.replay import Scope
+from semmap_log.replay.replay import Scope
 from semmap_log.store.compaction import compact
 from tests.arrow.rows import row_of, rows_of, write_any
 from tests.conftest import SteadyClock

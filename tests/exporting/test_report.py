@@ -10,7 +10,7 @@ import semmap_log as sl
 from semmap_log.errors import CommandError, FormatError, OutputError
 from semmap_log.exporting.html_report import write_report
 from semmap_log.exporting.log_files import export
-from semmap_log.folding.replay import Scope
+from semmap_log.replay.replay import Scope
 from semmap_log.views.report.content import report
 from tests.views.report.pages import MS, data_of
 from tests.views.rerun.some_logs import SECOND, START, small_log

@@ -55,25 +55,27 @@ def test_a_log_that_could_not_be_opened_can_be_opened_later(
     Whichever reading of a segment fails on the way: the lock is not kept.
     """
     path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as log:
-        log.add_door()
-    real, failed = segment_folder.open_segment, 0
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 1)
+    with sl.create(path, tz="UTC", compact=False) as log:
+        for _ in range(2):
+            log.add_door()
+    real, failed = segment_folder.segment_in, 0
 
     for good in range(10):
         left = iter(range(good))
 
-        def failing(path: Path, left=left, **more: object):
+        def failing(path: Path, *how: object, left=left, **more: object):
             if next(left, None) is None:
                 raise LogAccessError(f"{path}: cannot be read: Input/output error.")
-            return real(path, **more)
+            return real(path, *how, **more)
 
-        monkeypatch.setattr(segment_folder, "open_segment", failing)
+        monkeypatch.setattr(segment_folder, "segment_in", failing)
         try:
-            sl.append(path).close()
+            sl.append(path, compact=False).close()
         except LogAccessError:
             failed += 1
-        monkeypatch.setattr(segment_folder, "open_segment", real)
-        sl.append(path).close()
+        monkeypatch.setattr(segment_folder, "segment_in", real)
+        sl.append(path, compact=False).close()
 
     assert failed >= 2
 

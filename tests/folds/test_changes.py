@@ -19,10 +19,10 @@ from semmap_log.domain.events import KINDS, DoorAnnotated, DoorEvent, Retracted
 from semmap_log.domain.meaning import REGISTERS
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.history import HistoryEntry
+from semmap_log.replay import change_finder
+from semmap_log.replay.state import state_at
 from semmap_log.store.compaction import compact
-from semmap_log.store.reading import change_finder
-from semmap_log.store.reading.state import state_at
-from tests.store.reading.test_state import tiny_steps
+from tests.replay.test_state import tiny_steps
 from tests.test_replay import random_log
 
 

@@ -13,9 +13,8 @@ import sys
 import threading
 import time
 
-from semmap_log.live.joining import open_node
-
 from semmap_log.formats.bags.bag_protocol import BagTopic
+from semmap_log.live.joining import open_node
 
 node = open_node(int(sys.argv[1]), "talker")
 lines: queue.SimpleQueue[str] = queue.SimpleQueue()

@@ -17,7 +17,7 @@ from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.formats.bags.bag_protocol import BagTopic
 from semmap_log.formats.ros.ros_types import RosVersion
 from semmap_log.live import client as client_module
-from semmap_log.live import ros_node
+from semmap_log.live import joining
 from semmap_log.live.action_names import DEFAULTS
 from semmap_log.live.client import DoorClient, DoorFields
 from semmap_log.live.ros_node import Goal, Outcome
@@ -217,7 +217,7 @@ def call(
         nodes.append(_node(server, version))
         return nodes[-1]
 
-    monkeypatch.setattr(ros_node, "open_node", open_node)
+    monkeypatch.setattr(joining, "open_node", open_node)
 
     def call(*words: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as stopped:
@@ -266,7 +266,7 @@ def test_the_first_door_of_a_server_that_counts_from_0_is_done(
     """
     node = CollectingNode(1)
     node.serve_action("", DEFAULTS["AddDoor"], lambda _: Outcome(True, {"door_id": 0}))
-    monkeypatch.setattr(ros_node, "open_node", lambda *_: node)
+    monkeypatch.setattr(joining, "open_node", lambda *_: node)
 
     words = ["--from", "1,2", "--to", "1,3", "--prob-open", "0.5", "--prob-closed", "0.5"]
 
@@ -300,7 +300,7 @@ def test_servers_of_others_may_succeed_otherwise(
 
     node = CollectingNode(1)
     node.serve_action("", DEFAULTS["RemoveDoor"], run)
-    monkeypatch.setattr(ros_node, "open_node", lambda *_: node)
+    monkeypatch.setattr(joining, "open_node", lambda *_: node)
 
     with pytest.raises(SystemExit) as stopped:
         main(["call", "remove", "5", "--ros1"])

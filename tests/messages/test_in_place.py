@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.messages import deserialize, read_in_place, type_name
 from semmap_log.messages.typestore import serialize
-from semmap_log.store.keyframes import encode
+from semmap_log.replay.keyframes import encode
 
 _ELEMENTS = {"u4": st.integers(0, 2**32 - 1), "u2": st.integers(0, 2**16 - 1),
              "u1": st.integers(0, 255), "i8": st.integers(-(2**63), 2**63 - 1),

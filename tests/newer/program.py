@@ -26,7 +26,8 @@ class {name}(DoorEvent):
     strength: float = 0.0
 
 
-KINDS: tuple[type[Event], ...] = ('''
+AnyEvent: TypeAlias = (
+'''
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,10 @@ def run(program: Path, script: str, *arguments: object) -> str:
 def _add_kind(package: Path, later: Later) -> None:
     name, messages = later.kind, package / "messages"
     (messages / "msg" / f"{name}.msg").write_text(MESSAGE, encoding="ascii")
-    mark = "changes_nothing: ClassVar[bool] = True" if later.is_marked else ""
+    mark = "changes_nothing = True" if later.is_marked else ""
     events = package / "domain" / "events.py"
-    edit(events, "\nKINDS: tuple[type[Event], ...] = (", KIND.format(name=name, mark=mark))
-    edit(events, "    LogExported,\n)", f"    LogExported,\n    {name},\n)")
+    edit(events, "\nAnyEvent: TypeAlias = (\n", KIND.format(name=name, mark=mark))
+    edit(events, "    | UnknownEvent\n)", f"    | {name}\n    | UnknownEvent\n)")
 
 
 def edit(path: Path, old: str, new: str) -> None:

@@ -9,10 +9,9 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import NewerLogError
+from semmap_log.replay.care import plan_recovery, recover, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.records import MESSAGE
-from semmap_log.store.salvage import plan_recovery, recover
-from semmap_log.store.verification import verify
 from tests.newer.logs import UNKNOWN, NewerLogs
 from tests.store.logs import digest_of_records, segment_files
 

@@ -13,12 +13,16 @@ from mcap.records import Metadata
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorObserved, Event
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.replay.keyframes import encode
+from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import DIGEST_KEY, INDEX_METADATA, KEYFRAME_CHANNEL
 from semmap_log.store.header import _signed, index_metadata
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.segment import SegmentWriter
+from semmap_log.store.writing.keyframe_source import KeyframeMessage, keyframe_chunk
 
 
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:
@@ -56,6 +60,11 @@ def close_as_before(path: Path) -> None:
         compact(path, merge=False)
 
 
+def empty_keyframe(log_time_ns: int) -> BuiltChunk:
+    """Return the chunk of a keyframe of a log without events."""
+    return keyframe_chunk(KeyframeMessage(-1, encode(DoorMapState())), log_time_ns)
+
+
 def segment_files(log: Path) -> list[Path]:
     """Return a log's segments, by name."""
     return sorted(log.glob("*.mcap"))
@@ -63,8 +72,13 @@ def segment_files(log: Path) -> list[Path]:
 
 def digest_of_records(log: Path) -> str:
     """Return one digest of all records of a log but keyframes, in order, however chunked."""
+    return digest_of_pages(LogReader(log))
+
+
+def digest_of_pages(reader: LogReader) -> str:
+    """Return the same of a log that is open."""
     whole = hashlib.sha256()
-    for _, page in LogReader(log).pages():
+    for _, page in reader.pages():
         channels = page.heads["channel_id"].tolist()
         ends = [*page.offsets.tolist()[1:], len(page.records)]
         for channel, start, end in zip(channels, page.offsets.tolist(), ends, strict=True):
@@ -75,7 +89,11 @@ def digest_of_records(log: Path) -> str:
 
 def answers(log: Path, *, moments: int = 8) -> dict[str, Any]:
     """Return what a log says to every question, at many moments, as texts that can be compared."""
-    opened = sl.read(log)
+    return answers_of(sl.read(log), moments=moments)
+
+
+def answers_of(opened: sl.DoorLog, *, moments: int = 8) -> dict[str, Any]:
+    """Return the same of a log that is open."""
     commits = list(opened.commits())
     recorded = [commit.closed_ns for commit in commits]
     chosen = recorded[:: max(1, len(recorded) // moments)]
@@ -90,7 +108,7 @@ def answers(log: Path, *, moments: int = 8) -> dict[str, Any]:
         "before": [repr(opened.replay(known_at=ns - 1)) for ns in chosen],
         "event": [repr(opened.replay(event=number)) for number in numbers],
         "entries": [repr(opened.entry(number)) for number in numbers],
-        "records": digest_of_records(log),
+        "records": digest_of_pages(opened.reader),
     }
 
 

@@ -15,6 +15,7 @@ from mcap.records import Attachment, Metadata
 import semmap_log as sl
 from semmap_log.domain.events import DoorAnnotated
 from semmap_log.errors import CorruptLogError
+from semmap_log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import DIGEST_KEY
 from semmap_log.store.header import _signed, index_metadata
@@ -22,7 +23,7 @@ from semmap_log.store.reading import segment_head
 from semmap_log.store.reading import segment_scan as scan
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import page_at
-from semmap_log.store.verification import Severity, verify
+from semmap_log.store.verification import Severity
 from semmap_log.store.verification.closing import SECTOR
 from tests.store.eventful import eventful_log
 from tests.store.logs import close_as_before, write_log

@@ -20,12 +20,12 @@ from semmap_log.errors import (
     LogExistsError,
     LogPoisonedError,
 )
+from semmap_log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.compaction.compacting import compact_segment, install_over
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.verification import verify
 from semmap_log.store.writing import segment_chain
 
 DOOR = sl.DoorId(1)

@@ -23,7 +23,7 @@ from semmap_log.errors import CorruptLogError, LogPoisonedError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.formats.files.floor_plan import MOST_CELLS
 from semmap_log.messages import layout
-from semmap_log.store import keyframes
+from semmap_log.replay import keyframes
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import (
     FREE_CHUNK_BYTES,
@@ -53,6 +53,7 @@ from semmap_log.store.reading.segment_set import check_follows
 from semmap_log.store.record_scan import ChunkDamage, scan_by_index, walk
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.writing.durability import SharedSync
+from tests.store.logs import empty_keyframe
 
 HEADER = SegmentHeader(LogInfo("ab" * 16, "UTC"), 0, 0, NO_HASH)
 STAMP = Stamp(0, 1000, NO_HASH, bytes(16), 1000, 0, bytes(16))
@@ -66,7 +67,7 @@ def _forged(folder: Path, forge: Forge, *, closed: bool) -> Path:
     """Write a log of two commits, the second forged, all checksums right."""
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
-    writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
+    writer.add(empty_keyframe(1))
     writer.install()
     stamp = STAMP
     for door in (1, 2):
@@ -293,7 +294,7 @@ def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
-    writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
+    writer.add(empty_keyframe(1))
     record = mcap.message(DoorObserved.kind, 0, 1000, 1000, bytes(99))
     writer.add(build_chunk(record, np.zeros(1, np.int64)))
     writer.install()
@@ -355,7 +356,7 @@ def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
-    built = keyframes.keyframe_chunk(DoorMapState(), 1000)
+    built = empty_keyframe(1000)
     data = bytearray(built.data)
     struct.pack_into("<QQ", data, mcap.FRAME.size, 3, 4)
     writer.add(replace(built, data=bytes(data), facts=replace(built.facts, times=(3, 4))))
@@ -373,7 +374,7 @@ def test_a_commit_must_count_its_events_in_a_live_segment(tmp_path: Path) -> Non
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
-    writer.add(keyframes.keyframe_chunk(DoorMapState(), 1))
+    writer.add(empty_keyframe(1))
     builder = CommitBuilder(STAMP, Note(), random.Random(1).randbytes)
     (built,) = builder.chunks([DoorAdded(door_id=DoorId(1))])
     offsets = walk(built.records)

@@ -30,7 +30,7 @@ from semmap_log.io.disk import (
 )
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import BAG_METADATA_NAME, MOST_NAME_BYTES
-from tests.folding.projections import Numbers
+from tests.replay.projections import Numbers
 
 THREADS, ROUNDS = 6, 15
 
@@ -387,7 +387,7 @@ resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
 import semmap_log as sl
 from semmap_log.errors import CheckpointError
-from tests.folding.projections import Numbers
+from tests.replay.projections import Numbers
 try:
     sl.read(sys.argv[1]).fold(Numbers(), checkpoint=sys.argv[2])
 except CheckpointError as error:
@@ -421,7 +421,7 @@ import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
 import semmap_log as sl
-from semmap_log.store.verification.verifying import verify
+from semmap_log.replay.care import verify
 print([finding.kind for finding in verify(Path(sys.argv[1])).findings])
 with sl.append(sys.argv[1]) as log:
     log.add_door()

@@ -10,8 +10,8 @@ from PIL import Image
 from semmap_log.costmap.grid import GridGeometry
 from semmap_log.domain.doors import DoorState
 from semmap_log.errors import CostmapError
-from semmap_log.views.costmap_legend import DOOR_RGB
 from semmap_log.views.costmap_picture import MARGIN_PX, DoorMark, costmap_png
+from semmap_log.views.palette import COST_DOORS
 
 ROOM = np.zeros((40, 60), np.uint8)
 ROOM[[0, -1]] = 254
@@ -46,11 +46,11 @@ def test_doors_are_where_the_map_has_them():
 
     picture = opened(costmap_png(ROOM, GEOMETRY, doors)).convert("RGB")
 
-    assert DOOR_RGB[DoorState.CLOSED] == picture.getpixel(pixel_at(0.45, 0.0))
+    assert COST_DOORS[DoorState.CLOSED] == picture.getpixel(pixel_at(0.45, 0.0))
     x, y = pixel_at(0.45, 0.5)
     column = {picture.getpixel((x, y + off)) for off in range(-2, 3)}
-    assert {DOOR_RGB[DoorState.OPEN], (255, 255, 255)} == column
-    assert DOOR_RGB[DoorState.UNKNOWN] == picture.getpixel(pixel_at(1.5, -0.5))
+    assert {COST_DOORS[DoorState.OPEN], (255, 255, 255)} == column
+    assert COST_DOORS[DoorState.UNKNOWN] == picture.getpixel(pixel_at(1.5, -0.5))
 
 
 def test_a_label_stands_beside_its_door():

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from semmap_log.views.costmap_shading import (
-    FREE_RGB,
-    HATCH_RGB,
-    INSCRIBED_RGB,
-    LETHAL_RGB,
-    UNKNOWN_RGB,
-    costs_of,
-    shaded,
+from semmap_log.views.costmap_shading import costs_of, shaded
+from semmap_log.views.palette import (
+    COST_FREE,
+    COST_HATCH,
+    COST_INSCRIBED,
+    COST_LETHAL,
+    COST_UNKNOWN,
 )
 
 
@@ -21,9 +20,9 @@ def test_y_points_up():
 
     found = shaded(costs, 1).tolist()
 
-    assert list(INSCRIBED_RGB) == found[0][0]
-    assert tuple(found[0][1]) in {UNKNOWN_RGB, HATCH_RGB}
-    assert [list(LETHAL_RGB), list(FREE_RGB)] == found[1]
+    assert list(COST_INSCRIBED) == found[0][0]
+    assert tuple(found[0][1]) in {COST_UNKNOWN, COST_HATCH}
+    assert [list(COST_LETHAL), list(COST_FREE)] == found[1]
 
 
 def test_costs_darken_as_they_rise():
@@ -49,7 +48,7 @@ def test_unknown_is_hatched_and_nothing_else_is():
         tuple(shade) for row in shaded(np.full((9, 9), 255, np.uint8), 1).tolist() for shade in row
     }
 
-    assert {UNKNOWN_RGB, HATCH_RGB} == unknown
+    assert {COST_UNKNOWN, COST_HATCH} == unknown
     assert not unknown & every
 
 
@@ -64,9 +63,9 @@ def test_a_wall_of_one_cell_survives_any_shrinking():
     found = shaded(costs, -4)
 
     assert (2, 2, 3) == found.shape
-    assert FREE_RGB == tuple(found[1, 0])
-    assert LETHAL_RGB == tuple(found[0, 1])
-    assert tuple(found[0, 0]) in {UNKNOWN_RGB, HATCH_RGB}
+    assert COST_FREE == tuple(found[1, 0])
+    assert COST_LETHAL == tuple(found[0, 1])
+    assert tuple(found[0, 0]) in {COST_UNKNOWN, COST_HATCH}
 
 
 def test_map_values_look_like_the_costs_they_stand_for():

@@ -11,8 +11,9 @@ from rich.console import Console, RenderableType
 
 import semmap_log as sl
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
+from semmap_log.views.palette import VIRIDIS
 from semmap_log.views.week_map import hour_rows, week_maps, weekday_rows
-from semmap_log.views.week_shades import ANCHORS, ink_on, shade
+from semmap_log.views.week_shades import ink_on, shade
 from tests.beliefs.patrolled import patrolled
 
 
@@ -103,7 +104,7 @@ def test_shades_run_from_dark_to_bright() -> None:
 
     assert (np.diff(grey) > 0).all()
     assert (np.abs(grey - inks) > 100).all()
-    assert (tuple(ANCHORS[0]), tuple(ANCHORS[-1])) == (shade(0.0), shade(1.0))
+    assert (tuple(VIRIDIS[0]), tuple(VIRIDIS[-1])) == (shade(0.0), shade(1.0))
 
 
 def test_shades_are_matplotlib_s_viridis() -> None:

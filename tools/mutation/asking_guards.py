@@ -20,7 +20,7 @@ ASKING = (
     guard("a name of two removed doors, in a command", "CurrentMap.resolve",
           "len(removed) > 1", "False", "test_removed_doors"),
     guard("a removed door has its name in messages", "CurrentMap.door_index",
-          "self.index.names = partial(_names_now, self._writer)", "", "test_removed_doors"),
+          "self.index.names = partial(_names_now, self._written)", "", "test_removed_doors"),
     guard("id:7 is the id", "resolve_door",
           "isinstance(text, str) and text.startswith(ID_PREFIX)", "False", "test_removed_doors"),
     guard("behind the last id the lowest", "next_door_id",

@@ -25,7 +25,7 @@ CHECKPOINTS = (
     guard("a checkpoint at the end of a commit", "RunningFold.advance",
           "commit.last_event == self._event", "True", "test_fold"),
     guard("a state that its projection left half made", "RunningFold._apply",
-          "self._is_at_position = False", "", "folding.test_live"),
+          "self._is_at_position = False", "", "replay.test_live"),
     guard("a checkpoint of a later event", "_is_earlier",
           "(limit is None or position.event <= limit) and (scope.at_ns is None or "
           "position.latest_ns <= scope.at_ns)",
@@ -37,8 +37,8 @@ CHECKPOINTS = (
     guard("a fold that does not see what comes meanwhile", "CurrentMap.refresh",
           "self._reader = self._reader.refreshed()", "self._reader.refresh()", "test_fold"),
     guard("a log put back under a live fold", "_check_continues",
-          "not running.position.is_in(reader)", "False", "folding.test_live"),
+          "not running.position.is_in(reader)", "False", "replay.test_live"),
     guard("another log under a live fold", "LogReader._check_same_log",
           "self.segments and log_id != self.info.log_id", "False",
-          "folding.test_live"),
+          "replay.test_live"),
 )  # fmt: skip

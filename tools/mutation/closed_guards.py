@@ -19,17 +19,17 @@ MARKS = (
           "folder.read_bytes(CLOSED_MARK_NAME, MOST_BYTES)", "folder.read_bytes(CLOSED_MARK_NAME)",
           "test_closed_mark"),
     guard("closed.json is read before the files are listed", "SegmentFolder.look",
-          "mark = self._mark_now()\n"
-          "listing = list_segments(self.folder)", "listing = list_segments(self.folder)\n"
-          "mark = self._mark_now()", "test_closed_mark"),
-    guard("closed.json is read again", "SegmentFolder._mark_now",
+          "mark = self.store.mark()\n"
+          "listing = self.store.segments()", "listing = self.store.segments()\n"
+          "mark = self.store.mark()", "test_closed_mark"),
+    guard("closed.json is read again", "LocalSegments.mark",
           "version != self._mark[0]", "self._mark[0] is None",
           "test_closed_mark"),
     guard("a log reaches as far as it did", "SegmentFolder._checked",
-          "check_reaches(mark, self.folder / CLOSED_MARK_NAME, found.segments)", "",
+          "check_reaches(mark, self.store.path / CLOSED_MARK_NAME, found.segments)", "",
           "test_closed_mark"),
     guard("a log holds what metadata.yaml lists", "SegmentFolder._checked",
-          "check_listed(self._listed(), self.folder / BAG_METADATA_NAME, found.segments)", "",
+          "check_listed(names, self.store.path / BAG_METADATA_NAME, found.segments)", "",
           "test_closed_mark"),
     guard("a log goes on from what it was", "SegmentFolder._checked",
           "check_goes_on(found.segments, self._earlier)", "",
@@ -96,15 +96,15 @@ VERIFIED = (
           "self._marked = commit.hash", "", "test_closed_mark"),
     guard("closed.json is read before the files are listed, verified", "folder_files.arrange",
           "found.mark = _mark(found)\n"
-          "found.listed = frozenset(listed_names(_bag_metadata_of(path)))\n"
+          "found.listed = frozenset(listed_names(place.bag_metadata()))\n"
           "try:\n"
-          "    names = sorted(p for p in path.iterdir())\n"
+          "    names = sorted(place.files())\n"
           "except OSError as error:\n"
           '    raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error',
           "try:\n"
-          "    names = sorted(p for p in path.iterdir())\n"
+          "    names = sorted(place.files())\n"
           "    found.mark = _mark(found)\n"
-          "    found.listed = frozenset(listed_names(_bag_metadata_of(path)))\n"
+          "    found.listed = frozenset(listed_names(place.bag_metadata()))\n"
           "except OSError as error:\n"
           '    raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error',
           "test_closed_mark"),

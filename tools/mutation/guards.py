@@ -57,7 +57,7 @@ SYNCS = (
           "os.fsync(fd)", "", "test_simulated_disk"),
     guard("sync of the folder in which a log is made", "create_log",
           "sync_folder(path.parent)", "", "test_simulated_disk"),
-    guard("sync of the folder in which half a log was made", "open_for_append",
+    guard("sync of the folder in which half a log was made", "_taken_up",
           "_may_be_half_made(reader)", "False", "test_simulated_disk"),
 )  # fmt: skip
 
@@ -78,21 +78,15 @@ LOCKS = (
     guard("lock before leftovers are removed", "open_for_append",
           'with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):\n'
           "    folder.remove_leftovers()\n"
-          "    reader = LogReader(folder)\n"
-          "    remove_merged(reader)\n"
-          "    writer = LogWriter(folder, lock, state_at(reader), environment)\n"
-          "    writer.go_on(reader)\n"
-          "    if _may_be_half_made(reader):\n"
-          "        sync_folder(path.parent)\n"
-          "    return writer", "LogFolder(path).remove_leftovers()\n"
+          "    return _taken_up(folder, lock, new_keyframes, environment)",
+          "LogFolder(path).remove_leftovers()\n"
           'with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):\n'
-          "    reader = LogReader(folder)\n"
-          "    remove_merged(reader)\n"
-          "    writer = LogWriter(folder, lock, state_at(reader), environment)\n"
-          "    writer.go_on(reader)\n"
-          "    if _may_be_half_made(reader):\n"
-          "        sync_folder(path.parent)\n"
-          "    return writer", "test_rivals"),
+          "    return _taken_up(folder, lock, new_keyframes, environment)",
+          "test_rivals"),
+    guard("a writer that nobody gets is closed", "_closed_on_error",
+          "writer.close()", "", "test_writer_opening"),
+    guard("a log that was made whole is read as it is then", "_taken_up",
+          "reader.refresh()", "", "test_writer_opening"),
     guard("one thread at a time", "Appender.__init__",
           "threading.RLock", '__import__("contextlib").nullcontext',
           "test_rivals", "test_durability"),
@@ -191,8 +185,10 @@ BYTES = (
     guard("message indexes between their chunks", "chunk_table._check_rows",
           "(behind[:-1] > offset[1:]).any()", "False", "test_guards"),
     guard("an end that cannot be read, of a closed segment", "file_heads.look_at",
-          "status.st_size in [end for _, end in data.unreadable]", "False",
+          "file.size in [end for _, end in data.unreadable]", "False",
           "test_bad_sectors"),
+    guard("a file that was exchanged while it is verified", "file_heads.bytes_of",
+          "now.identity != file.identity or now.size < file.size", "False", "test_file_place"),
     guard("a head that cannot be read", "file_heads.look_at",
           "_is_ours(head) or is_named_like_ours", "_is_ours(head)",
           "test_bad_sectors"),
@@ -275,9 +271,27 @@ COLUMNS = (
     guard("unknown keywords", "knows_keywords.checked",
           "kwargs and not kwargs.keys() <= known.keys()", "False",
           "test_keywords"),
-    guard("truth values are no numbers", "Event.__post_init__",
-          "type(value) is not float and not is_number(value)", "False",
-          "test_keywords"),
+    guard("truth values are no numbers", "rules.is_number",
+          "is_whole_number(value) or isinstance(value, (float, np.floating))",
+          "isinstance(value, (int, float, np.floating))", "test_keywords"),
+    guard("values of one event", "Event.__post_init__",
+          "not allows(getattr(self, name))", "False", "test_event_rules"),
+    guard("values of one event to each other", "Event.__post_init__",
+          "broken(*values(self))", "False", "test_event_rules"),
+    guard("ranges of columns", "_Checks.pass_all",
+          "all(rule.allows_all(columns[name]) for name, rule in self.alone)", "True",
+          "test_event_rules"),
+    guard("columns that fit each other", "_Checks.pass_all",
+          "any(misfits.any() for misfits in self.misfits(columns))", "False",
+          "test_event_rules"),
+    guard("blocks of columns", "event_columns.check_rows",
+          "start + checks.first_wrong(columns)", "checks.first_wrong(columns)",
+          "test_event_rules"),
+    guard("what is not set may be anything", "KindRules.of",
+          "isinstance(rule, Number) and rule.if_set and kind.effect.says_what", "False",
+          "test_event_rules"),
+    guard("levels that columns do not give", "Whole.refused",
+          "outside & (column != self.absent)", "outside", "test_event_rules"),
     guard("seconds are no nanoseconds", "moment_of",
           "not is_whole_number(time)", "False", "test_keywords"),
     guard("doors that columns take out of the map", "rows_to_check",

@@ -112,17 +112,17 @@ SEEN = (
 )  # fmt: skip
 
 WHEN = (
-    guard("a stamp of zero is none", "stamps.happened_ns",
+    guard("a stamp of zero is none", "topic_reader.happened_ns",
           "told_ns > 0", "True", "test_misleading_messages"),
-    guard("an old stamp is not believed", "stamps.happened_ns",
+    guard("an old stamp is not believed", "topic_reader.happened_ns",
           "received_ns - int(within_s * 1e9) <= told_ns <= received_ns", "told_ns <= received_ns",
           "test_sightings"),
-    guard("a stamp of the future is not believed", "stamps.happened_ns",
+    guard("a stamp of the future is not believed", "topic_reader.happened_ns",
           "received_ns - int(within_s * 1e9) <= told_ns <= received_ns",
           "received_ns - int(within_s * 1e9) <= told_ns", "test_sightings"),
-    guard("a stamp that can be believed counts", "stamps.happened_ns",
+    guard("a stamp that can be believed counts", "topic_reader.happened_ns",
           "return told_ns", "return received_ns", "test_sightings"),
-    guard("no clock yet", "stamps.happened_ns",
+    guard("no clock yet", "topic_reader.happened_ns",
           "not 0 < received_ns <= MAX_TIME_NS", "received_ns > MAX_TIME_NS",
           "test_sightings"),
 )  # fmt: skip

@@ -10,7 +10,6 @@ from typing import Literal
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage, BagReader
-from semmap_log.formats.bags.bag_reading import metadata_file
 from semmap_log.formats.bags.mcap_reading import McapBag
 from semmap_log.formats.bags.packed_bags import PackedMessages, unpacked_files
 from semmap_log.formats.bags.rosbags_reading import open_with_rosbags
@@ -18,6 +17,7 @@ from semmap_log.formats.parsing.foreign_file import MIB, read_capped
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, parse_yaml
 from semmap_log.formats.parsing.strict_yaml import Sequence as YamlList
+from semmap_log.store.form import BAG_METADATA_NAME
 
 
 def open_folder(folder: Path, stack: ExitStack) -> BagReader:
@@ -29,7 +29,7 @@ def open_folder(folder: Path, stack: ExitStack) -> BagReader:
     Raises:
         FormatError: It is no bag, a log of ours, or a file is missing or cannot be read.
     """
-    metadata = metadata_file(folder)
+    metadata = folder / BAG_METADATA_NAME
     if not metadata.exists():
         return _Files([_open(file, stack) for file in _bags_in(folder)])
     found = _Metadata(metadata)

@@ -1,22 +1,13 @@
-"""A new bag that ROS's players open: `.mcap`, `.bag` (ROS 1) or a folder (rosbag2).
-
-It is there whole or not at all: written under a temporary name, synced, then named. The same
-messages give the same bytes.
-"""
+"""What a bag is, whoever wrote it: its topics and messages, read and written."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
-from semmap_log.errors import FormatError
+from semmap_log.formats.ros.ros_decoding import MessageType
 from semmap_log.formats.ros.ros_types import RosVersion
-from semmap_log.io.disk import output_errors, whole_file, whole_folder
-
-WRITABLE_BAGS = ".mcap, .bag (ROS 1), or a name without an extension (a rosbag2 folder)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,59 +34,37 @@ class NewBag(Protocol):
         """Append a message that is bytes already: CDR, or as ROS 1 serializes."""
 
 
-OpenBag = Callable[[Path, Sequence[BagTopic]], AbstractContextManager[NewBag]]
+@dataclass(frozen=True, slots=True)
+class BagChannel:
+    """A topic of a bag, as one publisher's connection had it."""
+
+    topic: str
+    message_type: MessageType
 
 
-@contextmanager
-def new_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[NewBag]:
-    """Write a bag, whole or not at all.
+@dataclass(frozen=True, slots=True)
+class BagMessage:
+    """A message as the bag holds it."""
 
-    Args:
-        path: Its suffix tells the form. A file of that name is replaced at once, when the new one
-            is whole; a folder never is.
-        topics: All that will be written to.
-
-    Raises:
-        FormatError: The name tells no form.
-        OutputError: It cannot be written, or a folder of that name is there; what was there stays.
-    """
-    write_bag, whole = _form_of(path)
-    with (
-        output_errors(path),
-        whole(path) as temporary,
-        write_bag(temporary, topics) as bag,
-    ):
-        yield bag
+    channel: BagChannel
+    at_ns: int
+    """When it was recorded."""
+    data: bytes
 
 
-def ros_version_of(path: Path) -> RosVersion:
-    """Return whose messages a bag of that name holds."""
-    return 1 if path.suffix.lower() == ".bag" else 2
+class BagReader(Protocol):
+    """A bag that is open."""
 
+    @property
+    def channels(self) -> Collection[BagChannel]:
+        """All that it has."""
 
-def tells_a_bag(path: Path) -> bool:
-    """Tell whether a name is that of a bag, as `new_bag` reads it."""
-    return path.suffix.lower() in {".mcap", ".bag", ""}
+    def count(self, channels: Collection[BagChannel]) -> int:
+        """Return how many messages the bag says that there are."""
 
+    def messages(self, channels: Collection[BagChannel]) -> Iterator[BagMessage]:
+        """Yield the messages of these channels, times ascending.
 
-def _form_of(path: Path) -> tuple[OpenBag, Callable[[Path], AbstractContextManager[Path]]]:
-    """Return what writes a bag of that name, and what sees to it that it is whole."""
-    if path.suffix.lower() == ".mcap":
-        from semmap_log.formats.bags.mcap_bag import mcap_bag
-
-        return mcap_bag, whole_file
-    if path.suffix.lower() == ".bag":
-        from semmap_log.formats.bags.ros1_bag import ros1_bag
-
-        return ros1_bag, whole_file
-    if not path.suffix:
-        from semmap_log.formats.bags.ros2_bag import ros2_bag
-
-        return ros2_bag, whole_folder
-    raise FormatError(path, f"its name tells no bag that can be written; known: {WRITABLE_BAGS}.")
-
-
-def bytes_of(path: Path) -> int:
-    """Return how large a bag is: a file, or a folder's files together."""
-    files = path.iterdir() if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files)
+        Raises:
+            FormatError: The bag is damaged, or unfinished; or its times go back and forth too far.
+        """

@@ -7,53 +7,14 @@ written) is read, or is an error that says so.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from semmap_log.errors import FormatError
-from semmap_log.formats.ros.ros_decoding import MessageType
-from semmap_log.store.form import BAG_METADATA_NAME
+from semmap_log.formats.bags.bag_protocol import BagReader
 
 READABLE_BAGS = ".bag (ROS 1), a rosbag2 folder, .db3, .mcap"
-
-
-@dataclass(frozen=True, slots=True)
-class BagChannel:
-    """A topic of a bag, as one publisher's connection had it."""
-
-    topic: str
-    message_type: MessageType
-
-
-@dataclass(frozen=True, slots=True)
-class BagMessage:
-    """A message as the bag holds it."""
-
-    channel: BagChannel
-    at_ns: int
-    """When it was recorded."""
-    data: bytes
-
-
-class BagReader(Protocol):
-    """A bag that is open."""
-
-    @property
-    def channels(self) -> Collection[BagChannel]:
-        """All that it has."""
-
-    def count(self, channels: Collection[BagChannel]) -> int:
-        """Return how many messages the bag says that there are."""
-
-    def messages(self, channels: Collection[BagChannel]) -> Iterator[BagMessage]:
-        """Yield the messages of these channels, times ascending.
-
-        Raises:
-            FormatError: The bag is damaged, or unfinished; or its times go back and forth too far.
-        """
 
 
 @contextmanager
@@ -97,8 +58,3 @@ def _opened(path: Path, stack: ExitStack) -> BagReader:
 
         return open_with_rosbags(path, stack)
     raise FormatError(path, f"its name tells no bag; known are {READABLE_BAGS}")
-
-
-def metadata_file(folder: Path) -> Path:
-    """Return the file by which rosbag2 knows a folder."""
-    return folder / BAG_METADATA_NAME

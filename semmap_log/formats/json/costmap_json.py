@@ -10,8 +10,8 @@ from typing import Any
 from semmap_log.costmaps import Costmap
 from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import format_utc
-from semmap_log.folding.replay import Scope
 from semmap_log.formats.json.door_json import door_map_to_json
+from semmap_log.replay.replay import Scope
 
 
 def costmap_to_json(

@@ -25,15 +25,17 @@ from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.commits import NO_CONTENT, Commit
 from semmap_log.domain.doors import DoorState, is_given
 from semmap_log.domain.events import (
+    KINDS,
     DoorObserved,
     DoorUpdated,
     Event,
     FloorMap,
     UnknownEvent,
-    field_names,
+    told_fields,
 )
 from semmap_log.domain.meaning import PARTS
 from semmap_log.domain.moments import format_utc
+from semmap_log.domain.rules import Nanoseconds, Rule
 
 NOTE_KEYS = ("actor", "source", "reason", "correlation")
 
@@ -93,7 +95,7 @@ def _fields(event: Event) -> dict[str, Any]:
         return _floor_map_fields(event)
     if isinstance(event, UnknownEvent):
         return {"newer": True, "cdr_base64": base64.b64encode(event.data).decode()}
-    values = {name: getattr(event, name) for name in field_names(type(event)) if name != "salt"}
+    values = {name: getattr(event, name) for name in _TOLD[event.kind]}
     if isinstance(event, DoorUpdated):
         kept = {"door_id", *event.values_set()}
         values = {name: value for name, value in values.items() if name in kept}
@@ -101,9 +103,25 @@ def _fields(event: Event) -> dict[str, Any]:
     if isinstance(event, DoorObserved) and event.accuracy_open == event.accuracy_closed:
         values["accuracy"] = values.pop("accuracy_open")
         del values["accuracy_closed"]
-    if "at_ns" in values:
-        values["at"] = format_utc(values.pop("at_ns"))
+    for name, key in _TIMES.get(event.kind, ()):
+        values[key] = format_utc(values.pop(name))
     return {name: _plain(value) for name, value in values.items()}
+
+
+def key_of(name: str, rule: Rule) -> str:
+    """Return the key of a field: a time is told as text, and so without its unit."""
+    return name.removesuffix("_ns") if isinstance(rule, Nanoseconds) else name
+
+
+_TIMES = {
+    kind.kind: [
+        (n, key_of(n, r)) for n, r in kind.rules.fields.items() if isinstance(r, Nanoseconds)
+    ]
+    for kind in KINDS
+}
+"""Kind -> its fields that are times, and their keys."""
+
+_TOLD = {kind.kind: told_fields(kind) for kind in KINDS}
 
 
 def _plain(value: object) -> object:

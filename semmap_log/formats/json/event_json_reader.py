@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -21,13 +20,15 @@ from semmap_log.domain.events import (
     DoorUpdated,
     Event,
     FloorMap,
-    RobotPose,
-    field_names,
+    defaults_of,
+    may_lack_level,
+    told_fields,
 )
 from semmap_log.domain.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.domain.moments import parse_instant, zone
+from semmap_log.domain.rules import Nanoseconds, OneOf, Rule, Text, Truth, Whole
 from semmap_log.errors import FormatError, SemmapError
-from semmap_log.formats.json.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, unpack_cells
+from semmap_log.formats.json.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, key_of, unpack_cells
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.parsing.strict_json import StrictJsonError, load_object
 
@@ -199,7 +200,7 @@ class _LineReader:
             values["changed"] = self.changed()
             if Changed.POSE in values["changed"] and "level" not in self.left:
                 values["level"] = self.lookup.level_of(values["door_id"])
-        if kind in (DoorAdded, DoorUpdated, RobotPose) and "level" not in values:
+        if kind in _MAY_LACK_LEVEL and "level" not in values:
             values |= self.level(kind)
         if kind is DoorObserved and "accuracy" in self.left:
             if {"accuracy_open", "accuracy_closed"} & set(self.left):
@@ -208,11 +209,10 @@ class _LineReader:
                     "accuracy_closed; leave one form out"
                 )
             values["accuracy_open"] = values["accuracy_closed"] = self.number("accuracy")
-        for name in field_names(kind):
-            key = "at" if name == "at_ns" else name
-            if name != "salt" and key in self.left:
-                values[name] = self.value(key)
-        missing = [key for key, name in required_keys(kind) if name not in values]
+        for name, key, read in _FIELDS[kind]:
+            if key in self.left:
+                values[name] = read(self, key)
+        missing = [key for key, name in _REQUIRED[kind] if name not in values]
         if missing:
             raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
         return values
@@ -224,17 +224,6 @@ class _LineReader:
         if "level" in self.left:
             return {"level": self.whole("level")}
         return {} if kind is DoorUpdated else {"level": self.lookup.level(None)}
-
-    def value(self, key: str) -> Any:
-        if key == "state":
-            return self.state()
-        if key == "at":
-            return self.instant(key)
-        if key == "passed":
-            return self.truth(key)
-        if key in _TEXTS:
-            return self.text(key)
-        return self.whole(key) if key in _WHOLES else self.number(key)
 
     def door_id(self, kind: type[Event]) -> DoorId:
         if "door_id" in self.left:
@@ -329,11 +318,11 @@ class _LineReader:
             raise _WrongError(f"{key}: expected true or false, got {shown(value)}")
         return value
 
-    def state(self) -> DoorState:
+    def state(self, key: str) -> DoorState:
         try:
-            return DoorState.parse(self.text("state"))
+            return DoorState.parse(self.text(key))
         except ValueError as error:
-            raise _WrongError(f"state: {error}") from None
+            raise _WrongError(f"{key}: {error}") from None
 
     def instant(self, key: str) -> int | None:
         value = self.left.pop(key, None)
@@ -384,24 +373,20 @@ _OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted", "timezone"
 """Keys by which `import` makes the same log again."""
 
 _HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
-_TEXTS = frozenset({"key", "value", "name", "format", "file_name"})
-_WHOLES = frozenset({"door_id", "level", "patrol", "first_event", "last_event"})
 
 
 def required_keys(kind: type[Event]) -> list[tuple[str, str]]:
     """Return (key, field) of each field of the kind that has no default."""
-    return [
-        ("at" if f.name == "at_ns" else f.name, f.name)
-        for f in dataclasses.fields(kind)
-        if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-    ]
+    defaults = defaults_of(kind)
+    fields = kind.rules.fields.items()
+    return [(key_of(name, rule), name) for name, rule in fields if name not in defaults]
 
 
 def keys_of(kind: type[Event]) -> list[str]:
     """Return the keys that a line of the kind may have, beside `kind` and `happened`."""
     if kind is FloorMap:
         return [*FLOOR_MAP_KEYS, *NOTE_KEYS, "command_id"]
-    names = ["at" if name == "at_ns" else name for name in field_names(kind) if name != "salt"]
+    names = [key_of(name, kind.rules.fields[name]) for name in told_fields(kind)]
     names += ["accuracy"] if kind is DoorObserved else []
     names += ["door"] if issubclass(kind, DoorEvent) and kind is not DoorAdded else []
     return [*names, *NOTE_KEYS, "command_id"]
@@ -419,3 +404,25 @@ _KNOWN_KEYS = {
     for kind in KIND_BY_NAME.values()
 }
 """The keys that are looked at; of a `door` in a DoorAdded more is said than that it has none."""
+
+_READ: Mapping[type[Rule], Callable[[_LineReader, str], Any]] = {
+    OneOf: _LineReader.state,
+    Nanoseconds: _LineReader.instant,
+    Truth: _LineReader.truth,
+    Text: _LineReader.text,
+    Whole: _LineReader.whole,
+}
+"""Rule of a field -> what reads its value; all others are numbers."""
+
+_FIELDS = {
+    kind: [
+        (name, key_of(name, rule), _READ.get(type(rule), _LineReader.number))
+        for name, rule in kind.rules.fields.items()
+        if name in told_fields(kind)
+    ]
+    for kind in KIND_BY_NAME.values()
+}
+"""Kind -> its fields, their keys, and what reads their values."""
+
+_REQUIRED = {kind: required_keys(kind) for kind in KIND_BY_NAME.values()}
+_MAY_LACK_LEVEL = frozenset(kind for kind in KIND_BY_NAME.values() if may_lack_level(kind))

@@ -10,9 +10,9 @@ from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import FloorMap, Retracted
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import SemmapError
-from semmap_log.folding.replay import Scope
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_server import RESULTS
+from semmap_log.replay.replay import Scope
 from semmap_log.store.reading.following import FollowedCommit
 
 POLL_S = 0.05

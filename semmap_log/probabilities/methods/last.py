@@ -24,7 +24,7 @@ class DoorLast:
         self._said_ns, self._said = _said(evidence)
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
-        """Return the last state: see `LearntModel`; as sure as its sensor, however long ago it was."""
+        """Return the last state, however old, as sure as its sensor: see `LearntModel`."""
         place = np.searchsorted(self._said_ns, np.minimum(times_ns, known_ns), "right")
         p_open = np.append(PRIOR_P, self._said)[place]
         is_known = place > 0

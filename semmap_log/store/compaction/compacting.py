@@ -60,7 +60,7 @@ def compact(path: Path, *, merge: bool = True, progress: Progress | None = None)
     lock = WriterLock(folder)
     try:
         folder.remove_leftovers()
-        remove_merged(LogReader(folder))
+        remove_merged(folder, LogReader(folder).leftovers)
         return _compact(folder, merge=merge, progress=progress)
     except LogAccessError:
         raise

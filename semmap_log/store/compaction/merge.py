@@ -17,7 +17,6 @@ from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.store.compaction.repaging import Pause
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import ROLL_BYTES
-from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 
 MERGE_BYTES = ROLL_BYTES
@@ -97,16 +96,20 @@ def _size(segment: Segment) -> int:
     return int(segment.chunks.rows["size"].sum())
 
 
-def remove_merged(reader: LogReader) -> None:
+def remove_merged(folder: LogFolder, leftovers: Sequence[Path]) -> None:
     """Remove what a merge that was killed left: segments whose commits lie in a merged one.
 
-    Only for who holds the writer's lock, with a reader opened since.
+    Only for who holds the writer's lock.
+
+    Args:
+        folder: The log's.
+        leftovers: What a reader found that was opened since it is held.
 
     Raises:
         OSError: As the file system says.
     """
-    if reader.leftovers:
-        reader.log_folder.sync()  # the merged file's name may not be on the disk yet; they are
-        for path in reader.leftovers:
-            reader.log_folder.remove(path.name)
-        reader.log_folder.sync()
+    if leftovers:
+        folder.sync()  # the merged file's name may not be on the disk yet; they are
+        for path in leftovers:
+            folder.remove(path.name)
+        folder.sync()

@@ -14,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.folds.retraction import Retractions
 from semmap_log.io.progress import Progress
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.pages import Page
+from semmap_log.store.reading.local_segments import LocalSegments
 from semmap_log.store.reading.newer_events import NewerEvents, without_newer
 from semmap_log.store.reading.read_progress import ReadProgress
 from semmap_log.store.reading.segment_folder import SegmentFolder
@@ -35,6 +36,7 @@ from semmap_log.store.reading.segment_reading import (
 )
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.reading.segment_set import check_adjoins, check_follows
+from semmap_log.store.reading.segment_store import SegmentStore
 from semmap_log.store.reading.window import EVERYTHING, Window
 
 OnPage = Callable[[Segment, Page], None]
@@ -56,17 +58,23 @@ BEGINNING = ChunkPlace(0, 0)
 class LogReader:
     """A log as it was when it was opened, or last refreshed."""
 
-    def __init__(self, folder: LogFolder | Path, *, only: Path | None = None) -> None:
-        """Open the log in that folder, or only one segment of it.
+    def __init__(self, place: LogFolder | Path | SegmentStore, *, only: Path | None = None) -> None:
+        """Open the log in a folder, or in another place.
+
+        Args:
+            place: Where it lies.
+            only: A file, if only one segment of it is wanted.
 
         Raises:
             NotALogError: There is none.
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
-        self.log_folder = LogFolder.of(folder)
+        if isinstance(place, LogFolder | Path):
+            place = LocalSegments(LogFolder.of(place))
+        self._store: SegmentStore = place
         self._only = only
-        self._files = SegmentFolder(self.log_folder)
+        self._files = SegmentFolder(self._store)
         self.segments: list[Segment] = []
         self.leftovers: list[Path] = []
         """Files whose segments were merged into another: for the next writer to remove."""
@@ -109,10 +117,23 @@ class LogReader:
             self._retractions, self._newer = None, None
             self._latest_ns, self._is_in_order = None, False
 
+    def anew(self) -> LogReader:
+        """Return another reader of the same log, as it is now; what was read is read again.
+
+        Raises:
+            LogError: As for a first one.
+        """
+        return LogReader(self._store, only=self._only)
+
     @property
     def folder(self) -> Path:
         """The log's folder, as it was given: for messages."""
-        return self.log_folder.path
+        return self._store.path
+
+    @property
+    def given(self) -> Path:
+        """The same, whatever becomes of the working directory."""
+        return self._store.given
 
     @property
     def info(self) -> LogInfo:

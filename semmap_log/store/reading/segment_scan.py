@@ -263,7 +263,20 @@ def open_segment(
         CorruptLogError: It was, and is damaged: in its head; a live one, in what was on the disk.
         LogAccessError: It cannot be read.
     """
-    source = map_file(path, folder)
+    return segment_in(path, map_file(path, folder), earlier=earlier)
+
+
+def segment_in(path: Path, source: ByteSource, *, earlier: Segment | None = None) -> Segment:
+    """Return the segment whose bytes a source gives; as `open_segment`.
+
+    Args:
+        path: For messages.
+        source: Its bytes.
+        earlier: As for `open_segment`.
+
+    Raises:
+        LogError: As `open_segment`.
+    """
     ends = source.read_ranges(
         ((0, _USUAL_HEAD_BYTES), (max(0, source.size - FOOTER_BYTES), source.size))
     )

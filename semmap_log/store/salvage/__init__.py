@@ -1,6 +1,6 @@
 """Repair on demand: what is whole in a damaged log becomes a log again; the rest is named.
 
-survey        what would be saved and what is lost
+plan_recovery what would be saved and what is lost
 renumbering   event numbers of the old log -> of the new
 rewriting     a commit in its new place
 writing       the new log
@@ -8,7 +8,15 @@ swap          the new log in the place of the old, which is kept
 run           all of it
 """
 
-from semmap_log.store.salvage.recovering import Recovered, recover, recover_into
+from semmap_log.store.salvage.recovering import Recovered, StateParts, recover, recover_into
 from semmap_log.store.salvage.recovery_plan import Loss, RecoveryPlan, plan_recovery
 
-__all__ = ["Loss", "Recovered", "RecoveryPlan", "plan_recovery", "recover", "recover_into"]
+__all__ = [
+    "Loss",
+    "Recovered",
+    "RecoveryPlan",
+    "StateParts",
+    "plan_recovery",
+    "recover",
+    "recover_into",
+]

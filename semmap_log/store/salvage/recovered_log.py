@@ -7,9 +7,7 @@ from collections.abc import Callable
 
 from semmap_log.domain.commits import Note
 from semmap_log.domain.events import LogExported
-from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.clock import Clock
-from semmap_log.store import keyframes
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.closed_mark import ClosedMark, write_mark
 from semmap_log.store.commit_records import CommitBuilder, Stamp
@@ -19,7 +17,7 @@ from semmap_log.store.header import SegmentHeader
 from semmap_log.store.salvage.rewriting import Rewriter, chunks_of
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.verification import WholeCommit
-from semmap_log.store.writing.written_state import WrittenState
+from semmap_log.store.writing.keyframe_source import KeyframeSource, keyframe_chunk
 
 ACTOR = "semmap-log recover"
 FORMAT = "semmap-log"
@@ -28,20 +26,23 @@ FORMAT = "semmap-log"
 class NewLog:
     """Writes segments into an empty folder; everything is synced once `finish` has returned."""
 
-    def __init__(self, folder: LogFolder, name: str, header: SegmentHeader) -> None:
+    def __init__(
+        self, folder: LogFolder, name: str, header: SegmentHeader, keyframes: KeyframeSource
+    ) -> None:
         """Begin a log.
 
         Args:
             folder: Where it is made.
             name: The name that its folder will have: segments are named after it.
             header: Of its first segment.
+            keyframes: Knows the state that each of its segments begins with.
         """
         self.rewriter = Rewriter()
         self.folder = folder
         self._name = name
         self._next = header
         self._segment: SegmentWriter | None = None
-        self._state = WrittenState(folder, DoorMapState(), lambda: None)
+        self._keyframes = keyframes
         self._closed: list[ClosedSegment] = []
 
     def add(self, whole: WholeCommit) -> None:
@@ -51,7 +52,7 @@ class NewLog:
         records = self.rewriter.rewrite(whole)
         for chunk in chunks_of(records) if records else ():
             segment.add(chunk, levels=_levels(chunk.facts.counts))
-            self._state.add(chunk)
+            self._keyframes.add(chunk)
 
     def finish(
         self, source: str, reason: str, clock: Clock, entropy: Callable[[int], bytes] = os.urandom
@@ -102,7 +103,7 @@ class NewLog:
         name = segment_name(self._name, header.number)
         segment = self._segment = SegmentWriter(self.folder, name, header)
         time_ns = last_ns + 1 if last_ns >= 0 else max(0, recorded_ns - 1)
-        segment.add(keyframes.keyframe_chunk(self._state.get(), time_ns))
+        segment.add(keyframe_chunk(self._keyframes.keyframe(), time_ns))
         return segment
 
     def _close(self) -> None:

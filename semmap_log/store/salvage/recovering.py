@@ -20,13 +20,26 @@ from semmap_log.store.salvage.recovered_log import NewLog
 from semmap_log.store.salvage.recovery_plan import Loss, RecoveryPlan, plan_recovery
 from semmap_log.store.salvage.swap import new_folder_beside, put_away, take_place
 from semmap_log.store.verification import Progress, Verifier, verify
+from semmap_log.store.verification.file_place import DiskPlace
 from semmap_log.store.verification.folder_files import arrange
+from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
+from semmap_log.store.writing.keyframe_source import KeyframeSource, NewKeyframeSource
 from semmap_log.store.zipped import refuse_zip
 
 MOST_NAMED = 20
 """Losses that the note of the new log's last commit names one by one."""
 
 Entropy = Callable[[int], bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class StateParts:
+    """What a recovery is handed in of the state that keyframes hold."""
+
+    new_check: NewKeyframeCheck
+    """Compares the keyframes of the damaged log, and of the new one, with their events."""
+    new_source: NewKeyframeSource[KeyframeSource]
+    """Makes the keyframes of the new log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +55,7 @@ class Recovered:
 
 def recover(
     log: Path,
+    parts: StateParts,
     *,
     progress: Progress | None = None,
     clock: Clock | None = None,
@@ -51,6 +65,13 @@ def recover(
 
     Where numbers change, the log gets a new id: positions in the old one mean nothing in it.
     On a log without damage nothing is done.
+
+    Args:
+        log: Its folder.
+        parts: Know the state.
+        progress: Told how far the reading of the damaged log is.
+        clock: Says when the new log was made.
+        entropy: Where ids come from.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -63,7 +84,7 @@ def recover(
     lock = WriterLock(old)
     try:
         kept = put_away(log)
-        found = plan_recovery(log, progress)
+        found = plan_recovery(log, parts.new_check, progress)
         if not found.has_to_do:
             return Recovered(found, log if kept else None, kept)
         header = _header(found, entropy, is_new=not found.keeps_numbers)
@@ -71,7 +92,8 @@ def recover(
             made = LogFolder.held(folder)
             new_lock = WriterLock(made)
             try:
-                _write(found, NewLog(made, log.name, header), clock or SystemClock(), entropy)
+                new = NewLog(made, log.name, header, parts.new_source(made, _holds_nothing_back))
+                _write(found, new, parts.new_check, clock or SystemClock(), entropy)
                 take_place(log, old)
                 kept = put_away(log)
             finally:
@@ -88,12 +110,21 @@ def recover(
 def recover_into(
     log: Path,
     target: Path,
+    parts: StateParts,
     *,
     progress: Progress | None = None,
     clock: Clock | None = None,
     entropy: Entropy = os.urandom,
 ) -> Recovered:
     """Make a new log, with an id of its own, of what is whole of a damaged one; that stays.
+
+    Args:
+        log: The damaged log's folder.
+        target: That of the new one, which is not there yet, or empty.
+        parts: As for `recover`.
+        progress: As for `recover`.
+        clock: As for `recover`.
+        entropy: As for `recover`.
 
     Raises:
         LogExistsError: There is something at the target.
@@ -103,14 +134,15 @@ def recover_into(
     target = target.resolve()
     if target.exists() and not (target.is_dir() and LogFolder(target).is_empty()):
         raise LogExistsError(f"{target}: there is something here; a new log wants a new folder.")
-    found = plan_recovery(log, progress)
+    found = plan_recovery(log, parts.new_check, progress)
     if not found.has_to_do:
         return Recovered(found, None, None)
     try:
         with new_folder_beside(target) as folder:
             header = _header(found, entropy, is_new=True)
-            made = NewLog(LogFolder.held(folder), target.name, header)
-            _write(found, made, clock or SystemClock(), entropy)
+            made = LogFolder.held(folder)
+            new = NewLog(made, target.name, header, parts.new_source(made, _holds_nothing_back))
+            _write(found, new, parts.new_check, clock or SystemClock(), entropy)
             (folder / RECOVERING_NAME).unlink()
             folder.rename(target)
             sync_folder(target.parent)
@@ -147,7 +179,7 @@ def _check_is_folder(log: Path) -> None:
     refuse_zip(log)
     if not log.is_dir():
         raise LogError(f"{log}: expected a log's folder.")
-    if not arrange(log).segments:
+    if not arrange(DiskPlace(log)).segments:
         raise LogError(f"{log}: no segment of a semmap log is in this folder.")
 
 
@@ -163,16 +195,22 @@ def _header(found: RecoveryPlan, entropy: Entropy, *, is_new: bool) -> SegmentHe
     return replace(first, minor=old.minor, others=old.others, newer=old.newer)
 
 
-def _write(found: RecoveryPlan, new: NewLog, clock: Clock, entropy: Entropy) -> None:
+def _holds_nothing_back() -> None:
+    """Do nothing: what a recovery writes is at once with the kernel."""
+
+
+def _write(
+    found: RecoveryPlan, new: NewLog, new_check: NewKeyframeCheck, clock: Clock, entropy: Entropy
+) -> None:
     """Write the new log, and verify it before anybody sees it."""
     try:
-        Verifier(found.path, on_commit=new.add, keep_parts=True).run()
+        Verifier(found.path, new_check, on_commit=new.add, keep_parts=True).run()
         source = f"{found.path.name} ({found.verification.log_id})"
         new.finish(source, loss_in_words(found), clock, entropy)
     except BaseException:
         new.abandon()
         raise
-    made = verify(new.folder.path)
+    made = verify(new.folder.path, new_check)
     if made.exit_code != 0 or made.events != found.events + 1:
         first = made.findings[0].text if made.findings else counted(made.events, "event")
         raise CorruptLogError(

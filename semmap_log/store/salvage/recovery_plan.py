@@ -15,6 +15,7 @@ from semmap_log.store.records import MESSAGE
 from semmap_log.store.salvage.rewriting import Rewriter
 from semmap_log.store.verification import Progress, Severity, Verification, Verifier, WholeCommit
 from semmap_log.store.verification.file_bytes import Vanished
+from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
 from semmap_log.store.zipped import refuse_zip
 
 
@@ -79,8 +80,15 @@ class RecoveryPlan:
         return not self.dropped and all(loss.before_ns is None for loss in self.losses)
 
 
-def plan_recovery(path: Path, progress: Progress | None = None) -> RecoveryPlan:
+def plan_recovery(
+    path: Path, new_check: NewKeyframeCheck, progress: Progress | None = None
+) -> RecoveryPlan:
     """Read a log and return what a recovery would save and lose.
+
+    Args:
+        path: As for `verify`; no zip.
+        new_check: As for `verify`.
+        progress: As for `verify`.
 
     Raises:
         NewerLogError: It is damaged, and holds what only a later version can take over.
@@ -88,7 +96,7 @@ def plan_recovery(path: Path, progress: Progress | None = None) -> RecoveryPlan:
     """
     refuse_zip(path)
     taken = _Taken()
-    verifier = Verifier(path, progress=progress, on_commit=taken.add, keep_parts=True)
+    verifier = Verifier(path, new_check, progress=progress, on_commit=taken.add, keep_parts=True)
     try:
         found = verifier.run()
     except Vanished:

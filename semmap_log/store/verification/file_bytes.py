@@ -1,4 +1,4 @@
-"""All bytes of a file as the disk gives them, read by calls: zeros where it refuses.
+"""All bytes of a file as its place gives them, read by calls: zeros where it refuses.
 
 A look at a mapped page that cannot be read would end the process. A file may be longer than memory
 is, so only a window of it is kept.
@@ -11,7 +11,7 @@ import zlib
 from bisect import bisect_left
 from pathlib import Path
 
-from semmap_log.io.file_calls import read_into, read_page_into
+from semmap_log.store.verification.file_place import OpenedFile
 
 WINDOW_BYTES = 2**22
 """So much is read at once."""
@@ -24,17 +24,16 @@ class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the 
 class FileBytes:
     """A file that is sliced as if its bytes were in memory; what was sliced stays as it is."""
 
-    def __init__(self, path: Path, fd: int, size: int) -> None:
+    def __init__(self, path: Path, file: OpenedFile) -> None:
         """Take a file.
 
         Args:
             path: Its name, for messages.
-            fd: Open for reading, as long as this is used.
-            size: How many of its bytes count.
+            file: Open as long as this is used; as many of its bytes count as it has now.
         """
         self._path = path
-        self._fd = fd
-        self._size = size
+        self._file = file
+        self._size = file.size
         self._start = 0
         self._window = memoryview(b"")
         self._bad: list[int] = []
@@ -102,10 +101,7 @@ class FileBytes:
         return min(max(self._bad[place], at), end) if place < len(self._bad) else end
 
     def _read_some(self, target: memoryview, at: int) -> int:
-        try:
-            got = read_into(self._fd, target, at)
-        except OSError:
-            got = read_page_into(self._fd, target, at)
+        got = self._file.read_into(target, at)
         if not got:
             raise Vanished(self._path)
         return got

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import stat
 import struct
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Hashable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,11 +13,11 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from semmap_log.errors import LogAccessError, LogError, NewerLogError
-from semmap_log.io.file_calls import open_plainly
 from semmap_log.store import records as mcap
 from semmap_log.store.form import LIBRARY, LOG_METADATA, PROFILE, number_in, segment_name, stem_of
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.verification.file_bytes import FileBytes, Vanished
+from semmap_log.store.verification.file_place import FilePlace, OpenedFile
 
 HEAD_BYTES = 2**16
 """The header lies well within; a longer one is none of ours."""
@@ -35,8 +33,8 @@ class SegmentFile:
 
     path: Path
     size: int
-    identity: tuple[int, int]
-    """Device and inode."""
+    identity: Hashable
+    """What tells it from another file of its name."""
     header: SegmentHeader | None
     """None: it cannot be read."""
     header_end: int
@@ -69,8 +67,8 @@ def name_of(file: SegmentFile, number: int) -> Path:
     return file.path.with_name(segment_name(stem_of(file.path.name), number))
 
 
-def look_at(path: Path) -> SegmentFile | None:
-    """Return what a file's head says; None if it is none of ours.
+def look_at(place: FilePlace, path: Path) -> SegmentFile | None:
+    """Return what the head of a place's file says; None if it is none of ours.
 
     Raises:
         LogAccessError: It cannot be opened.
@@ -78,37 +76,34 @@ def look_at(path: Path) -> SegmentFile | None:
         NewerLogError: A later major version has written it.
         LogError: It is of an older one.
     """
-    with _opened(path) as fd:
-        status = os.fstat(fd)
-        if not stat.S_ISREG(status.st_mode):
+    with _opened(place, path) as file:
+        if not file.is_regular:
             return None
-        data = FileBytes(path, fd, status.st_size)
+        data = FileBytes(path, file)
         head = bytes(data[:HEAD_BYTES])
         is_named_like_ours = bool(data.unreadable) and number_in(path.name) is not None
         if not (_is_ours(head) or is_named_like_ours):
             return None
-        foot = bytes(data[max(0, status.st_size - FOOTER_BYTES) :])
+        foot = bytes(data[max(0, file.size - FOOTER_BYTES) :])
         # An end that the disk does not give is taken for that of a closed segment: no torn tail.
-        is_closed = _ends_in_footer(foot) or status.st_size in [end for _, end in data.unreadable]
+        is_closed = _ends_in_footer(foot) or file.size in [end for _, end in data.unreadable]
     header, end, problem = _header_of(path, head)
-    identity = (status.st_dev, status.st_ino)
-    return SegmentFile(path, status.st_size, identity, header, end, problem, is_closed)
+    return SegmentFile(path, file.size, file.identity, header, end, problem, is_closed)
 
 
 @contextmanager
-def bytes_of(file: SegmentFile) -> Iterator[FileBytes]:
-    """Hand out a file's bytes.
+def bytes_of(place: FilePlace, file: SegmentFile) -> Iterator[FileBytes]:
+    """Hand out the bytes of a place's file.
 
     A live segment may have grown since it was listed; that is seen, too.
 
     Raises:
         Vanished: The file is gone, or another has its name.
     """
-    with _opened(file.path) as fd:
-        status = os.fstat(fd)
-        if (status.st_dev, status.st_ino) != file.identity or status.st_size < file.size:
+    with _opened(place, file.path) as now:
+        if now.identity != file.identity or now.size < file.size:
             raise Vanished(file.path)
-        yield FileBytes(file.path, fd, status.st_size)
+        yield FileBytes(file.path, now)
 
 
 @cache
@@ -153,14 +148,12 @@ def _ends_in_footer(foot: bytes) -> bool:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[int]:
-    try:
-        fd = open_plainly(path)
-    except FileNotFoundError:
-        raise Vanished(path) from None
-    except OSError as error:
-        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
-    try:
-        yield fd
-    finally:
-        os.close(fd)
+def _opened(place: FilePlace, path: Path) -> Iterator[OpenedFile]:
+    with ExitStack() as stack:
+        try:
+            file = stack.enter_context(place.opened(path))
+        except FileNotFoundError:
+            raise Vanished(path) from None
+        except OSError as error:
+            raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+        yield file

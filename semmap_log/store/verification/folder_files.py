@@ -10,8 +10,7 @@ from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
-from semmap_log.store.closed_mark import ClosedMark, read_mark
-from semmap_log.store.folder import LogFolder
+from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
     CLOSED_MARK_NAME,
@@ -20,6 +19,7 @@ from semmap_log.store.form import (
     number_in,
 )
 from semmap_log.store.verification.file_heads import SegmentFile, look_at
+from semmap_log.store.verification.file_place import FilePlace
 from semmap_log.store.verification.findings import Finding, Severity
 
 
@@ -27,7 +27,7 @@ from semmap_log.store.verification.findings import Finding, Severity
 class FolderFiles:
     """The files of a log, sorted out."""
 
-    folder: Path
+    place: FilePlace
     segments: list[SegmentFile] = field(default_factory=list)
     """In the order of their numbers."""
     leftovers: list[SegmentFile] = field(default_factory=list)
@@ -40,6 +40,11 @@ class FolderFiles:
     listed: frozenset[str] = frozenset()
     """What metadata.yaml named as closed before the files were listed."""
 
+    @property
+    def folder(self) -> Path:
+        """Where they lie, for messages."""
+        return self.place.path
+
     def has(self, number: int) -> bool:
         """Tell whether a segment stands for that number."""
         return any(s.number <= number <= s.last_number for s in self.segments)
@@ -49,7 +54,7 @@ class FolderFiles:
         return any(first <= number < behind for behind, first in self.missing.items())
 
 
-def arrange(path: Path) -> FolderFiles:
+def arrange(place: FilePlace) -> FolderFiles:
     """Return the segments of a log's folder, or of a single file.
 
     Raises:
@@ -57,28 +62,28 @@ def arrange(path: Path) -> FolderFiles:
         LogError: It is of another format version.
         Vanished: A file went away meanwhile.
     """
-    found = FolderFiles(path)
-    if path.suffix == ".mcap" and not path.is_dir():
-        one = look_at(path)
+    path, found = place.path, FolderFiles(place)
+    if path.suffix == ".mcap" and not place.is_folder():
+        one = look_at(place, path)
         found.segments = [one] if one else []
         if one is None:
             found.findings.append(_alien(path, "not a segment of a semmap log"))
         return found
-    if not path.is_dir():
+    if not place.is_folder():
         found.findings.append(
             _alien(path, "no such log: expected a folder, a zip of it, or one .mcap file")
         )
         return found
     found.mark = _mark(found)
-    found.listed = frozenset(listed_names(_bag_metadata_of(path)))
+    found.listed = frozenset(listed_names(place.bag_metadata()))
     try:
-        names = sorted(p for p in path.iterdir())
+        names = sorted(place.files())
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     ours: list[SegmentFile] = []
     for name in names:
         if name.suffix == ".mcap":
-            one = look_at(name)
+            one = look_at(place, name)
             if one is not None:
                 ours.append(one)
             else:
@@ -101,7 +106,7 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
         found: The log's files.
         closed: What their own bytes say of the closed segments; None: not all can be read.
     """
-    path, text = found.folder / BAG_METADATA_NAME, _bag_metadata_of(found.folder)
+    path, text = found.folder / BAG_METADATA_NAME, found.place.bag_metadata()
     findings = []
     for name in listed_names(text):
         if name not in found.listed:
@@ -158,24 +163,9 @@ def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> li
     return []
 
 
-def _bag_metadata_of(folder: Path) -> str:
-    """Return the text of metadata.yaml; nothing where there is none.
-
-    Raises:
-        LogAccessError: It cannot be read.
-    """
-    try:
-        return LogFolder(folder).read_bytes(BAG_METADATA_NAME).decode(errors="replace")
-    except (FileNotFoundError, LogAccessError):  # or it is no regular file
-        return ""
-    except OSError as error:
-        path = folder / BAG_METADATA_NAME
-        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
-
-
 def _mark(found: FolderFiles) -> ClosedMark | None:
     try:
-        return read_mark(LogFolder(found.folder))
+        return found.place.mark()
     except CorruptLogError as error:
         found.findings.append(_damage("mark", error.path, error.problem))
         return None

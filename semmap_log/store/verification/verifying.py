@@ -28,6 +28,7 @@ from semmap_log.store.verification.closing import (
 )
 from semmap_log.store.verification.file_bytes import Vanished
 from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
+from semmap_log.store.verification.file_place import DiskPlace, FilePlace
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 from semmap_log.store.verification.folder_files import (
     FolderFiles,
@@ -36,7 +37,7 @@ from semmap_log.store.verification.folder_files import (
     mark_findings,
 )
 from semmap_log.store.verification.hash_chain import Chain, OnCommit, WholeCommit
-from semmap_log.store.verification.keyframe_check import KeyframeCheck, KeyframePlace
+from semmap_log.store.verification.keyframe_place import KeyframePlace, NewKeyframeCheck
 from semmap_log.store.verification.pieces import Piece
 from semmap_log.store.verification.walk import Flaw, Gap, SegmentWalk
 from semmap_log.store.zipped import is_zip, unpacked
@@ -51,14 +52,20 @@ _ATTEMPTS = 5
 """How often to begin anew when a compaction replaces files under our hands."""
 
 
-def verify(path: Path, head: bytes | None = None, progress: Progress | None = None) -> Verification:
+def verify(
+    path: Path | FilePlace,
+    new_check: NewKeyframeCheck,
+    head: bytes | None = None,
+    progress: Progress | None = None,
+) -> Verification:
     """Read all of a log, or one segment of it, and return what is wrong.
 
     Nothing is written, and no lock is taken. While a writer is at work, a commit that is half
     written looks like a torn tail.
 
     Args:
-        path: The log's folder, one .mcap file, or a zip file with a log in it.
+        path: The log's folder, one .mcap file, or a zip file with a log in it; or another place.
+        new_check: Makes what compares keyframes with the events.
         head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
             cut off since.
         progress: Told how many bytes are read.
@@ -67,16 +74,17 @@ def verify(path: Path, head: bytes | None = None, progress: Progress | None = No
         LogAccessError: The file system does not let us read it.
         LogError: It is of another format version.
     """
-    if is_zip(path):
+    if isinstance(path, Path) and is_zip(path):
         try:
             files = unpacked(path)
         except (NotALogError, CorruptLogError) as error:
             return Verification(path, (_of_zip(path, error),))
-        return verify(files.path, head, progress).moved(files.path, path)
+        return verify(files.path, new_check, head, progress).moved(files.path, path)
     for _ in range(_ATTEMPTS):
         with suppress(Vanished):
-            return Verifier(path, head, progress).run()
-    raise LogError(f"{path}: its files change faster than they can be read; try again.")
+            return Verifier(path, new_check, head, progress).run()
+    where = path if isinstance(path, Path) else path.path
+    raise LogError(f"{where}: its files change faster than they can be read; try again.")
 
 
 def _of_zip(path: Path, error: NotALogError | CorruptLogError) -> Finding:
@@ -91,7 +99,8 @@ class Verifier:
 
     def __init__(
         self,
-        path: Path,
+        path: Path | FilePlace,
+        new_check: NewKeyframeCheck,
         head: bytes | None = None,
         progress: Progress | None = None,
         on_commit: OnCommit | None = None,
@@ -102,20 +111,22 @@ class Verifier:
 
         Args:
             path: As for `verify`.
+            new_check: As for `verify`.
             head: As for `verify`.
             progress: As for `verify`.
             on_commit: Takes each commit that is whole and in its place.
             keep_parts: Whether it wants the commit's records: a long commit is in memory then.
         """
-        self.path = path
+        self._place = DiskPlace(path) if isinstance(path, Path) else path
+        self.path = self._place.path
         self.chain = Chain(self._report, self._commit, keep_parts=keep_parts)
-        self.arrangement = FolderFiles(path)
+        self.arrangement = FolderFiles(self._place)
         self.findings: list[Finding] = []
         self._head = head
         self._progress = progress
         self._on_commit = on_commit
         self._clock = ClockCheck()
-        self._keyframes = KeyframeCheck(self._report, self._reread)
+        self._keyframes = new_check(self._report, self._reread)
         self._bytes = self._todo = 0
         self._head_event: int | None = -1 if head == NO_HASH else None
         self._breaks = 0
@@ -134,7 +145,7 @@ class Verifier:
 
     def run(self) -> Verification:
         """Return what was found."""
-        self.arrangement = found = arrange(self.path)
+        self.arrangement = found = arrange(self._place)
         self.findings += found.findings
         if not found.segments:
             return Verification(self.path, tuple(self.findings))
@@ -145,7 +156,7 @@ class Verifier:
             self._segment(i)
         self.chain.end()
         self._keyframes.finish()
-        if found.folder.is_dir():
+        if self._place.is_folder():
             self._folder(found)
         self._check_head()
         if self.newer or any(header.minor > FORMAT_MINOR for header in self.headers):
@@ -166,7 +177,7 @@ class Verifier:
         is_live = is_last and not file.is_closed
         contents = Contents(file.header_end, file.header, is_complete=file.header_end > 0)
         self._check_place(file, contents)
-        with bytes_of(file) as data:
+        with bytes_of(self._place, file) as data:
             self._bytes += len(data)
             data.try_all()
             walk = SegmentWalk(data, file.header_end, file.header)
@@ -314,7 +325,7 @@ class Verifier:
             chain = Chain(found.append)
             assert file.header is not None
             chain.start_at(file.header)
-            with bytes_of(file) as data:
+            with bytes_of(self._place, file) as data:
                 self._bytes += len(data)
                 for item in SegmentWalk(data, file.header_end, file.header):
                     if isinstance(item, Piece):
@@ -403,7 +414,7 @@ class Verifier:
         """Yield the chunks from a place on, which were read before and were whole."""
         for i in range(place.file, len(self.arrangement.segments)):
             file = self.arrangement.segments[i]
-            with bytes_of(file) as data:
+            with bytes_of(self._place, file) as data:
                 for item in SegmentWalk(data, file.header_end, file.header):
                     at_or_behind = i > place.file or (
                         isinstance(item, Piece) and item.stored.offset >= place.offset

@@ -10,8 +10,8 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.domain.events import Event
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
-from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.clock import Clock, SystemClock, believable_ns
+from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.command_index import COMMAND_ID_BYTES
 from semmap_log.store.commit_records import NO_HASH, CommitBuilder, Entropy, Stamp
 from semmap_log.store.folder import LogFolder
@@ -26,9 +26,9 @@ from semmap_log.store.writing.durability import (
     DurabilityPolicy,
     SharedSync,
 )
+from semmap_log.store.writing.keyframe_source import KeyframeSource, keyframe_chunk
 from semmap_log.store.writing.segment_chain import LogEnd, SegmentChain
 from semmap_log.store.writing.uniform_commit import uniform_commit
-from semmap_log.store.writing.written_state import WrittenState
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,6 @@ class LogWriter:
         self,
         folder: LogFolder,
         lock: WriterLock,
-        state: DoorMapState,
         environment: Environment,
     ) -> None:
         self.folder = folder
@@ -62,7 +61,8 @@ class LogWriter:
         self._lock = lock
         self._commands = CommandMemory(folder, lambda: self._chain.live, self.flush)
         self._chain = SegmentChain(folder, self._commands.closed, compacts=environment.compacts)
-        self._state = WrittenState(folder, state, self.flush)
+        self._keyframes: KeyframeSource
+        """Given when the log is begun, or taken up."""
         self._syncs = SharedSync()
         self._timer = BatchTimer(self.sync, policy.batch_s)
         self._holds_back = policy.level is Durability.NONE
@@ -74,13 +74,15 @@ class LogWriter:
         self._open = True
         self._pid = os.getpid()
 
-    def begin(self, header: SegmentHeader) -> None:
+    def begin(self, header: SegmentHeader, keyframes: KeyframeSource) -> None:
         """Start a log: its first segment."""
+        self._keyframes = keyframes
         self.last_ns = max(believable_ns(self.clock), 1)
-        self._chain.begin(header, self._state.keyframe(self.last_ns))
+        self._chain.begin(header, self._keyframe(self.last_ns))
 
-    def go_on(self, reader: LogReader) -> None:
+    def go_on(self, reader: LogReader, keyframes: KeyframeSource) -> None:
         """Take up a log where it ends."""
+        self._keyframes = keyframes
         commit = reader.last_commit()
         self.last_ns = reader.last_log_time_ns()
         if commit:
@@ -107,7 +109,7 @@ class LogWriter:
         try:
             with self._syncs.lock:  # nobody may be syncing the file that is replaced here
                 self.last_ns = recorded_ns
-                self._chain.begin_anew(self._state.keyframe(recorded_ns))
+                self._chain.begin_anew(self._keyframe(recorded_ns))
         except OSError as error:
             raise self._poisoned(error.strerror) from error
         self._in_commit = False
@@ -115,11 +117,6 @@ class LogWriter:
     @property
     def _end(self) -> LogEnd:
         return LogEnd(self.next_event, self._last_hash)
-
-    @property
-    def state(self) -> DoorMapState:
-        """The door map after the last commit."""
-        return self._state.get()
 
     @property
     def durable_before(self) -> int:
@@ -194,7 +191,7 @@ class LogWriter:
             chunk, commit = uniform
             self._in_commit = True
             segment.add(chunk, hold_back=self._holds_back)
-            self._state.add(chunk)
+            self._keyframes.add(chunk)
         else:
             builder = CommitBuilder(stamp, note, self.entropy)
             last_ns = None
@@ -204,7 +201,7 @@ class LogWriter:
                 last_ns = chunk.facts.times[1]
                 self._in_commit = True
                 segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
-                self._state.add(chunk)
+                self._keyframes.add(chunk)
             commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
@@ -216,10 +213,13 @@ class LogWriter:
         self, segment: SegmentWriter, log_time_ns: int, *, is_commit_begun: bool
     ) -> None:
         """Write a keyframe if there has been none for long; the next sync is its, too."""
-        if self._state.wants_keyframe(is_commit_begun=is_commit_begun):
+        if self._keyframes.wants_keyframe(is_commit_begun=is_commit_begun):
             self._in_commit = True
-            segment.add(self._state.keyframe(log_time_ns), hold_back=self._holds_back)
+            segment.add(self._keyframe(log_time_ns), hold_back=self._holds_back)
             self._in_commit = is_commit_begun
+
+    def _keyframe(self, log_time_ns: int) -> BuiltChunk:
+        return keyframe_chunk(self._keyframes.keyframe(), log_time_ns)
 
     def apply_policy(self, before: int) -> None:
         """Return once events below that number last as was promised; others may append meanwhile.
@@ -373,7 +373,7 @@ class LogWriter:
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
                 chain.roll(self._end)
                 self.last_ns = max(wall_ns - 1, self.last_ns + 1)  # the commit's time stays free
-                keyframe = self._state.keyframe(self.last_ns)
+                keyframe = self._keyframe(self.last_ns)
                 chain.begin_next(self.next_event, self._last_hash, keyframe)
             self._syncs.durable_before = self.next_event
         self._in_commit = False

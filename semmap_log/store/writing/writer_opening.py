@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
-from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.disk import sync_folder
 from semmap_log.io.file_calls import check_can_write
 from semmap_log.store.commit_records import NO_HASH
@@ -19,13 +20,35 @@ from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
-from semmap_log.store.reading.state import state_at
+from semmap_log.store.writing.keyframe_source import K_co, NewKeyframeSource
 from semmap_log.store.writing.writer import Environment, LogWriter
 from semmap_log.store.zipped import refuse_zip
 
 
-def create_log(path: Path, info: LogInfo, environment: Environment = Environment()) -> LogWriter:
+@dataclass(frozen=True, slots=True)
+class OpenedLog(Generic[K_co]):
+    """A log that was opened for writing, and what was read for that: nobody reads it again."""
+
+    writer: LogWriter
+    reader: LogReader
+    """The log as the writer goes on with it."""
+    keyframes: K_co
+    """Where its keyframes come from."""
+
+
+def create_log(
+    path: Path,
+    info: LogInfo,
+    new_keyframes: NewKeyframeSource[K_co],
+    environment: Environment = Environment(),
+) -> OpenedLog[K_co]:
     """Make a new log in a folder that does not exist, or is empty, and open it.
+
+    Args:
+        path: The folder.
+        info: What is fixed of the log.
+        new_keyframes: Makes the source of its keyframes.
+        environment: What the writer takes from the machine.
 
     Raises:
         LogExistsError: Something is there already.
@@ -41,14 +64,26 @@ def create_log(path: Path, info: LogInfo, environment: Environment = Environment
         with _locked(folder) as lock:
             _check_is_free(path, folder)  # again: somebody may have been quicker
             folder.remove_leftovers()
-            writer = LogWriter(folder, lock, DoorMapState(), environment)
-            writer.begin(SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH))
+            writer = LogWriter(folder, lock, environment)
+            keyframes = new_keyframes(folder, writer.flush)
+            header = SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH)
+            writer.begin(header, keyframes)
             sync_folder(path.parent)
-            return writer
+            with _closed_on_error(writer):
+                return OpenedLog(writer, LogReader(folder), keyframes)
 
 
-def open_for_append(path: Path, environment: Environment = Environment()) -> LogWriter:
+def open_for_append(
+    path: Path,
+    new_keyframes: NewKeyframeSource[K_co],
+    environment: Environment = Environment(),
+) -> OpenedLog[K_co]:
     """Open a log for writing; a last segment that a crash left torn is made whole first.
+
+    Args:
+        path: Its folder.
+        new_keyframes: Makes the source of its keyframes.
+        environment: What the writer takes from the machine.
 
     Raises:
         NotALogError: There is none.
@@ -60,13 +95,36 @@ def open_for_append(path: Path, environment: Environment = Environment()) -> Log
     check_is_log(LogFolder(path))  # before a lock file is put into somebody else's folder
     with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
         folder.remove_leftovers()
-        reader = LogReader(folder)
-        remove_merged(reader)
-        writer = LogWriter(folder, lock, state_at(reader), environment)
-        writer.go_on(reader)
-        if _may_be_half_made(reader):
-            sync_folder(path.parent)
-        return writer
+        return _taken_up(folder, lock, new_keyframes, environment)
+
+
+def _taken_up(
+    folder: LogFolder,
+    lock: WriterLock,
+    new_keyframes: NewKeyframeSource[K_co],
+    environment: Environment,
+) -> OpenedLog[K_co]:
+    reader = LogReader(folder)
+    remove_merged(folder, reader.leftovers)
+    writer = LogWriter(folder, lock, environment)
+    keyframes = new_keyframes(folder, writer.flush, reader)
+    writer.go_on(reader, keyframes)
+    if _may_be_half_made(reader):
+        sync_folder(folder.path.parent)
+    with _closed_on_error(writer):
+        reader.refresh()  # a torn segment was made whole, in another file
+        return OpenedLog(writer, reader, keyframes)
+
+
+@contextmanager
+def _closed_on_error(writer: LogWriter) -> Iterator[None]:
+    """Close a writer that nobody gets, and so nobody else could close."""
+    try:
+        yield
+    except BaseException:
+        with suppress(LogError):
+            writer.close()
+        raise
 
 
 def _check_is_free(path: Path, folder: LogFolder | None = None) -> None:

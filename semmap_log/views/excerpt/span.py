@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.retraction import Retractions, in_ranges
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.moments import refuse_reversed
-from semmap_log.folding.replay import Scope
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.retraction import Retractions, in_ranges
+from semmap_log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from semmap_log.folds.patrol_rounds import ROUND_KINDS, Round, rounds
 from semmap_log.folds.timeline import Timeline, Times
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
-from semmap_log.views.palette import DEFAULT, Palette, Rgb
+from semmap_log.views.palette import DEFAULT, PLOT_GRID, Palette, Rgb
 from semmap_log.views.plots.matplotlib_sdk import (
     has_shape,
     letters_of,
@@ -202,7 +202,7 @@ def _time_along(panel: Any, lanes: Lanes) -> None:
     panel.set_xlim(*_days(np.array([lanes.start_ns, lanes.start_ns + wide_ns])))
     panel.set_xticks(_days(at_ns), [tick.label for tick in ticks])
     panel.tick_params(axis="x", labelsize="small", labeltop=len(panel.get_yticks()) >= MANY_LANES)
-    panel.grid(axis="x", linewidth=0.4, color="#cccccc")
+    panel.grid(axis="x", linewidth=0.4, color=PLOT_GRID)
     panel.set_axisbelow(True)
     for side in ("top", "right", "left"):
         panel.spines[side].set_visible(False)

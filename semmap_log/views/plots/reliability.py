@@ -14,6 +14,7 @@ from semmap_log.common.texts import counted
 from semmap_log.probabilities.scores import BINS, Reliability, Scores
 from semmap_log.views.evaluation_table import known_in_words
 from semmap_log.views.event_words import printable
+from semmap_log.views.palette import PLOT_BARS, PLOT_CURVE, PLOT_MARKS
 from semmap_log.views.plots.matplotlib_sdk import new_figure, save_figure
 
 PANEL_IN, ROW_IN = 2.6, 3.5
@@ -21,7 +22,6 @@ HEAD_IN, FOOT_IN = 0.5, 0.3
 COLUMNS = 4
 HEIGHTS = (3.0, 1.0)
 """Of a diagram, and of the bars below it."""
-INK, GREY, DARK_GREY = "#31688e", "#b8b8c4", "#555560"
 LEAST_AREA, MOST_AREA = 6.0, 120.0
 """Points squared: the dots of an almost empty bin, and of the fullest."""
 
@@ -89,27 +89,27 @@ def _draw(panel: Any, found: Reliability) -> None:
     said, came = [row[0] for row in rows], [row[1] for row in rows]
     most = max((row[2] for row in rows), default=1)
     area = [LEAST_AREA + MOST_AREA * row[2] / most for row in rows]
-    panel.plot([0, 1], [0, 1], color=DARK_GREY, linewidth=1, linestyle="--",
+    panel.plot([0, 1], [0, 1], color=PLOT_MARKS, linewidth=1, linestyle="--",
                label="perfect: as forecast, so it came")  # fmt: skip
-    panel.plot(said, came, color=INK, linewidth=1)
-    panel.scatter(said, came, s=area, color=INK, linewidth=0, zorder=3, clip_on=False,
+    panel.plot(said, came, color=PLOT_CURVE, linewidth=1)
+    panel.scatter(said, came, s=area, color=PLOT_CURVE, linewidth=0, zorder=3, clip_on=False,
                   label="forecasts of a bin; area: how many")  # fmt: skip
     ticks = np.linspace(0, 1, 6)
     panel.set(xlim=(0, 1), ylim=(0, 1), xticks=ticks, yticks=ticks)
     panel.set_axisbelow(True)
-    panel.grid(color=GREY, alpha=0.4, linewidth=0.6)
+    panel.grid(color=PLOT_BARS, alpha=0.4, linewidth=0.6)
     panel.tick_params(labelsize=7)
 
 
 def _draw_counts(panel: Any, found: Reliability, most: float) -> None:
     """Draw how many forecasts lie in each bin, on a scale on which few are seen beside many."""
     edges = np.arange(BINS) / BINS
-    panel.bar(edges, found.count, 1 / BINS, align="edge", color=GREY, edgecolor="white",
+    panel.bar(edges, found.count, 1 / BINS, align="edge", color=PLOT_BARS, edgecolor="white",
               linewidth=0.5)  # fmt: skip
     for edge, count in zip(edges, found.count.tolist(), strict=True):
         if count:
             panel.annotate(_short(int(count)), (edge + 0.5 / BINS, count), (0, 1), fontsize=6,
-                           textcoords="offset points", ha="center", color=DARK_GREY)  # fmt: skip
+                           textcoords="offset points", ha="center", color=PLOT_MARKS)  # fmt: skip
     panel.set_yscale("log")
     panel.set(ylim=(0.8, 8 * max(most, 1.0)))
     panel.tick_params(labelsize=7)

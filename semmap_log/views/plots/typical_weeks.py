@@ -20,6 +20,7 @@ from semmap_log.probabilities.forecast import INTERVAL
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
+from semmap_log.views.palette import PLOT_CURVE, PLOT_HATCH, PLOT_NOTHING
 from semmap_log.views.plots.matplotlib_sdk import has_shape, letters_of, new_figure, save_figure
 from semmap_log.views.week_shades import COLOUR_MAP
 
@@ -37,8 +38,6 @@ MOST_PANELS = 150
 UNSURE = 0.5
 """A cell whose interval is wider than that bears a dot."""
 HATCH = "////"
-HATCH_GREY, NOTHING_GREY = "#9a9a9a", "#f0f0f0"
-LINE = "#31688e"
 EVERY_HOURS = 3
 TITLE_LETTERS = 38
 
@@ -130,17 +129,17 @@ def _draw_steps(panel: Any, cells: WeekPattern, edges: NDArray[np.int64]) -> Non
     """Draw a step for each cell, in the band of its interval; hatched where nobody looked."""
     for known, start in zip(cells.is_known, edges[:-1], strict=True):
         if not known:
-            panel.axvspan(start, start + 1, facecolor=NOTHING_GREY, edgecolor=HATCH_GREY,
+            panel.axvspan(start, start + 1, facecolor=PLOT_NOTHING, edgecolor=PLOT_HATCH,
                           hatch=HATCH, linewidth=0)  # fmt: skip
     p, low, high = (
         np.where(cells.is_known, c, np.nan) for c in (cells.p_open, cells.low, cells.high)
     )
-    panel.stairs(high, edges, baseline=low, fill=True, color=LINE, alpha=0.25)
-    panel.stairs(p, edges, baseline=None, color=LINE, linewidth=1.8)
+    panel.stairs(high, edges, baseline=low, fill=True, color=PLOT_CURVE, alpha=0.25)
+    panel.stairs(p, edges, baseline=None, color=PLOT_CURVE, linewidth=1.8)
 
 
 def _hatch_all(panel: Any) -> None:
-    panel.axvspan(0, HOURS, facecolor=NOTHING_GREY, edgecolor=HATCH_GREY, hatch=HATCH, linewidth=0)
+    panel.axvspan(0, HOURS, facecolor=PLOT_NOTHING, edgecolor=PLOT_HATCH, hatch=HATCH, linewidth=0)
 
 
 def _hours_along(panel: Any) -> None:

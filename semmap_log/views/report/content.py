@@ -14,10 +14,10 @@ from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.domain.doors import DoorId, DoorMap, DoorState
 from semmap_log.domain.moments import format_local, zone
 from semmap_log.door_log.summary import LogSummary
-from semmap_log.folding.replay import Scope
 from semmap_log.folds.levels import levels_of
 from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
 from semmap_log.io.disk import utf8_name
+from semmap_log.replay.replay import Scope
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt

@@ -13,19 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import (
-    DoorAdded,
-    DoorAnnotated,
-    DoorPassed,
-    DoorRemoved,
-    DoorRequested,
-    DoorUpdated,
-    FloorMap,
-    LevelAdded,
-    LogExported,
-    Retracted,
-    RobotPose,
-)
+from semmap_log.domain.events import KINDS, DoorPassed, PatrolFinished, PatrolStarted, RobotPose
 from semmap_log.folds.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.excerpt.span import Excerpt
@@ -35,8 +23,11 @@ STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
 
 MOST_CHANGES = 200
 """So many of the last changes are told in words."""
-TOLD = (DoorAdded, DoorUpdated, DoorRemoved, DoorRequested, DoorAnnotated,
-        LevelAdded, FloorMap, LogExported, Retracted)  # fmt: skip
+TOLD = tuple(
+    kind
+    for kind in KINDS
+    if not (kind.effect.is_sighting or kind in (PatrolStarted, PatrolFinished, RobotPose))
+)
 """Kinds that are told whatever they say; sightings are where they tell of another state."""
 
 Rows = NDArray[Any]

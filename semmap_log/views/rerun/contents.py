@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import Door, DoorId, DoorMap
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, RobotPose
-from semmap_log.domain.meaning import FIELDS, Changed
-from semmap_log.folding.replay import Scope
-from semmap_log.folds.door_changes import THERE, Changes, Stamp, door_changes
+from semmap_log.domain.events import DoorAnnotated, RobotPose
+from semmap_log.domain.meaning import FIELDS, Changed, Presence
+from semmap_log.folds.door_changes import THERE, Changes, Stamp, door_changes, of_presence
 from semmap_log.folds.levels import levels_of
+from semmap_log.replay.replay import Scope
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
@@ -132,7 +132,7 @@ class _Found:
         self.is_plain &= bool(both.all()) and not is_late.any()
         sets_state = (changes["sets"] & int(Changed.STATE)) != 0
         self.disturbed.append(changes["folds_ns"][sets_state & (is_late | ~both)])
-        self.is_ever_there |= bool((changes["kind"] == DoorAdded.kind).any())
+        self.is_ever_there |= bool(of_presence(changes, Presence.COMES).any())
         placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
         for level, stamp in zip(placed["level"].tolist(), _stamps(placed), strict=True):
             self.levels[level] = max(stamp, self.levels.get(level, ALWAYS))
@@ -153,8 +153,9 @@ class _Found:
             self.placed_on.add(known.level)
 
     def _live(self, changes: Changes) -> None:
-        for kind, stamp in zip(changes["kind"].tolist(), _stamps(changes), strict=True):
-            if kind == DoorAdded.kind:
+        comes = of_presence(changes, Presence.COMES).tolist()
+        for is_adding, stamp in zip(comes, _stamps(changes), strict=True):
+            if is_adding:
                 self.added = stamp
             else:
                 self.removed = stamp

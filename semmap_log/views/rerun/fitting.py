@@ -8,10 +8,9 @@ import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import (
-    DoorAdded,
+    SETTING_KINDS,
     DoorAnnotated,
-    DoorRemoved,
-    DoorUpdated,
+    Event,
     FloorMap,
     LevelAdded,
     PatrolFinished,
@@ -19,12 +18,20 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.domain.meaning import Changed, Presence
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.rerun.contents import RecordingContents
 from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
 
 NEVER_FIT = (Retracted, LevelAdded, FloorMap, PatrolStarted, PatrolFinished)
-MAY_CHANGE_THE_SCENE = (DoorAdded, DoorRemoved, DoorAnnotated, DoorUpdated)
+MAY_CHANGE_THE_SCENE: tuple[type[Event], ...] = (
+    DoorAnnotated,
+    *(
+        kind
+        for kind in SETTING_KINDS
+        if kind.effect.presence is not Presence.STAYS or kind.effect.can_set & ~Changed.STATE
+    ),
+)
 
 ROOM = 0.25
 """Added on each side of a plan that was outgrown, as a share of its longer side: a robot that
@@ -32,7 +39,7 @@ explores should not outgrow it again at once."""
 
 
 def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
-    """Tell whether the next events can be shown as more rows of a scene; the survey takes them.
+    """Tell whether the next events can be shown as more rows of a scene; the contents take them in.
 
     Args:
         batch: The next events.

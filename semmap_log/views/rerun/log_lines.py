@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorAdded, DoorEvent, DoorRemoved, Event, Retracted, RobotPose
+from semmap_log.domain.events import DoorEvent, Event, Retracted, RobotPose
 from semmap_log.domain.meaning import NO_EFFECT, PLACING, Presence
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.folds.door_changes import Changes, Stamp
@@ -113,7 +113,8 @@ class EventLines:
         said = f"{_who(door)}  {said}"
         if is_void:
             return INFO, said, state_told_by(event)
-        if not (isinstance(event, DoorRemoved) or door.life.added <= stamp < door.life.removed):
+        goes = event.effect.presence is Presence.GOES
+        if not (goes or door.life.added <= stamp < door.life.removed):
             return DEBUG, f"{said} (not in the map then)", None
         state = state_told_by(event)
         return self._importance(event, state, stamp), said, state
@@ -133,7 +134,7 @@ class EventLines:
             return False
         latest_ns, known = self._states.get(event.door_id, (-1, None))
         if stamp[0] < latest_ns:
-            return isinstance(event, DoorAdded)  # a late event: the map has moved on
+            return event.effect.presence is Presence.COMES  # a late event: the map has moved on
         self._states[event.door_id] = stamp[0], state
         return state != known
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.errors import MissingExtraError, SemmapError
+from semmap_log.errors import MissingExtraError, ViewerError
 
 LOCAL = "127.0.0.1"
 """Rerun listens on every interface unless told otherwise; a building's log is nobody else's."""
@@ -23,10 +23,6 @@ POLL_S = 0.2
 END_S = 10.0
 GRACE_S = 2.0
 """Its port closes before it ends."""
-
-
-class ViewerError(SemmapError):
-    """The rerun viewer did not start, or did not do what it was asked for."""
 
 
 @dataclass(frozen=True, slots=True)

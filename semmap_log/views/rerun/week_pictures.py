@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from semmap_log.beliefs.typical_week import TypicalWeek
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
-from semmap_log.views.palette import Rgb
+from semmap_log.views.palette import WEEK_AXES, WEEK_UNKNOWN, WHITE, Rgb
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import RowWriter, rgba
 from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
@@ -26,9 +26,6 @@ WEEKS = "weeks"
 
 UNKNOWN_CELL, NO_CELL = 101, 102
 """Beside 0..100, percent."""
-UNKNOWN_RGB: Rgb = (70, 74, 82)
-NAMES_RGB: Rgb = (255, 255, 255)
-AXES_RGB: Rgb = (225, 228, 233)
 
 ASPECT = 3.3
 """Width of the doors' part of the view over its height."""
@@ -176,8 +173,8 @@ def write_weeks(writer: RowWriter, weeks: Sequence[TypicalWeek], scene: Scene) -
         writer.static(path, _context(), rr.SegmentationImage(picture(here, sheet), opacity=1.0))
         doors = [scene.doors[week.door.door_id] for week in here]
         names = [d.short_label if sheet.has_names else str(d.door_id) for d in doors]
-        _write_labels(writer, (*path, "labels"), door_labels(names, sheet), NAMES_RGB)
-        _write_labels(writer, (*path, "axes"), axis_labels(sheet), AXES_RGB)
+        _write_labels(writer, (*path, "labels"), door_labels(names, sheet), WHITE)
+        _write_labels(writer, (*path, "axes"), axis_labels(sheet), WEEK_AXES)
 
 
 def weeks_on(weeks: Sequence[TypicalWeek], scene: Scene, level: SceneLevel) -> list[TypicalWeek]:
@@ -264,7 +261,7 @@ def _context() -> Any:
         for percent in range(101)
     ]
     unknown = rr.AnnotationInfo(
-        id=UNKNOWN_CELL, label="never seen then, or too little", color=UNKNOWN_RGB
+        id=UNKNOWN_CELL, label="never seen then, or too little", color=WEEK_UNKNOWN
     )
     nothing = rr.AnnotationInfo(id=NO_CELL, label="", color=(0, 0, 0, 0))
     return rr.AnnotationContext([*cells, unknown, nothing])

@@ -17,9 +17,9 @@ from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import StoragePlugin, Writer
-from semmap_log.formats.bags.bag_writing import new_bag
 
 from semmap_log.errors import FormatError, OutputError
+from semmap_log.formats.bags.bag_writing import new_bag
 from semmap_log.formats.ros.grid_messages import GRIDS, UPDATES
 from semmap_log.formats.ros.ros_types import ros_types
 from tests.formats.bags.played import played

@@ -17,18 +17,17 @@ from semmap_log.domain.commits import Commit, Durability, Note
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAnnotated, DoorObserved, Event
 from semmap_log.errors import CorruptLogError
-from semmap_log.folds.door_map import DoorMapState
 from semmap_log.store import records as mcap
 from semmap_log.store.commit_records import NO_HASH, CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo, SegmentHeader
-from semmap_log.store.keyframes import keyframe_chunk
 from semmap_log.store.reading import live_records
 from semmap_log.store.reading import segment_scan as scan
 from semmap_log.store.reading.resync import whole_chunks
 from semmap_log.store.reading.segment_reading import pages_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.segment import SegmentWriter
+from tests.store.logs import empty_keyframe
 
 HEADER = SegmentHeader(LogInfo("ab" * 16, "UTC"), 0, 0, NO_HASH)
 SEEN = DoorObserved(door_id=DoorId(1), state=sl.DoorState.OPEN, happened_ns=5)
@@ -49,7 +48,7 @@ def _live(
         last: Changes what the last commit says.
     """
     writer = SegmentWriter(LogFolder(path.parent), path.name, HEADER)
-    writer.add(keyframe_chunk(DoorMapState(), 1))
+    writer.add(empty_keyframe(1))
     writer.install()
     made: list[Commit] = []
     stamp = STAMP

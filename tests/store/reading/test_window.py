@@ -22,7 +22,7 @@ from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 from tests.conftest import SteadyClock
-from tests.store.reading.test_state import tiny_steps
+from tests.replay.test_state import tiny_steps
 from tests.test_replay import random_log
 
 

@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogLockedError
+from semmap_log.replay.care import plan_recovery, recover, recover_into, verify
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import RECOVERING_NAME
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.salvage import plan_recovery, recover, recover_into, swap
+from semmap_log.store.salvage import recovered_log, swap
 from semmap_log.store.salvage.recovered_log import ACTOR
 from semmap_log.store.salvage.renumbering import Renumbering
-from semmap_log.store.verification import verify
 from tests.store.eventful import contents, eventful_log, flip
 
 LAST = 12
@@ -192,6 +192,22 @@ def test_a_retraction_follows_its_events(log: Path) -> None:
     assert [] == list(sl.read(log).history(kinds=[Retracted]))
     assert "retractions of lost events were dropped: 7" in told(log)[-1][4]
     assert 0 == verify(log).exit_code
+
+
+def test_each_segment_of_a_new_log_begins_with_the_state_so_far(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Its keyframes are those of what was saved, so that a moment is answered from them.
+    """
+    monkeypatch.setattr(recovered_log, "ROLL_COMMITS", 3)
+    spoil(log, 0, 1)  # events 0 and 1
+
+    recover(log)
+
+    found = verify(log)
+    assert (0, found.segments) == (found.exit_code, found.keyframes)
+    assert found.segments > 2
 
 
 def open_place(log: Path, event: int) -> int:
@@ -409,7 +425,8 @@ for name in ("replace", "rename", "link", "unlink", "mkdir", "rmdir", "fsync"):
     setattr(os, name, before(getattr(os, name)))
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.salvage import recover, swap
+from semmap_log.store.salvage import swap
+from semmap_log.replay.care import recover
 swap._exchange = before(swap._exchange)
 recover(pathlib.Path({str(log)!r}))
 """

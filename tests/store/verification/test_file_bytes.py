@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.store.verification import file_bytes, pieces, verify
+from semmap_log.replay.care import verify
+from semmap_log.store.verification import file_bytes, pieces
 from semmap_log.store.verification.file_bytes import FileBytes, Vanished
+from semmap_log.store.verification.file_place import DiskFile
 from tests.store.eventful import eventful_log
 
 DATA = random.Random(4).randbytes(50_000)
@@ -26,7 +28,7 @@ def test_slices_are_those_of_bytes(
     (tmp_path / "file").write_bytes(DATA)
     rng = random.Random(1)
     with (tmp_path / "file").open("rb") as opened:
-        file = FileBytes(tmp_path / "file", opened.fileno(), len(DATA))
+        file = FileBytes(tmp_path / "file", DiskFile(opened.fileno()))
         kept = file[3:700]
         for _ in range(100):
             start, end = rng.randrange(60_000), rng.randrange(60_000)
@@ -34,9 +36,10 @@ def test_slices_are_those_of_bytes(
         assert DATA[-37:] == file[len(DATA) - 37 :]
         assert DATA[3:700] == kept
         assert [] == file.unreadable
+        longer = FileBytes(tmp_path / "file", DiskFile(opened.fileno()))
         os.truncate(tmp_path / "file", 40_000)
         with pytest.raises(Vanished):
-            FileBytes(tmp_path / "file", opened.fileno(), len(DATA))[30_000:50_000]
+            longer[30_000:50_000]
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 
 import semmap_log as sl
+from semmap_log.replay.care import verify
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction import compact
@@ -22,7 +23,7 @@ from semmap_log.store.kind_bits import KEYFRAME_BIT
 from semmap_log.store.reading.segment_reading import read_chunk
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.record_scan import frames
-from semmap_log.store.verification import Finding, Severity, Verification, verify
+from semmap_log.store.verification import Finding, Severity, Verification
 from tests.store.eventful import contents, eventful_log, flip
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"

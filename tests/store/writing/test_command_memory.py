@@ -18,13 +18,13 @@ import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved, Event
 from semmap_log.errors import CommandReusedError, CorruptLogError
+from semmap_log.replay.care import recover
 from semmap_log.store import command_index
 from semmap_log.store.command_index import fingerprint
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading import command_rows
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.salvage import recover
 from semmap_log.store.writing import segment_chain, stored_commands
 from semmap_log.store.writing.command_memory import CommandMemory
 from tests.conftest import SteadyClock

@@ -16,7 +16,7 @@ import semmap_log as sl
 from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.events import DoorAnnotated
 from semmap_log.errors import LogPoisonedError
-from semmap_log.store.verification import verify
+from semmap_log.replay.care import verify
 from semmap_log.store.writing import segment_chain
 from semmap_log.store.writing.durability import BatchTimer
 

@@ -26,9 +26,9 @@ from semmap_log.errors import (
     LogPoisonedError,
     NotALogError,
 )
+from semmap_log.replay.state import keyframe_at
 from semmap_log.store import commit_records as commits
 from semmap_log.store.commit_records import commit_hash
-from semmap_log.store.reading.state import keyframe_at
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 

@@ -21,9 +21,9 @@ CALLS = (
 )  # fmt: skip
 _LOCKS = (type(threading.Lock()), type(threading.RLock()))
 LINES_OF = (
-    "log/writing/",
-    "log/segment.py",
-    "log/compaction/background",
+    "store/writing/",
+    "store/segment.py",
+    "store/compaction/background",
     "door_log/appender.py",
     "door_log/current_map.py",
 )

@@ -155,7 +155,7 @@ function drawActivity() {
   canvas.width = width * 3 * scale;
   canvas.height = canvas.clientHeight * scale;
   const pen = canvas.getContext("2d");
-  pen.fillStyle = "#7f8899";
+  pen.fillStyle = getComputedStyle(canvas).getPropertyValue("--muted");
   counts.forEach((many, i) => {
     const height = many ? Math.max(Math.sqrt(Math.min(many / most, 1)) * canvas.height, scale) : 0;
     pen.fillRect(i * 3 * scale, canvas.height - height, 2 * scale, height);

@@ -1,0 +1,1 @@
+"""Strict reading of texts: YAML, JSON, CSV cells, with the place of each problem."""

@@ -1,0 +1,1 @@
+"""ROS messages: made, read, and how large they are."""

@@ -1,0 +1,1 @@
+"""Files, clocks and threads: what everybody uses and what knows no door."""

@@ -1,0 +1,81 @@
+"""A log verified and recovered, its keyframes compared with what the replay says."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from semmap_log.io.clock import Clock
+from semmap_log.replay.keyframe_check import ReplayKeyframeCheck
+from semmap_log.replay.written_state import WrittenState
+from semmap_log.store import salvage, verification
+from semmap_log.store.salvage import Recovered, RecoveryPlan, StateParts
+from semmap_log.store.verification import Progress, Verification
+from semmap_log.store.verification.file_place import FilePlace
+
+_PARTS = StateParts(ReplayKeyframeCheck, WrittenState)
+
+
+def verify(
+    path: Path | FilePlace, head: bytes | None = None, progress: Progress | None = None
+) -> Verification:
+    """Read all of a log, or one segment of it, and return what is wrong; as `verification.verify`.
+
+    Args:
+        path: The log's folder, one .mcap file, or a zip file with a log in it; or another place.
+        head: Hash of a commit that the log must hold, kept elsewhere.
+        progress: Told how many bytes are read.
+
+    Raises:
+        LogAccessError: The file system does not let us read it.
+        LogError: It is of another format version.
+    """
+    return verification.verify(path, ReplayKeyframeCheck, head, progress)
+
+
+def plan_recovery(path: Path, progress: Progress | None = None) -> RecoveryPlan:
+    """Read a log and return what a recovery would save and lose; as `salvage.survey`.
+
+    Raises:
+        NewerLogError: It is damaged, and holds what only a later version can take over.
+        LogError: It cannot be read, or is no log.
+    """
+    return salvage.plan_recovery(path, ReplayKeyframeCheck, progress)
+
+
+def recover(
+    log: Path,
+    *,
+    progress: Progress | None = None,
+    clock: Clock | None = None,
+    entropy: Callable[[int], bytes] = os.urandom,
+) -> Recovered:
+    """Put what is whole of a damaged log in its place; as `salvage.recover`.
+
+    Raises:
+        LogLockedError: Somebody is writing.
+        LogAccessError: The file system does not let us.
+        LogError: There is no log, or what was made of it is not good; nothing is changed then.
+    """
+    return salvage.recover(log, _PARTS, progress=progress, clock=clock, entropy=entropy)
+
+
+def recover_into(
+    log: Path,
+    target: Path,
+    *,
+    progress: Progress | None = None,
+    clock: Clock | None = None,
+    entropy: Callable[[int], bytes] = os.urandom,
+) -> Recovered:
+    """Make a new log of what is whole of a damaged one, which stays; as `salvage.recover_into`.
+
+    Raises:
+        LogExistsError: There is something at the target.
+        LogAccessError: The file system does not let us.
+        LogError: There is no log, or what was made of it is not good; nothing is changed then.
+    """
+    return salvage.recover_into(
+        log, target, _PARTS, progress=progress, clock=clock, entropy=entropy
+    )

@@ -1,0 +1,45 @@
+"""What messages are compared with: the doors that there are, and the numbers that are free."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import semmap_log as sl
+from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved, DoorRemoved
+from semmap_log.ros_mapping.known import Known
+
+START = 1_700_000_000 * 10**9
+
+
+def test_only_doors_that_were_added_use_up_numbers() -> None:
+    """
+    What is said of a door that nobody added gives no number away: a log says the same.
+    """
+    known = Known()
+    known.apply(DoorAdded(door_id=DoorId(3), happened_ns=START))
+    known.apply(DoorObserved(door_id=DoorId(900), state=DoorState.OPEN, happened_ns=START))
+
+    assert known.next_id == 4
+    assert known.next_id_but({4, 5}) == 6
+
+
+def test_numbers_go_on_as_in_the_log(tmp_path: Path) -> None:
+    """
+    Removed doors keep theirs; behind the last number the lowest free one follows.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        first = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9)
+        log.remove_door(first)
+        known = Known.of(log)
+        assert known.next_id == 2
+
+        for event in (
+            DoorAdded(door_id=DoorId(MAX_DOOR_ID)),
+            DoorRemoved(door_id=DoorId(MAX_DOOR_ID)),
+        ):
+            known.apply(event)
+            log.append([event])
+
+        assert known.next_id == Known.of(log).next_id == 2
+        assert log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9) == 2
