@@ -108,7 +108,7 @@ def answers_of(opened: sl.DoorLog, *, moments: int = 8) -> dict[str, Any]:
         "before": [repr(opened.replay(known_at=ns - 1)) for ns in chosen],
         "event": [repr(opened.replay(event=number)) for number in numbers],
         "entries": [repr(opened.entry(number)) for number in numbers],
-        "records": digest_of_pages(opened.reader),
+        "records": digest_of_pages(opened._reader),
     }
 
 

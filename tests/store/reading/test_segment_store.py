@@ -128,7 +128,7 @@ def test_a_log_that_is_gone_or_damaged_is_told(tmp_path: Path) -> None:
         random_log(path, random.Random(1), commits=30)
     opened, _ = far(path)
     file = min(path.glob("*.mcap"))
-    offset = opened.reader.segments[0].chunks[1].data_offset + 20
+    offset = opened._reader.segments[0].chunks[1].data_offset + 20
     data = bytearray(file.read_bytes())
     data[offset] ^= 1
     file.write_bytes(data)
@@ -153,8 +153,8 @@ def test_bytes_that_were_not_fetched_are_no_answer(
     opened, _ = far(path)
     assert opened.replay().doors
     monkeypatch.setattr(FarSegment, "need", lambda *_: None)
-    fresh = sl.DoorLog(opened.reader.refreshed())
-    for segment in fresh.reader.segments:
+    fresh = sl.DoorLog(opened._reader.refreshed())
+    for segment in fresh._reader.segments:
         segment.source.let_go(0, segment.size)
         assert {PATTERN} == set(segment.source.read(0, segment.size))
 

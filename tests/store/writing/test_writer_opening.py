@@ -96,7 +96,7 @@ def test_of_a_torn_log_only_the_last_segment_is_opened_again(
     opened.clear()
 
     with sl.append(path) as log:
-        assert 25 == log.reader.last_event()
+        assert 25 == log._reader.last_event()
         assert opened == Counter({**dict.fromkeys(closed, 1), torn: 2})
 
 
