@@ -115,7 +115,8 @@ class AskServer:
     def close(self) -> None:
         """Take no more questions, finish those that were begun, and leave."""
         self._ending = True
-        self._wake()
+        if self._thread.is_alive():
+            self._wake()
         self._thread.join()
         self._actions.shutdown()
         self._look_ups.shutdown()

@@ -1,7 +1,7 @@
 """The doors of one moment, found by the words that planners have for them.
 
     DOOR_3          the door of id 3, whatever doors are called
-    DOOR_main_door  the door that is called `main_door`
+    DOOR_main_door  the door that is called `main_door`; DOOR_ground/main_door, where several are
     "main door"     what the command line takes: a name, level/name, an id, or id:3
 
 A name that several doors bear means none of them: it is told by which ids to say it.
@@ -69,7 +69,12 @@ class DoorView:
             if door_id > MAX_DOOR_ID or door_id not in self._doors:
                 raise UnknownDoorError(f"no door {word} is in the map.")
             return door_id
-        return self._called(called) or resolve_door(word, self.door_map)
+        found = self._called(called) or self._called(word)
+        if found is None and "/" in called:
+            return resolve_door(called, self.door_map)
+        if found is None:
+            raise UnknownDoorError(f"no door is called {called!r}.")
+        return found
 
     def _called(self, name: str) -> DoorId | None:
         """Return the only door of a name; None: no door bears it.
