@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.asking import AnyHost, AskAt, Asking, AskNow, Now, Served, TokenFile
+from semmap_log.cli.asking import ASKED_S, AnyHost, AskAt, Asking, AskNow, Now, Served, TokenFile
 from semmap_log.cli.common import (
     MapServer,
     PaletteName,
@@ -184,7 +184,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.costmaps.level_costmap import CostmapOptions
-    from semmap_log.live.serving.door_follower import DoorFollower
+    from semmap_log.live.serving.door_follower import POLL_S, DoorFollower
     from semmap_log.live.serving.door_server import DoorServer
     from semmap_log.live.serving.saving import DoorSaver
     from semmap_log.live.serving.server import ServeOptions, Server
@@ -233,7 +233,7 @@ def run(
                 "nothing is written with --read-only", param_hint="--yaml, --save-root"
             )
         with stopped_for_good():
-            doors = DoorFollower(log, changed=changed)
+            doors = DoorFollower(log, changed=changed, poll_s=POLL_S if asking is None else ASKED_S)
     else:
         root = save_root or (None if yaml is None else yaml.absolute().parent)
         saver = DoorSaver(root, log, default_prob=default_prob)

@@ -18,7 +18,7 @@ from semmap_log.planners.asked import DOOR
 from semmap_log.planners.question_lines import Atom
 from semmap_log.projections.doors_present import DoorsPresent
 
-_ID = re.compile(r"(?:0|[1-9][0-9]{0,9})")
+_DOOR_ID = re.compile(r"(?:0|[1-9][0-9]{0,9})")
 
 
 def atom_of(door_id: int) -> Atom:
@@ -64,7 +64,7 @@ class DoorView:
         if not word.startswith(DOOR):
             return resolve_door(word, self.door_map)
         called = word.removeprefix(DOOR)
-        if _ID.fullmatch(called):
+        if _DOOR_ID.fullmatch(called):
             door_id = DoorId(int(called))
             if door_id > MAX_DOOR_ID or door_id not in self._doors:
                 raise UnknownDoorError(f"no door {word} is in the map.")

@@ -22,7 +22,7 @@ from semmap_log.planners.likely_answers import LikelyAnswers
 from semmap_log.planners.question_lines import Answer, Value
 from semmap_log.planners.questions import BY_NAME, QUESTIONS, QuestionKind, similar
 from semmap_log.planners.state_answers import HOLDS, STATE_QUESTIONS, nothing, state_answer
-from semmap_log.planners.waiting import Wait, Waits
+from semmap_log.planners.waits import Wait, Waits
 
 LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
 

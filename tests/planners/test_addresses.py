@@ -24,7 +24,7 @@ from semmap_log.planners.addresses import TcpAddress, UnixAddress, listen, read_
         ("tcp:[::1]:65535", TcpAddress("::1", 65535)),
     ],
 )
-def test_addresses(text: str, address: object) -> None:
+def test_addresses_are_read(text: str, address: object) -> None:
     """
     Read, and written alike.
     """

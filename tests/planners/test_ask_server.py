@@ -22,7 +22,7 @@ import semmap_log as sl
 from semmap_log.planners import ask_server
 from semmap_log.planners.addresses import read_address
 from semmap_log.planners.ask_client import AskClient
-from semmap_log.planners.ask_server import AskServer
+from semmap_log.planners.ask_server import MOST_KNOWN_LINES, AskServer
 from semmap_log.planners.connection import MOST_ANSWERS_BYTES
 from semmap_log.planners.question_lines import MOST_LINE_BYTES
 from tests.live.running import wait_until
@@ -304,6 +304,19 @@ def test_no_more_files(server: AskServer, client: Raw) -> None:
     assert b'ERROR "the server cannot open more files; come later"\n' == said
     with Raw(server.address) as another:
         assert another.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_lines_that_are_known_have_a_bound(server: AskServer, client: Raw) -> None:
+    """
+    Those with a command id never come again, long ones take room, and there is no end of others.
+    """
+    client.ask(f"#{'0' * 32} SET_DOOR_OPEN DOOR_1")
+    client.ask(f"DOOR_OPEN {'x' * 1000}")
+    assert {} == server._known_lines
+    for i in range(MOST_KNOWN_LINES + 10):
+        client.ask(f"DOOR_OPEN DOOR_{i}")
+
+    assert 0 < len(server._known_lines) <= MOST_KNOWN_LINES
 
 
 def test_waits_leave_nothing_behind(ask: Asker, server: AskServer, client: Raw) -> None:
