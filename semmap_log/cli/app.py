@@ -28,6 +28,7 @@ from semmap_log.cli import (
     patrol,
     play,
     probabilities,
+    prolog_module,
     record,
     recover,
     remove,
@@ -126,6 +127,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("ask", ask.run, "Ask a server what planners ask."),
         ("play", play.run, "Publish a log's history."),
         ("ros-package", ros_package.run, "Copy the ROS package into a workspace."),
+        ("prolog-module", prolog_module.run, "Copy the module for SWI-Prolog into a folder."),
     ),
     "Care of the log": (
         ("info", info.run, "Show what a log holds."),
