@@ -17,7 +17,7 @@ from semmap_log.folding.replay import Scope
 from semmap_log.formats.files.pddl import Likely, PddlProblem, Wishes, rooms_between
 from semmap_log.io.progress import Progress
 
-MOST_NAMED = 3
+MOST_NAMED = 2
 """So many doors are named in a note."""
 
 
@@ -48,7 +48,7 @@ def planning_problem(
             `probabilities` does it.
         wishes: Start, goal, costs.
         about: What is said of the log.
-        default_prob: P(open) of doors of which too little was seen; None: that of any door.
+        default_prob: P(open) of doors of which too little was seen; None: what that little says.
         progress: Told how far the reading is.
 
     Raises:
@@ -62,7 +62,7 @@ def planning_problem(
     likely = _likely(log, scope, door_map, default_prob, progress) if len(door_map) else {}
     text = problem.dump(likely, about, wishes)
     notes = (
-        _unknown(door_map, likely, default_prob),
+        _unknown(door_map, likely, default_prob) if wishes.with_costs else "",
         _without_rooms(door_map),
         "no goal: --goal ROOM, DOOR or a condition" if wishes.goal is None else "",
         "no start: --start ROOM says where the robot is"
@@ -104,14 +104,10 @@ def _unknown(door_map: DoorMap, likely: Mapping[DoorId, Likely], default_prob: f
     unknown = [door_id for door_id, each in likely.items() if not each.is_known]
     if not unknown:
         return ""
-    named = _named(door_map, unknown)
+    named = f"{counted(len(unknown), 'door')} ({_named(door_map, unknown)})"
     if default_prob is not None:
-        return f"P(open) is {default_prob:g}, by --default-prob, of {named}"
-    taken = _listed(f"{likely[door_id].p_open:.2f}" for door_id in unknown)
-    return (
-        f"too little was seen of {named}; P(open) is that of any door: {taken}; "
-        "--default-prob P sets another"
-    )
+        return f"P(open) of {named} is {default_prob:g}, by --default-prob"
+    return f"P(open) of {named} rests on too little; --default-prob P sets one"
 
 
 def _without_rooms(door_map: DoorMap) -> str:
@@ -120,8 +116,8 @@ def _without_rooms(door_map: DoorMap) -> str:
     if not alone:
         return ""
     return (
-        f"of {counted(len(door_map), 'door')} {len(alone)} without two rooms: no way leads "
-        f"through {_named(door_map, alone)}; to say so: annotate LOG DOOR rooms lobby,corridor"
+        f"no way leads through {counted(len(alone), 'door')} without two rooms "
+        f"({_named(door_map, alone)}); to name them: annotate LOG DOOR rooms lobby,corridor"
     )
 
 

@@ -42,7 +42,7 @@ class Likely:
 
     p_open: float
     is_known: bool
-    """False: too little was seen of it, and the number is of doors of which nothing is known."""
+    """False: too little was seen of it for that to mean much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,12 +163,12 @@ class PddlProblem:
 
     def _facts(self, door: Door, likely: Likely, *, with_costs: bool) -> list[str]:
         name = self.door_names[door.door_id]
-        said = [f"    ({_FACTS.get(door.state, 'state-unknown')} {name})"]
+        said = [f"    ({_FACTS.get(door.state, 'other-state')} {name})"]
         if rooms := rooms_between(door):
             a, b = (self.room_names[room] for room in rooms)
             said.append(f"    (door-between {name} {a} {b}) (door-between {name} {b} {a})")
         if with_costs:
-            known = "" if likely.is_known else ", too little seen of it: as of any door"
+            known = "" if likely.is_known else ", by too little"
             comment = f"; P(open) {likely.p_open:.4f}{known}"
             said.append(f"    (= (pass-cost {name}) {pass_cost(likely.p_open)}) {comment}")
         return said

@@ -7,7 +7,7 @@ import re
 DOMAIN = "semmap-doors"
 
 WORDS = frozenset(
-    "door room robot-at door-between open closed state-unknown checked pass-cost pass "
+    "door room robot-at door-between open closed other-state checked pass-cost pass "
     f"wait-and-pass try-and-pass check {DOMAIN} doors".split()
 )
 """What means something in the domain: no object is called so."""
@@ -23,7 +23,7 @@ _HEAD = f"""\
     (door-between ?d - door ?a ?b - room) ; both ways round
     (open ?d - door)                      ; its last known state; one of these three
     (closed ?d - door)
-    (state-unknown ?d - door)             ; UNKNOWN, MOVING or OFFLINE
+    (other-state ?d - door)               ; UNKNOWN, MOVING or OFFLINE
     (checked ?d - door))                  ; somebody was there and looked
 """
 
@@ -61,8 +61,8 @@ def dump_domain(*, with_costs: bool = True) -> str:
     ways = (
         ("pass", "open", "as far as known it is open", ""),
         ("wait-and-pass", "closed", "somebody has to open it", " (not (closed ?d)) (open ?d)"),
-        ("try-and-pass", "state-unknown", "it may be either",
-         " (not (state-unknown ?d)) (open ?d)"),
+        ("try-and-pass", "other-state", "it may be either",
+         " (not (other-state ?d)) (open ?d)"),
     )  # fmt: skip
     actions = "".join(
         _GO.format(name=name, state=state, why=why, then=then) for name, state, why, then in ways

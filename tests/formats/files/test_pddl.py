@@ -64,8 +64,8 @@ def test_doors_are_objects_with_their_state_their_rooms_and_what_they_cost() -> 
     assert ["front-door", "-", "door", "side", "-", "door", "store", "-", "door",
             "coe-lab", "-", "room", "lobby", "-", "room"] == section(text, ":objects")  # fmt: skip
     facts = section(text, ":init")
-    assert [["open", "front-door"], ["closed", "side"], ["state-unknown", "store"]] == [
-        fact for fact in facts if fact[0] in {"open", "closed", "state-unknown"}
+    assert [["open", "front-door"], ["closed", "side"], ["other-state", "store"]] == [
+        fact for fact in facts if fact[0] in {"open", "closed", "other-state"}
     ]
     assert 4 == sum(fact[0] == "door-between" for fact in facts)
     assert ["door-between", "front-door", "coe-lab", "lobby"] in facts
