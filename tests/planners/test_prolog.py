@@ -288,6 +288,19 @@ def test_an_answer_that_is_none_is_an_error_and_not_the_next_ones(
 
 
 @needs_swipl
+def test_who_is_interrupted_gets_no_answer_of_before(prolog: Ask) -> None:
+    """
+    A time limit of the program's own ends a question; the next one has its own answer.
+    """
+    assert ["[]", "[time_limit_exceeded]", "[open]", "[[2]]"] == prolog(
+        "x :- wait_until(1, closed, 0.01)",
+        "E :- catch(call_with_time_limit(0.2, wait_until(1, closed, 50)), E, true)",
+        "S :- door_state(1, S)",
+        "D :- closed_doors(D)",
+    )
+
+
+@needs_swipl
 def test_where_nobody_answers_is_an_error_at_once(tmp_path: Path) -> None:
     """
     And so is having named nobody.

@@ -32,4 +32,6 @@ PLANNER_FILES = (
           "known_at = Moment(event=scope.limit(log.reader))", "pass", "test_planning_problem"),
     guard("pddl: no domain over the problem", "_write_domain",
           "domain.resolve() == problem.resolve()", "False", "test_planning_problem"),
+    guard("prolog: no module of others is replaced", "write_prolog_module",
+          "target.read_bytes() != module", "False", "test_prolog"),
 )  # fmt: skip
