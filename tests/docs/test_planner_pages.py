@@ -65,6 +65,20 @@ def test_what_the_page_runs_does_what_it_says(page: str, tmp_path: Path) -> None
         pytest.skip(f"{left_out} of its examples need what is not here: {', '.join(missing)}")
 
 
+def test_a_node_fails_where_nobody_answers(tmp_path: Path) -> None:
+    """
+    The page's program without a server: its tree ends, and says why.
+    """
+    pytest.importorskip("py_trees", reason="pip install py_trees")
+    text = (GUIDES / "planners_behaviour_trees.md").read_text(encoding="utf-8")
+    (program,) = [block for block in blocks_of(text) if block.language == "python"]
+
+    said = _output_of(Runner(tmp_path), program)
+
+    assert "{o} through the front [✕]" in said
+    assert "--> front: set open [✕] -- [Errno 2] No such file or directory" in said
+
+
 def test_the_pages_are_all_that_there_are() -> None:
     """
     One that comes has to be put into the table here.
