@@ -30,7 +30,6 @@ from semmap_log.planners.question_lines import (
     Line,
     LineError,
     read_line,
-    too_long,
     write_answer,
     write_error,
 )
@@ -200,8 +199,7 @@ class AskServer:
         if connection.is_leaving:
             return
         if isinstance(data, Broken):
-            problem = too_long() if data is Broken.TOO_LONG else "expected a line end, got none"
-            connection.answer(write_error(problem))
+            connection.answer(write_error(data.problem, is_json=data.is_json))
             return
         if not connection.is_known:
             self._check_token(connection, data)

@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,7 +14,13 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from tests.live.running import DEADLINE_S, Running
+from semmap_log.live import ros_node
+from semmap_log.live.action_names import DEFAULTS
+from semmap_log.planners.addresses import UnixAddress
+from semmap_log.planners.ask_client import AskClient
+from tests.live.collecting_node import CollectingNode
+from tests.live.running import DEADLINE_S, Running, wait_until
+from tests.live.serving.goals import goal_of
 
 ID = "#" + "5c" * 16
 
@@ -146,6 +153,38 @@ def test_a_log_that_another_process_writes(
 
     assert refused["answer"] is False
     assert "--read-only" in refused["reason"]
+
+
+def test_beside_ros(office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    One log: planners see what goals did when these are answered, and topics what planners did.
+    """
+    node, stops = CollectingNode(), list[Callable[[], object]]()
+    path, found = tmp_path / "doors", list[object]()
+    monkeypatch.setattr(ros_node, "open_node", lambda *_: node)
+    monkeypatch.setattr("semmap_log.cli.serve.on_stop", stops.append)
+
+    def plan() -> None:
+        try:
+            wait_until(lambda: DEFAULTS["UpdateDoor"] in node.actions, "the actions")
+            with AskClient(UnixAddress(path)) as client:
+                goal = goal_of("UpdateDoor", "u", door_id=2, change_open=True, door_state="OPEN")
+                node.actions[DEFAULTS["UpdateDoor"]](goal)
+                found.append(client.ask("DOOR_OPEN DOOR_2"))
+                found.append(client.ask("SET_DOOR_CLOSED DOOR_2"))
+                shown = node.messages["lta_semantic_map_door_db"]
+                wait_until(lambda: shown[-1].door_db[1].door_state == "CLOSED", "the map")
+        finally:
+            stops[0]()
+
+    planning = threading.Thread(target=plan)
+    planning.start()
+    with pytest.raises(SystemExit) as left:
+        main(["serve", str(office), "--ros1", "--ask", f"unix:{path}"])
+    planning.join()
+
+    assert (0, ["T", "T"]) == (left.value.code or 0, found)
+    assert not path.exists()
 
 
 KILLED_BEFORE_ITS_ANSWER = """

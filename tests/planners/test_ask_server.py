@@ -149,6 +149,19 @@ def test_half_a_line_does_nothing(ask: Asker, server: AskServer) -> None:
     assert ask("DOOR_STATE_KNOWN DOOR_1") == "T"
 
 
+def test_broken_lines_in_json_are_answered_in_json(server: AskServer) -> None:
+    """
+    As far as one can tell: by how they began.
+    """
+    with Raw(server.address) as client:
+        client.send(b'{"' + b"x" * (2 * MOST_LINE_BYTES) + b'\n{"ask": "DOORS"')
+        client.half_close()
+        said = [json.loads(client.line())["error"] for _ in range(2)]
+
+    assert ["expected a line of at most 65,536 bytes, got a longer one",
+            "expected a line end, got none"] == said  # fmt: skip
+
+
 def test_who_ends_after_asking_gets_all_answers(server: AskServer) -> None:
     """
     As `printf … | nc -N -U` does, with a question that waits among them.

@@ -107,10 +107,8 @@ ASKED_LINES = (
           "self._skips = False\n"
           "self.lines.append(self._rest + first)", "planners.test_ask_server"),
     guard("planner: half a line is none", "Connection._end",
-          'self._rest = b""\n'
-          "self.lines.append(Broken.HALF)",
-          "self.lines.append(self._rest)\n"
-          'self._rest = b""', "planners.test_ask_server"),
+          'Broken.of(self._rest, "expected a line end, got none")', "self._rest",
+          "planners.test_ask_server"),
     guard("planner: an id is not kept with its line", "AskServer._read",
           "line.asked.command_id is None and len(data) <= MOST_KNOWN_BYTES", "True",
           "test_lines_that_are_known_have_a_bound"),
