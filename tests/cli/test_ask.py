@@ -7,13 +7,17 @@ import signal
 import subprocess
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.errors import AddressError
 from semmap_log.live import ros_node
 from semmap_log.live.action_names import DEFAULTS
 from semmap_log.planners.addresses import UnixAddress
@@ -227,6 +231,54 @@ def test_an_action_whose_answer_was_lost_is_stored_once(
 
     commits = [each for each in sl.read(office).commits() if each.command_id == b"\x5c" * 16]
     assert 1 == len(commits)
+
+
+class Asking(threading.Thread):
+    """Sends one action after the other until the server has gone; each has an id of its own."""
+
+    def __init__(self, path: Path, number: int) -> None:
+        super().__init__()
+        self._path, self._number = path, number
+        self.answered: list[str] = []
+        self.open = ""
+        """The action that nobody answered."""
+
+    def run(self) -> None:
+        with AskClient(UnixAddress(self._path)) as client, suppress(AddressError):
+            for i in count():
+                self.open = f"{self._number:016x}{i:016x}"
+                line = f"#{self.open} SET_OPEN_PROBABILITY DOOR_{self._number} 0.{i}"
+                if client.ask(line) == "T":
+                    self.answered.append(self.open)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_what_was_answered_is_stored_however_the_server_ends(
+    office: Path, tmp_path: Path, start: Callable[..., Running],
+    ask: Callable[..., tuple[int, str, str]], number: int,
+) -> None:  # fmt: skip
+    """
+    Among the actions of two clients; what nobody answered is sent again, and stored once.
+    """
+    path = tmp_path / "doors"
+    server = start(office, "--ask", f"unix:{path}")
+    clients = [Asking(path, door) for door in (1, 2)]
+    for each in clients:
+        each.start()
+    wait_until(lambda: all(len(each.answered) > 50 for each in clients), "some answers")
+    server.stop(number)
+    for each in clients:
+        each.join()
+    start(office, "--ask", f"unix:{path}")
+    again = [f"#{each.open} SET_OPEN_PROBABILITY DOOR_{i} 0.{int(each.open[16:], 16)}"
+             for i, each in enumerate(clients, 1)]  # fmt: skip
+
+    assert (0, "T\nT\n") == ask(f"unix:{path}", *again)[:2]
+    stored = Counter(each.note.correlation for each in sl.read(office).commits())
+    assert {said: 1 for each in clients for said in (*each.answered, each.open)} == {
+        said: times for said, times in stored.items() if said
+    }
 
 
 @pytest.mark.slow
