@@ -149,6 +149,18 @@ def test_half_a_line_does_nothing(ask: Asker, server: AskServer) -> None:
     assert ask("DOOR_STATE_KNOWN DOOR_1") == "T"
 
 
+def test_a_line_without_an_end_is_not_kept(server: AskServer) -> None:
+    """
+    It is refused as soon as it is too long; what follows belongs to it.
+    """
+    with Raw(server.address) as client:
+        client.send(b"x" * (10 * MOST_LINE_BYTES))
+        client.half_close()
+
+        assert "at most 65,536 bytes" in client.line()
+        assert client.line() == ""
+
+
 def test_broken_lines_in_json_are_answered_in_json(server: AskServer) -> None:
     """
     As far as one can tell: by how they began.
