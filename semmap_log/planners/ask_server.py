@@ -78,7 +78,7 @@ class AskServer:
         self._say = say
         self._selector = selectors.DefaultSelector()
         self._connections: set[Connection] = set()
-        self._ready: deque[Connection] = deque()
+        self._ready: dict[Connection, None] = {}
         """Clients with lines that were not looked at yet, though they could be."""
         self._deadlines = Deadlines()
         self._answers: deque[tuple[Connection, bytes]] = deque()
@@ -145,8 +145,9 @@ class AskServer:
                 key.data()
         while self._answers:
             self._give(*self._answers.popleft())
-        for _ in range(len(self._ready)):
-            self._serve(self._ready.popleft(), 0)
+        ready, self._ready = self._ready, {}
+        for connection in ready:
+            self._serve(connection, 0)
         self._deadlines.meet()
 
     def _serve(self, connection: Connection, events: int) -> None:
@@ -173,7 +174,7 @@ class AskServer:
         """Wait for what a client does next; let go of one with which all is done."""
         waits = connection.is_busy or connection.is_full
         if connection.lines and not waits:
-            self._ready.append(connection)
+            self._ready[connection] = None
         if connection.is_done:
             self._drop(connection)
             return
@@ -204,6 +205,9 @@ class AskServer:
             answer = self._oracle.at_once(line.asked)
         except (SemmapError, OSError) as error:
             connection.answer(_problem(line or error, str(error)))
+            return
+        except Exception as error:  # noqa: BLE001  the others are still to be answered
+            connection.answer(self._own_problem(line or error, error))
             return
         if answer is not None:
             connection.answer(write_answer(line, answer))
@@ -256,9 +260,13 @@ class AskServer:
         except (SemmapError, OSError) as error:
             said = _problem(line, str(error))
         except Exception as error:  # noqa: BLE001  the client waits for an answer, whatever it is
-            self._say(f"{line.asked.question.name}: {traceback.format_exc()}")
-            said = _problem(line, f"{type(error).__name__}: {error}")
+            said = self._own_problem(line, error)
         self._post(connection, said)
+
+    def _own_problem(self, of: Line | BaseException, error: Exception) -> bytes:
+        """Return the answer where we have failed, and tell who runs the server how."""
+        self._say(traceback.format_exc())
+        return _problem(of, f"{type(error).__name__}: {error}")
 
     def _post(self, connection: Connection, said: bytes) -> None:
         """Have an answer given by the server's own thread."""

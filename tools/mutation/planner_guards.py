@@ -142,7 +142,10 @@ CLIENTS = (
     guard("planner: waits at the end", "AskServer._finish",
           "connection.end_wait()", "", "test_the_end_answers_what_was_begun"),
     guard("planner: an error of our own", "AskServer._answer",
-          'said = _problem(line, f"{type(error).__name__}: {error}")', "return",
+          "said = self._own_problem(line, error)", "return",
+          "test_an_error_of_our_own_is_told_and_survived"),
+    guard("planner: an error of our own, at once", "AskServer._take",
+          "connection.answer(self._own_problem(line or error, error))", "raise",
           "test_an_error_of_our_own_is_told_and_survived"),
 )  # fmt: skip
 
