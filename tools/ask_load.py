@@ -51,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with load.server():
             rate = load.questions(args.questions)
             load.sent_ahead(args.questions)
+            load.beside_changes(args.questions)
             load.past(200)
             load.beside_observe(args.actions)
             load.actions(args.actions)
@@ -112,7 +113,7 @@ class Load:
             yield
             running.stop()
 
-    def questions(self, count: int) -> float:
+    def questions(self, count: int, what: str = "one client, one question at a time") -> float:
         """Ask one after the other; return how many a second."""
         asked, client = self._asked(count), Client(self._path)
         for line, _ in asked[:2000]:
@@ -123,8 +124,23 @@ class Load:
             self.wrong += client.ask(line) != expected
             seconds.append(time.perf_counter() - sent)
         rate = count / (time.perf_counter() - begun)
-        print(f"one client, one question at a time    {rate:9,.0f}/s   {_us(seconds)}")
+        print(f"{what:37} {rate:9,.0f}/s   {_us(seconds)}")
         return rate
+
+    def beside_changes(self, count: int) -> None:
+        """Ask while another client sets a door, as fast as it can."""
+        is_over, client = threading.Event(), Client(self._path)
+
+        def change() -> None:
+            while not is_over.is_set():
+                share = self._dice.random()
+                client.ask(f"SET_CLOSED_PROBABILITY DOOR_1 {share}\n".encode())
+
+        changing = threading.Thread(target=change)
+        changing.start()
+        self.questions(count, "the same, beside actions of another")
+        is_over.set()
+        changing.join()
 
     def sent_ahead(self, count: int) -> None:
         """Send all, and take the answers as they come."""

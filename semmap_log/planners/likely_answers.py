@@ -6,7 +6,7 @@ not foretell the past.
 
 from __future__ import annotations
 
-from semmap_log.beliefs import best_time, probabilities
+from semmap_log.beliefs import best_time
 from semmap_log.domain.doors import Door, DoorState
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
@@ -75,13 +75,8 @@ class LikelyAnswers:
     ) -> list[tuple[float, bool]]:
         """Return P(open) of doors at a time, and whether enough is known to tell."""
         ids = [door.door_id for door in doors]
-        if time_ns >= now_ns:
-            event = now.view.door_map.event
-            return self._learnt.p_open(log, event, ids, now_ns=now_ns, time_ns=time_ns)
-        then = Moment(ns=time_ns)
-        said = now.remembered((then, tuple(ids)), lambda: probabilities(log, at=then, doors=ids))
-        by_id = {each.door.door_id: (each.p_open, each.is_known) for each in said}
-        return [by_id[door_id] for door_id in ids]
+        event = now.view.door_map.event
+        return self._learnt.p_open(log, event, ids, now_ns=now_ns, time_ns=time_ns)
 
 
 def _time_ns(log: DoorLog, asked: AskedQuestion, now_ns: int) -> int:

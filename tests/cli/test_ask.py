@@ -6,14 +6,25 @@ import json
 import signal
 import subprocess
 import sys
+import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from tests.live.running import DEADLINE_S, Running
+from semmap_log.errors import AddressError
+from semmap_log.live import ros_node
+from semmap_log.live.action_names import DEFAULTS
+from semmap_log.planners.addresses import UnixAddress
+from semmap_log.planners.ask_client import AskClient
+from tests.live.collecting_node import CollectingNode
+from tests.live.running import DEADLINE_S, Running, wait_until
+from tests.live.serving.goals import goal_of
 
 ID = "#" + "5c" * 16
 
@@ -148,6 +159,38 @@ def test_a_log_that_another_process_writes(
     assert "--read-only" in refused["reason"]
 
 
+def test_beside_ros(office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    One log: planners see what goals did when these are answered, and topics what planners did.
+    """
+    node, stops = CollectingNode(), list[Callable[[], object]]()
+    path, found = tmp_path / "doors", list[object]()
+    monkeypatch.setattr(ros_node, "open_node", lambda *_: node)
+    monkeypatch.setattr("semmap_log.cli.serve.on_stop", stops.append)
+
+    def plan() -> None:
+        try:
+            wait_until(lambda: DEFAULTS["UpdateDoor"] in node.actions, "the actions")
+            with AskClient(UnixAddress(path)) as client:
+                goal = goal_of("UpdateDoor", "u", door_id=2, change_open=True, door_state="OPEN")
+                node.actions[DEFAULTS["UpdateDoor"]](goal)
+                found.append(client.ask("DOOR_OPEN DOOR_2"))
+                found.append(client.ask("SET_DOOR_CLOSED DOOR_2"))
+                shown = node.messages["lta_semantic_map_door_db"]
+                wait_until(lambda: shown[-1].door_db[1].door_state == "CLOSED", "the map")
+        finally:
+            stops[0]()
+
+    planning = threading.Thread(target=plan)
+    planning.start()
+    with pytest.raises(SystemExit) as left:
+        main(["serve", str(office), "--ros1", "--ask", f"unix:{path}"])
+    planning.join()
+
+    assert (0, ["T", "T"]) == (left.value.code or 0, found)
+    assert not path.exists()
+
+
 KILLED_BEFORE_ITS_ANSWER = """
 import os, signal
 from semmap_log.planners import oracle
@@ -188,6 +231,54 @@ def test_an_action_whose_answer_was_lost_is_stored_once(
 
     commits = [each for each in sl.read(office).commits() if each.command_id == b"\x5c" * 16]
     assert 1 == len(commits)
+
+
+class Asking(threading.Thread):
+    """Sends one action after the other until the server has gone; each has an id of its own."""
+
+    def __init__(self, path: Path, number: int) -> None:
+        super().__init__()
+        self._path, self._number = path, number
+        self.answered: list[str] = []
+        self.open = ""
+        """The action that nobody answered."""
+
+    def run(self) -> None:
+        with AskClient(UnixAddress(self._path)) as client, suppress(AddressError):
+            for i in count():
+                self.open = f"{self._number:016x}{i:016x}"
+                line = f"#{self.open} SET_OPEN_PROBABILITY DOOR_{self._number} 0.{i}"
+                if client.ask(line) == "T":
+                    self.answered.append(self.open)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_what_was_answered_is_stored_however_the_server_ends(
+    office: Path, tmp_path: Path, start: Callable[..., Running],
+    ask: Callable[..., tuple[int, str, str]], number: int,
+) -> None:  # fmt: skip
+    """
+    Among the actions of two clients; what nobody answered is sent again, and stored once.
+    """
+    path = tmp_path / "doors"
+    server = start(office, "--ask", f"unix:{path}")
+    clients = [Asking(path, door) for door in (1, 2)]
+    for each in clients:
+        each.start()
+    wait_until(lambda: all(len(each.answered) > 50 for each in clients), "some answers")
+    server.stop(number)
+    for each in clients:
+        each.join()
+    start(office, "--ask", f"unix:{path}")
+    again = [f"#{each.open} SET_OPEN_PROBABILITY DOOR_{i} 0.{int(each.open[16:], 16)}"
+             for i, each in enumerate(clients, 1)]  # fmt: skip
+
+    assert (0, "T\nT\n") == ask(f"unix:{path}", *again)[:2]
+    stored = Counter(each.note.correlation for each in sl.read(office).commits())
+    assert {said: 1 for each in clients for said in (*each.answered, each.open)} == {
+        said: times for said, times in stored.items() if said
+    }
 
 
 @pytest.mark.slow
@@ -239,7 +330,7 @@ def test_a_log_that_vanishes_ends_its_read_only_server(
         (("--ros1", "--ask-now", "end"), "only with --ask"),
         (("--ask", "unix:s", "--token-file", "t"), "only with --ask tcp:HOST:PORT"),
         (("--ask", "unix:s", "--ask-any-host"), "only with --ask tcp:HOST:PORT"),
-        (("--ask", "tcp:0.0.0.0:1", "--ask-any-host"), "only with --token-file"),
+        (("--ask", "tcp:192.0.2.1:1", "--ask-any-host"), "only with --token-file"),
         (("--ask", "tcp:127.0.0.1:1", "--token-file", "nowhere"), "the token cannot be read"),
         (("--ask", "unix:s", "--costmap"), "only with --ros1 or --ros2"),
         (("--ask", "unix:s", "--save-root", "."), "only with --ros1 or --ros2"),

@@ -344,6 +344,22 @@ def test_why_knows_what_was_taken_back_and_since_when(ask: Asker) -> None:
     assert [9, "DoorObserved", "OPEN"] == ask.json("WHY", 2, "event:9")["answer"][:3]
 
 
+def test_why_of_several_words_of_one_moment(ask: Asker) -> None:
+    """
+    The last of them counts, of those that stand and were known.
+    """
+    log = ask.doors.log
+    then_ns = log.now_ns()
+    for state in ("open", "closed", "moving"):
+        log.observe(2, state, at=then_ns)
+    log.retract(11)
+    ask.oracle.refresh()
+
+    assert [10, "DoorObserved", "CLOSED"] == ask.json("WHY", 2)["answer"][:3]
+    assert [9, "DoorObserved", "OPEN"] == ask.json("WHY", 2, known_at="event:9")["answer"][:3]
+    assert [11, "DoorObserved", "MOVING"] == ask.json("WHY", 2, known_at="event:11")["answer"][:3]
+
+
 def test_why_of_an_event_that_says_it_is_of_the_future(ask: Asker) -> None:
     """
     It counts from when it was recorded.

@@ -17,6 +17,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.beliefs import best_time, probabilities
+from semmap_log.planners.learnt import LearntDoors
 from tests.planners.asker import Asker
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
@@ -163,6 +164,23 @@ def test_when_to_go(clinic: Asker) -> None:
         assert (log.moment(begin).ns, log.moment(end).ns, said) in [
             (each.start_ns, each.end_ns, each.probability) for each in hours
         ]
+
+
+def test_nothing_is_learnt_twice(tmp_path: Path) -> None:
+    """
+    Two threads ask, and the one that saw less of the log comes second.
+    """
+    learnt = LearntDoors()
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        door = log.add_door(state="closed")
+        for event in (0, 1, 3, 2, 4):
+            while log.reader.last_event() < event:
+                log.observe(door, "open", accuracy=0.9)
+            now_ns = log.now_ns()
+            learnt.p_open(log, event, [door], now_ns=now_ns, time_ns=now_ns)
+
+    (beliefs,) = {id(each.evidence): each for each in learnt._by_estimator.values()}.values()
+    assert 5 == len(beliefs.evidence)
 
 
 def test_what_is_learnt_goes_on_with_the_log(tmp_path: Path) -> None:
