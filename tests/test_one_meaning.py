@@ -232,7 +232,7 @@ def _leaves_and_comes_back(
     import pyarrow.parquet as pq
 
     to, again = log.parent, log.parent / "again"
-    for name in ("jsonl", "csv", "parquet", "geojson", "html", "rrd", "bag", "pgm"):
+    for name in ("jsonl", "csv", "parquet", "geojson", "html", "rrd", "bag", "pgm", "pddl"):
         program.verb("export", log, to / f"x.{name}")
     program.verb("export", log, to / "x.yaml", "--default-prob", "0.5")
     program.verb("init", again, "--tz", "UTC")

@@ -50,7 +50,7 @@ def run(
         typer.Option(
             "--default-prob",
             metavar="P",
-            help="Thesis YAML and DoorMap: the probability of doors that have none.",
+            help="Thesis YAML, DoorMap, PDDL: the probability of doors that have none.",
         ),
     ] = None,
     markers: Annotated[
@@ -77,6 +77,24 @@ def run(
     palette: Annotated[
         PaletteName | None, typer.Option("--palette", help="Markers: their colours.")
     ] = None,
+    domain: Annotated[
+        Path | None,
+        typer.Option("--domain", metavar="FILE", help="PDDL: write the domain, too."),
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option("--start", metavar="ROOM", help="PDDL: where the robot is.")
+    ] = None,
+    goal: Annotated[
+        str | None,
+        typer.Option(
+            "--goal",
+            metavar="GOAL",
+            help="PDDL: a room to reach, a door to check, or a condition, '(and ...)'.",
+        ),
+    ] = None,
+    strips: Annotated[
+        bool, typer.Option("--strips", help="PDDL: no costs, for planners that know none.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a file, whole or not at all; an old file of that name is replaced at once.
@@ -99,6 +117,9 @@ def run(
       .rrd     a recording for the rerun viewer
       .html    a page for any browser; `semmap-log report` has more choices
       .pgm     a costmap with its .yaml; `semmap-log costmap` has levels and more
+      .pddl    a planning problem: doors, rooms, what is open, and P(open) as the cost to
+               pass; with --domain what a robot can do there. Rooms are those that the
+               annotation "rooms" of a door names: two, with a comma between
       .bag     what was true, over time, for ROS 1's `rosbag play`; .mcap: for ROS 2
                and Foxglove; without an extension: a folder for `ros2 bag play`. Topics:
                  /lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
@@ -116,6 +137,7 @@ def run(
       semmap-log export office events.jsonl
       semmap-log export office doors.geojson --at 2026-03-02T12:00
       semmap-log export office march.parquet --at 2026-04-01
+      semmap-log export office problem.pddl --domain domain.pddl --start hall --goal lab
       semmap-log export office day.mcap --markers
       semmap-log export office morning.bag --since 06:00 --until 12:00
     """
@@ -123,6 +145,7 @@ def run(
     from semmap_log.common.texts import told_once
     from semmap_log.exporting.log_files import export
     from semmap_log.formats.bags.bag_writing import tells_a_bag
+    from semmap_log.formats.files.pddl import Wishes
 
     is_bag = markers or tells_a_bag(out)
     if is_bag:
@@ -132,6 +155,9 @@ def run(
         _refuse_given({"--since": since, "--until": until, "--every": every}, "only for bags")
     if not markers:
         _refuse_given({"--palette": palette}, "only with --markers")
+    if out.suffix.lower() != ".pddl":
+        of_pddl = {"--domain": domain, "--start": start, "--goal": goal, "--strips": strips or None}
+        _refuse_given(of_pddl, "only for .pddl")
     opened = sl.read(log)
     if is_bag:
         options = _stream_options(palette, default_prob, every, markers=markers)
@@ -139,7 +165,15 @@ def run(
         return
     scope = opened.scope(at, known_at, event)
     with progress("Exporting") as told:
-        done = export(opened, out, scope, default_prob=default_prob, progress=told)
+        done = export(
+            opened,
+            out,
+            scope,
+            default_prob=default_prob,
+            wishes=Wishes(start, goal, with_costs=not strips),
+            domain=domain,
+            progress=told,
+        )
     if as_json:
         print_json({"file": str(out), "wrote": done.what, "left_out": list(done.left_out)})
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,8 +17,11 @@ from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.json_lines import write_event_lines
+from semmap_log.exporting.planning_problem import planning_problem
 from semmap_log.formats.files.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.files.geojson import dump_geojson
+from semmap_log.formats.files.pddl import Wishes
+from semmap_log.formats.files.pddl_domain import dump_domain
 from semmap_log.formats.files.thesis_yaml import dump_thesis_yaml
 from semmap_log.io.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.io.progress import Progress
@@ -27,7 +31,7 @@ from semmap_log.store.reading.window import Window
 WRITABLE = (
     ".yaml (the thesis's door database), .geojson (doors), .csv (states), .jsonl or .parquet "
     "(events), .rrd (rerun), .html (a page), .pgm (a costmap, with its .yaml); over time .mcap, "
-    ".bag (ROS 1) or, without an extension, a rosbag2 folder"
+    ".bag (ROS 1) or, without an extension, a rosbag2 folder; .pddl (a planning problem)"
 )
 
 
@@ -49,6 +53,8 @@ def export(
     scope: Scope = Scope(),
     *,
     default_prob: float | None = None,
+    wishes: Wishes = Wishes(),
+    domain: Path | None = None,
     progress: Progress | None = None,
 ) -> Exported:
     """Write a file whose name tells its format; an old file of that name is replaced at once.
@@ -57,7 +63,9 @@ def export(
         log: Where from.
         out: The file.
         scope: The moment of the state, or up to which events count.
-        default_prob: Thesis YAML: for doors without probabilities.
+        default_prob: Thesis YAML, PDDL: for doors without probabilities.
+        wishes: PDDL: start, goal, and whether there are costs.
+        domain: PDDL: a file for the domain, written beside the problem.
         progress: Told how far the reading is, where events are written.
 
     Raises:
@@ -76,6 +84,9 @@ def export(
         ".parquet": lambda path: _parquet(log, path, scope, progress),
         ".rrd": lambda path: _rrd(log, path, scope),
         ".html": lambda path: _html(log, path, scope, progress),
+        ".pddl": lambda path: _pddl(
+            log, path, scope, wishes, default_prob=default_prob, progress=progress
+        ),
     }
     refuse_own_folder(log.path, out)
     if out.suffix == ".pgm":
@@ -83,8 +94,40 @@ def export(
     writer = writers.get(out.suffix.lower())
     if writer is None:
         raise FormatError(out, f"its name tells no format that can be exported; known: {WRITABLE}.")
-    with output_errors(out), whole_file(out) as temporary:
-        return writer(temporary)
+    with ExitStack() as files:
+        if domain is not None:
+            _write_domain(files, log, domain, out, wishes)
+        with output_errors(out), whole_file(out) as temporary:
+            return writer(temporary)
+
+
+def _write_domain(
+    files: ExitStack, log: DoorLog, domain: Path, problem: Path, wishes: Wishes
+) -> None:
+    """Write the domain of planning problems; it takes its name when the problem has its own."""
+    refuse_own_folder(log.path, domain)
+    if domain.resolve() == problem.resolve():
+        raise CommandError(f"{domain}: expected two files, one for the domain, got one.")
+    files.enter_context(output_errors(domain))
+    temporary = files.enter_context(whole_file(domain))
+    temporary.write_text(dump_domain(with_costs=wishes.with_costs), encoding="ascii")
+
+
+def _pddl(
+    log: DoorLog,
+    path: Path,
+    scope: Scope,
+    wishes: Wishes,
+    *,
+    default_prob: float | None,
+    progress: Progress | None,
+) -> Exported:
+    made = planning_problem(
+        log, scope, wishes, _about(log), default_prob=default_prob, progress=progress
+    )
+    path.write_text(made.text, encoding="ascii")
+    what = f"{counted(made.doors, 'door')}, {counted(made.rooms, 'room')}"
+    return Exported(what, notes=made.notes)
 
 
 def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | None) -> Exported:

@@ -61,7 +61,9 @@ def test_a_door_without_probabilities_needs_a_word(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["doors.yaml", "states.csv", "events.jsonl", "a.geojson"])
+@pytest.mark.parametrize(
+    "name", ["doors.yaml", "states.csv", "events.jsonl", "a.geojson", "a.pddl"]
+)
 def test_a_full_disk_leaves_the_old_file_whole(name: str, tmp_path: Path) -> None:
     """
     No half file, no litter, one clear error.
