@@ -54,7 +54,7 @@ def install(folder: Path, later: Later) -> Path:
         _add_kind(package, later)
     have = KINDS_OF_MINOR[-1] + bool(later.kind)
     counts = (*KINDS_OF_MINOR, *[have] * later.minors) if later.minors else (have,)
-    form, header = package / "log" / "form.py", package / "log" / "header.py"
+    form, header = package / "store" / "form.py", package / "store" / "header.py"
     edit(form, f"KINDS_OF_MINOR = ({KINDS_OF_MINOR[-1]},)", f"KINDS_OF_MINOR = {counts}")
     edit(form, 'FORMAT_VERSION = "3"', f'FORMAT_VERSION = "{later.major}"')
     if later.has_entry:
