@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, print_json, say
+from semmap_log.common.texts import command_line
 
 
 def run(
@@ -36,5 +37,5 @@ def run(
         print_json({"module": str(module), "written": is_new})
         return
     say(f"{module}: {'written' if is_new else 'there already, the same'}. To use it:")
-    say("  semmap-log serve LOG --ask unix:doors.sock")
+    say(f"  {command_line('serve', 'LOG', '--ask', 'unix:doors.sock')}")
     say("  ?- use_module(semmap_log), door_server('unix:doors.sock').")

@@ -29,7 +29,7 @@ PLANNER_FILES = (
     guard("pddl: likely by the moment that is asked for", "planning_problem._likely",
           "Moment(ns=door_map.moment_ns)", "None", "test_planning_problem"),
     guard("pddl: likely by what was known up to an event", "planning_problem._likely",
-          "known_at = Moment(event=scope.limit(log.reader))", "pass", "test_planning_problem"),
+          "known_at = Moment(event=log.limit_of(scope))", "pass", "test_planning_problem"),
     guard("pddl: no domain over the problem", "_write_domain",
           "domain.resolve() == problem.resolve()", "False", "test_planning_problem"),
     guard("prolog: no module of others is replaced", "write_prolog_module",

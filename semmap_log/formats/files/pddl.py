@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from semmap_log.common.texts import command_line
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.domain.moments import format_utc
 from semmap_log.errors import CommandError
@@ -26,6 +27,9 @@ LEAST_P = 0.001
 """A door that is less likely open costs no more: costs are whole numbers."""
 
 _FACTS = {DoorState.OPEN: "open", DoorState.CLOSED: "closed"}
+
+
+_ANNOTATE = command_line("annotate", "LOG", "DOOR", "rooms", "lobby,corridor")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -138,7 +142,7 @@ class PddlProblem:
     def _head(self, about: Mapping[str, str]) -> list[str]:
         said = {**about, "moment": format_utc(self.door_map.moment_ns)}
         return [
-            "; The doors of a log, as `semmap-log export LOG problem.pddl` writes them.",
+            f"; The doors of a log, as `{command_line('export', 'LOG', 'problem.pddl')}` writes them.",
             *(f"; {key}: {_quoted(text)}" for key, text in said.items() if text),
             f"; event: {self.door_map.event}",
         ]
@@ -211,7 +215,7 @@ class PddlProblem:
 
     def _rooms_that_are(self) -> str:
         if not self.room_names:
-            return "; no door joins rooms yet: semmap-log annotate LOG DOOR rooms lobby,corridor"
+            return f"; no door joins rooms yet: {_ANNOTATE}"
         return f"; the rooms are {_listed(self.room_names.values())}."
 
 
