@@ -40,7 +40,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(pyarrow|pa|pandas|DataFrame|datetime|Time|S|True|False)\b.*"),
     # Names of the rooms behind the public modules.
     (r"py:.*", r"semmap_log\.\w+\..*"),
-    (r"py:class", r"(Clock|Duration|Durability|Entropy|LogSummary|Progress|first_event)"),
+    (r"py:class", r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Progress|first_event)"),
 ]
 
 default_role = "literal"
