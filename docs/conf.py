@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import is_dataclass
 from importlib import import_module
 from importlib.metadata import version as version_of
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_type_hints
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
@@ -39,6 +40,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(pyarrow|pa|pandas|DataFrame|datetime|Time|S|True|False)\b.*"),
     # Names of the rooms behind the public modules.
     (r"py:.*", r"semmap_log\.\w+\..*"),
+    (r"py:class", r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Progress|first_event)"),
 ]
 
 default_role = "literal"
@@ -46,7 +48,6 @@ default_role = "literal"
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
-autodoc_preserve_defaults = True
 autodoc_type_aliases = {"Time": "Time"}
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 88
@@ -158,6 +159,16 @@ def adapt_links(_app: Sphinx, _path: Path, _page: str, content: list[str]) -> No
     content[0] = re.sub(r"(?<!!)\[([^]]+)\]\(([^)]+)\)", lead, content[0])
 
 
+def show_plain_types() -> None:
+    """Let signatures of events tell types alone: `float`, not the rule of what it may be."""
+    from semmap_log import events
+
+    for kind in [each for each in vars(events).values() if is_dataclass(each)]:
+        hints = get_type_hints(kind)
+        for annotated in (kind.__annotations__, kind.__init__.__annotations__):
+            annotated |= {name: hints[name] for name in annotated if name in hints}
+
+
 def adapt_docstring(
     _app: Sphinx, what: str, _name: str, _obj: object, _options: object, lines: list[str]
 ) -> None:
@@ -177,6 +188,7 @@ def adapt_docstring(
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Tell Sphinx what this file adds."""
+    show_plain_types()
     app.add_directive("message-texts", MessageTexts)
     app.connect("autodoc-process-docstring", adapt_docstring, priority=400)
     app.add_directive("parquet-columns", ParquetColumns)

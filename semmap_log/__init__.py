@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from semmap_log.batches.event_batch import EventBatch
     from semmap_log.domain.commits import Note
     from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
+    from semmap_log.door_log.appended import Appended
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.door_log.opening import append, create, read
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from semmap_log.folds.projection import Projection
 
 __all__ = [
+    "Appended",
     "Door",
     "DoorId",
     "DoorLog",
@@ -47,6 +49,7 @@ _HOMES = {
     "batches.event_batch": ("EventBatch",),
     "domain.commits": ("Note",),
     "domain.doors": ("Door", "DoorId", "DoorMap", "DoorState"),
+    "door_log.appended": ("Appended",),
     "door_log.door_log": ("DoorLog",),
     "door_log.door_log_writer": ("DoorLogWriter",),
     "door_log.opening": ("append", "create", "read"),

@@ -70,7 +70,7 @@ node.close()
 CLIENT = """
 import dataclasses, json, sys
 from semmap_log.errors import RosError
-from semmap_log.live.ros_node import open_node
+from semmap_log.live.joining import open_node
 
 version, goals, *ros_args = sys.argv[1:]
 node = open_node(int(version), "asker", ros_args)
@@ -314,7 +314,8 @@ LATE_READER = (
     PATIENCE
     + """
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from semmap_log.live.ros_node import Outcome, open_node
+from semmap_log.live.joining import open_node
+from semmap_log.live.ros_node import Outcome
 
 class Late:
     "What sends a server's answers, and at first does not find their reader."
@@ -373,7 +374,7 @@ SLOW_LINE = (
 import time
 from rospy.impl.tcpros_base import TCPROSTransport
 from semmap_log.formats.bags.bag_protocol import BagTopic
-from semmap_log.live.ros_node import open_node
+from semmap_log.live.joining import open_node
 
 send = TCPROSTransport.write_data
 
@@ -408,7 +409,7 @@ def test_a_missing_ros_is_told_with_what_to_do(ros: RosWorld) -> None:
     """
     code = """
 import sys
-from semmap_log.live.ros_node import open_node
+from semmap_log.live.joining import open_node
 for version in (1, 2):
     try:
         open_node(version, "x")
