@@ -25,6 +25,8 @@
     ├── EstimatorError              an estimator that there is not, or that cannot say  (ValueError)
     ├── CheckpointError             a checkpoint of something else, or of an odd state
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
+    ├── QuestionError               a planner's question that nobody understands       (ValueError)
+    ├── AddressError                an address that cannot be taken, or where nobody is  (OSError)
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
@@ -227,6 +229,14 @@ class ViewerError(SemmapError):
 
 class OutputError(SemmapError, OSError):
     """A file could not be written; what had that name before is still whole."""
+
+
+class QuestionError(SemmapError, ValueError):
+    """A planner's question that cannot be understood."""
+
+
+class AddressError(SemmapError, OSError):
+    """An address at which questions cannot be taken, or at which nobody answers them."""
 
 
 class RosError(SemmapError):

@@ -37,6 +37,7 @@ ORDER = [
     {"views", "ros_mapping"},
     {"importing", "exporting"},
     {"live"},
+    {"planners"},
     {"demo"},
     {"cli"},
     {"__main__"},

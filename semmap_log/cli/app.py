@@ -10,6 +10,7 @@ import typer
 from semmap_log.cli import (
     add,
     annotate,
+    ask,
     best_time,
     calibrate,
     call,
@@ -120,8 +121,9 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("costmap", costmap.run, "Draw the doors into a costmap."),
         ("export", export.run, "Write a file for other programs."),
     ),
-    "Live in ROS": (
-        ("serve", serve.run, "Serve the doors, with the thesis's actions."),
+    "Live": (
+        ("serve", serve.run, "Serve the doors in ROS, and to planners."),
+        ("ask", ask.run, "Ask a server what planners ask."),
         ("play", play.run, "Publish a log's history."),
         ("ros-package", ros_package.run, "Copy the ROS package into a workspace."),
     ),
@@ -150,7 +152,7 @@ app.add_typer(
     call.app,
     name="call",
     short_help="Call an action of a running server.",
-    rich_help_panel="Live in ROS",
+    rich_help_panel="Live",
 )
 app.command("state", cls=Verb, hidden=True)(replay.run)
 app.command("log", cls=Verb, hidden=True)(history.run)

@@ -1,13 +1,16 @@
-"""`serve`: the thesis's server, live in ROS."""
+"""`serve`: the thesis's server, live in ROS; and what planners ask, with ROS or without."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semmap_log.cli.asking import AnyHost, AskAt, Asking, AskNow, Now, Served, TokenFile
 from semmap_log.cli.common import (
     MapServer,
     PaletteName,
@@ -49,6 +52,10 @@ def run(
     ] = None,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
+    ask: AskAt = None,
+    ask_any_host: AnyHost = False,
+    token_file: TokenFile = None,
+    ask_now: AskNow = Now.clock,
     yaml: Annotated[
         Path | None,
         typer.Option("--yaml", metavar="FILE", help="The thesis's doors: see above."),
@@ -118,7 +125,7 @@ def run(
         float, typer.Option(min=0, help="batch: after so long at most they are.")
     ] = 50.0,
 ) -> None:
-    """Serve a log's doors in ROS, as the thesis's server did, until Ctrl-C.
+    """Serve a log's doors in ROS, as the thesis's server did, and to planners, until Ctrl-C.
 
     Each goal is one commit: its id is the command's, its client the actor. A goal that is sent
     again, after a crash of either side, is answered as the first time. Whoever is in the ROS
@@ -139,6 +146,10 @@ def run(
       lta_semantic_map/update_door   update_door
       lta_semantic_map/remove_door   remove_door
       lta_semantic_map/save_door_db  save_door_db
+
+    With --ask ADDRESS programs that plan ask about the doors and set them, a line a question, over
+    a socket that only this user can open (unix:PATH), or a port that only this machine reaches:
+    `semmap-log ask ADDRESS HELP` names the questions. Many may ask at once.
 
     With --log LOG the first start makes the log, as `init` does: with --yaml a plain file of doors
     is all that a server needs.
@@ -169,6 +180,7 @@ def run(
       semmap-log serve office --ros1 --costmap --map map.yaml
       semmap-log serve office --ros2 --read-only --ros-args -r __ns:=/robot1
       semmap-log serve office --ros1 _add_door:=doors/add
+      semmap-log serve office --ask unix:/run/doors.sock
     """
     import semmap_log as sl
     from semmap_log.costmaps.level_costmap import CostmapOptions
@@ -178,10 +190,15 @@ def run(
     from semmap_log.live.serving.server import ServeOptions, Server
     from semmap_log.live.serving.yaml_start import start_with_yaml
 
-    version = chosen_ros(ros1=ros1, ros2=ros2)
+    asking = Asking.of(ask, token_file, any_host=ask_any_host, now=ask_now)
+    is_in_ros = ros1 or ros2 or asking is None
+    version = chosen_ros(ros1=ros1, ros2=ros2) if is_in_ros else None
     refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
     if yaml_replace and yaml is None:
         raise typer.BadParameter("only with --yaml", param_hint="--yaml-replace")
+    for name, is_given in {"--costmap": costmap, "--save-root": save_root is not None}.items():
+        if is_given and not is_in_ros:
+            raise typer.BadParameter("only with --ros1 or --ros2", param_hint=name)
     of_costmap = {
         "--map": floor_map is not None,
         "--by": by != By.state,
@@ -203,6 +220,12 @@ def run(
         log = _chosen_log(log, log_option, yaml, tz, read_only=read_only)
     stopping, wake = threading.Event(), threading.Event()
     on_stop(stopping.set)
+    changes: list[Callable[[], object]] = [wake.set]
+
+    def changed() -> None:
+        for tell in changes:
+            tell()
+
     doors: DoorServer | DoorFollower
     if read_only:
         if not (yaml is save_root is None):
@@ -210,7 +233,7 @@ def run(
                 "nothing is written with --read-only", param_hint="--yaml, --save-root"
             )
         with stopped_for_good():
-            doors = DoorFollower(log, changed=wake.set)
+            doors = DoorFollower(log, changed=changed)
     else:
         root = save_root or (None if yaml is None else yaml.absolute().parent)
         saver = DoorSaver(root, log, default_prob=default_prob)
@@ -224,9 +247,10 @@ def run(
                 ),
                 saver,
                 level=level,
-                changed=wake.set,
+                changed=changed,
             )
-        say(saver.told())
+        if is_in_ros:
+            say(saver.told())
     try:
         with stopped_for_good():
             if yaml is not None and not isinstance(doors, DoorFollower):
@@ -236,12 +260,26 @@ def run(
                     say(text)
             floors = _floors(doors.door_map(), floor_map, map_rules, level)
         options = ServeOptions(costmap, floors, palette.colours, default_prob, costs)
-        node = open_node(context, version, NODE)
-        try:
-            served = f"{node.name} serves {log}: {counted(len(doors.door_map()), 'door')}."
-            Server(node, doors, wake, options).run(stopping.is_set, lambda: say(served))
-        finally:
-            node.close()
+        with ExitStack() as running:
+            asked: Served | None = None
+            if asking is not None:
+                asked = running.enter_context(asking.served(doors, changes))
+            many = counted(len(doors.door_map()), "door")
+            if asked is not None:
+                say(f"{log}: questions are taken at {asked.server.address}: {many}.")
+            if version is None:
+                assert asked is not None
+                asked.run(stopping.wait)
+            else:
+                node = open_node(context, version, NODE)
+                running.callback(node.close)
+                server = Server(node, doors, wake, options)
+                server.run(
+                    lambda: stopping.is_set() or (asked is not None and asked.has_failed),
+                    lambda: say(f"{node.name} serves {log}: {many}."),
+                )
+            if asked is not None:
+                asked.raise_failure()
     finally:
         doors.close()
     say(f"{log}: closed.")

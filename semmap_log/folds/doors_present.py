@@ -62,6 +62,19 @@ class DoorsPresent(Mapping[DoorId, Door]):
         is_placed = ~np.isnan(self._columns["x"])
         return set(np.unique(self._columns["level"][is_placed]).tolist())
 
+    def in_state(self, state: DoorState) -> list[DoorId]:
+        """Return the doors in a state, ids ascending; none of them is made for it."""
+        states = self._columns["state"]
+        chosen = states == state
+        if state is DoorState.UNKNOWN:
+            chosen |= states > max(DoorState)  # what only a later version knows
+        return [DoorId(self._ids[place]) for place in np.flatnonzero(chosen).tolist()]
+
+    def names(self) -> dict[DoorId, str]:
+        """Return the name of each door that has one, ids ascending."""
+        named = (i for i in self._annotations.names() if i in self._places)
+        return {i: name for i in named if (name := self[i].name)}
+
     def others_than(self, before: DoorsPresent) -> tuple[list[DoorId], list[DoorId]]:
         """Return the doors that are new or not as they were, and those that are gone.
 

@@ -6,16 +6,20 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorMap
-from semmap_log.domain.events import FloorMap, Retracted
+from semmap_log.domain.events import Event, FloorMap, Retracted
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.errors import SemmapError
+from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.errors import CommandError, SemmapError
 from semmap_log.folding.replay import Scope, replay
 from semmap_log.live.ros_node import Goal, Outcome
 from semmap_log.live.serving.door_server import RESULTS
 from semmap_log.store.reading.following import FollowedCommit
 
 POLL_S = 0.05
+
+_ONLY_SHOWN = "this server only shows the log (--read-only). Nothing was done."
 
 
 class DoorFollower:
@@ -56,10 +60,15 @@ class DoorFollower:
             raise self._failure
         return self._doors
 
+    @property
+    def log(self) -> DoorLog:
+        """The log with all that is written now."""
+        self._log.refresh()
+        return self._log
+
     def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
         """Return the floor plan that a level has in one of its door maps; None: it has none."""
-        self._log.refresh()
-        return self._log.floor_of(doors, level)
+        return self.log.floor_of(doors, level)
 
     def run(self, goal: Goal) -> Outcome:
         """Refuse a goal."""
@@ -67,8 +76,24 @@ class DoorFollower:
         return Outcome(
             succeeded=False,
             result={name: nothing},
-            text=f"{goal.action}: this server only shows the log (--read-only). Nothing was done.",
+            text=f"{goal.action}: {_ONLY_SHOWN}",
         )
+
+    def append(
+        self,
+        make: Callable[[DoorLogWriter], list[Event]],
+        *,
+        note: Note,
+        command_id: bytes,
+        content: bytes,
+    ) -> int | None:
+        """Refuse a command, of whatever client.
+
+        Raises:
+            CommandError: Always.
+        """
+        del make, note, command_id, content
+        raise CommandError(_ONLY_SHOWN)
 
     def close(self) -> None:
         """Stop following."""

@@ -110,6 +110,45 @@ class DoorServer:
             goal.feedback(100.0)
         return work.outcome(succeeded=True)
 
+    def append(
+        self,
+        make: Callable[[DoorLogWriter], list[Event]],
+        *,
+        note: Note,
+        command_id: bytes,
+        content: bytes,
+        lost: Callable[[], str] = lambda: "Nothing of it is stored",
+    ) -> int | None:
+        """Append what `make` gives, as one commit that lasts; where a write fails, open anew.
+
+        Args:
+            make: Looks at the log and gives the events; nobody appends in between. Not called for
+                a command that is stored already.
+            note: Who, with what, why.
+            command_id: 16 bytes; a command that is stored already is not stored again.
+            content: Digest of what the command asks for.
+            lost: Says what became of it where the log was opened anew and does not have it.
+
+        Returns:
+            The number of its first event; None: it needed none.
+
+        Raises:
+            CommandError: It is not stored; the message says why.
+            LogError: Whether it is stored is not known.
+        """
+        log = self._usable_log()
+        try:
+            appended = log.append_made(
+                lambda: make(log), note=note, command_id=command_id, content=content
+            )
+        except LogPoisonedError as error:
+            return self._after_failure(log, command_id, error, lost)
+        if appended is None:
+            return None
+        if not appended.repeated:
+            self._changed()
+        return appended.first_event
+
     def close(self) -> None:
         """Close the log; goals that come later are aborted."""
         with self._opening:
@@ -122,24 +161,19 @@ class DoorServer:
         Raises:
             SemmapError: It is not done; the message says why.
         """
-        log = self._usable_log()
         try:
-            appended = log.append_made(
-                lambda: work.remember(self._events(log, work, ask)),
+            first = self.append(
+                lambda log: work.remember(self._events(log, work, ask)),
                 note=work.note,
                 command_id=work.goal.goal_id,
                 content=content_of(work.goal.action, ask),
+                lost=work.lost,
             )
-        except LogPoisonedError as error:
-            return self._after_failure(log, work, error)
         except CommandReusedError as error:
             raise CommandReusedError(f"goal id {work.goal.said_id}: {error}") from None
-        if appended is None:
+        if first is None:
             return True
-        if appended.repeated:
-            return _stored_answer(log, appended.first_event)
-        self._changed()
-        return _answer(work.events[0])
+        return _answer(work.events[0] if work.events else self._log.event(first).event)
 
     def _usable_log(self) -> DoorLogWriter:
         """Return the log, opened anew if the last try to do so failed.
@@ -153,8 +187,14 @@ class DoorServer:
                     self._reopen(self._broken)
         return self._log
 
-    def _after_failure(self, failed: DoorLogWriter, work: _Work, error: LogPoisonedError) -> Any:
-        """Open the log anew, and return what is true of a goal whose write failed.
+    def _after_failure(
+        self,
+        failed: DoorLogWriter,
+        command_id: bytes,
+        error: LogPoisonedError,
+        lost: Callable[[], str],
+    ) -> int:
+        """Open the log anew, and return the first event of a command whose write failed.
 
         Raises:
             LogError: The log cannot be opened; whether the goal is stored is not known.
@@ -163,18 +203,13 @@ class DoorServer:
         with self._opening:
             if self._log is failed and not self._is_closed:
                 self._reopen(error)
-        known = self._log.find_command(work.goal.goal_id)
+        known = self._log.find_command(command_id)
         if known is None:
-            what = (
-                "The file is written, but the log has no note of it"
-                if work.result
-                else "Nothing of this goal is stored"
-            )
             raise CommandError(
-                f"the log could not be written: {_why(error)}. {what}; send it again when the "
+                f"the log could not be written: {_why(error)}. {lost()}; send it again when the "
                 "disk is well."
             )
-        return _stored_answer(self._log, known.first_event)
+        return known.first_event
 
     def _reopen(self, error: LogPoisonedError) -> None:
         with suppress(LogPoisonedError):  # it was; the lock is let go of all the same
@@ -192,7 +227,7 @@ class DoorServer:
 
     def _events(self, log: DoorLogWriter, work: _Work, ask: Ask) -> list[Event]:
         """Return what a goal means for the log as it stands; the log is held meanwhile."""
-        happened_ns = _now_ns(log)
+        happened_ns = when_ns(log)
         if isinstance(ask, AddAsk):
             level = resolve_level(self._level, log.state.door_map())
             return [_added(ask, log.roster.next_free_id, level, happened_ns)]
@@ -233,6 +268,12 @@ class _Work:
         self.events = events
         return events
 
+    def lost(self) -> str:
+        """Return what became of it where the log does not have it."""
+        if self.result:
+            return "The file is written, but the log has no note of it"
+        return "Nothing of this goal is stored"
+
     @property
     def note(self) -> Note:
         """Who wants it: the client, by the goal's id as people and tools write it."""
@@ -249,17 +290,13 @@ class _Work:
         return Outcome(succeeded, {name: value}, said)
 
 
-def _stored_answer(log: DoorLogWriter, first_event: int) -> Any:
-    return _answer(log.event(first_event).event)
-
-
 def _answer(event: Event) -> Any:
     """Return the result's value that a goal's event stands for."""
     return int(event.door_id) if isinstance(event, DoorAdded) else True
 
 
-def _now_ns(log: DoorLogWriter) -> int | None:
-    """Return when a goal happens; None: when it is recorded.
+def when_ns(log: DoorLogWriter) -> int | None:
+    """Return when a command of now happens; None: when it is recorded.
 
     Where the clock went back, that would be before what happened last, and the map would stay as
     it was though the client is told otherwise. So it happens then.

@@ -1,0 +1,103 @@
+"""`ask`: a planner's questions, to a server that runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semmap_log.cli.plain_streams import write_line
+from semmap_log.cli.printer import is_for_people
+
+if TYPE_CHECKING:
+    from semmap_log.planners.ask_client import AskClient
+
+
+def run(
+    address: Annotated[
+        str, typer.Argument(metavar="ADDRESS", help="unix:PATH or tcp:HOST:PORT, as of the server.")
+    ],
+    questions: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="QUESTION...", help="Each in quotes; none: lines of stdin."),
+    ] = None,
+    *,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Ask, and print answers, as JSON: with reasons for NIL.")
+    ] = False,
+    token_file: Annotated[
+        Path | None,
+        typer.Option("--token-file", metavar="FILE", help="The server's token."),
+    ] = None,
+    timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--timeout", metavar="S", min=0.001, help="How long to wait for an answer; for ever."
+        ),
+    ] = None,
+) -> None:
+    """Ask a server what planners ask: `serve LOG --ask ADDRESS` runs one.
+
+    An answer is a line: T, NIL (no, or none), a number, a door such as DOOR_3, a text in quotes,
+    or a list in parentheses. HELP names all questions. A time with blanks stands in quotes of its
+    own. From stdin each line is a question, and each answer is printed as it comes; lines that
+    begin with { are JSON.
+
+    Exit code 0: all were answered, be it by NIL; 1: one could not be understood or answered, or
+    the server is not there.
+
+    \b
+    Examples:
+      semmap-log ask unix:/run/doors.sock "DOOR_OPEN DOOR_3"
+      semmap-log ask unix:/run/doors.sock 'DOOR_OPEN DOOR_3 "2h ago"' "GET_OPEN_DOOR"
+      semmap-log ask unix:/run/doors.sock "SET_DOOR_CLOSED DOOR_main_door" --json
+      semmap-log ask tcp:robot1:5300 HELP --token-file ~/doors.token
+    """
+    from semmap_log.errors import QuestionError
+    from semmap_log.planners.addresses import read_address
+    from semmap_log.planners.ask_client import AskClient
+    from semmap_log.planners.tokens import read_token
+
+    token = None if token_file is None else read_token(token_file)
+    lines = questions or (line.rstrip("\r\n") for line in sys.stdin)
+    failed = 0
+    with AskClient(read_address(address), token=token, timeout_s=timeout) as client:
+        for answer, problem in _answers(client, lines, as_json=as_json):
+            if problem is not None and questions and len(questions) == 1:
+                raise QuestionError(problem)
+            failed += problem is not None
+            _print(answer, questions)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _answers(
+    client: AskClient, lines: Iterable[str], *, as_json: bool
+) -> Iterable[tuple[str, str | None]]:
+    """Yield the line that answers each question, and what is wrong with it; None: nothing."""
+    from semmap_log.errors import QuestionError
+    from semmap_log.planners.question_lines import as_json_line, problem_of
+
+    for line in lines:
+        try:
+            question = as_json_line(line) if as_json and not line.startswith("{") else line
+        except QuestionError as error:
+            yield f"{error}", f"{error}"
+            continue
+        answer = client.ask(question)
+        yield answer, problem_of(answer)
+
+
+def _print(answer: str, questions: list[str] | None) -> None:
+    """Print an answer; a person gets all that HELP lists on lines of their own."""
+    from semmap_log.planners.question_lines import split_words
+
+    if questions == ["HELP"] and is_for_people() and answer.startswith("("):
+        for line in split_words(answer[1:-1]):
+            write_line(line)
+    else:
+        write_line(answer)
+    sys.stdout.flush()

@@ -1,0 +1,169 @@
+"""What `serve --ask` takes, and the server of questions that it runs beside ROS, or alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semmap_log.cli.common import say
+
+if TYPE_CHECKING:
+    from semmap_log.planners.actions import AskedDoors
+    from semmap_log.planners.addresses import Address
+    from semmap_log.planners.ask_server import AskServer
+
+TICK_S = 0.1
+
+
+class Now(str, Enum):
+    """What relative times of questions count from, as typer wants its choices."""
+
+    clock = "clock"
+    end = "end"
+
+
+AskAt = Annotated[
+    str | None,
+    typer.Option(
+        "--ask",
+        metavar="ADDRESS",
+        help="Take planners' questions at unix:PATH or tcp:HOST:PORT; needs no ROS.",
+    ),
+]
+AnyHost = Annotated[
+    bool,
+    typer.Option("--ask-any-host", help="tcp: other machines may ask, too; with --token-file."),
+]
+TokenFile = Annotated[
+    Path | None,
+    typer.Option("--token-file", metavar="FILE", help="tcp: who asks has to give its one line."),
+]
+AskNow = Annotated[
+    Now,
+    typer.Option(
+        "--ask-now", help="What `2h ago` and forecasts count from: the clock, or the log's end."
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Asking:
+    """Where questions are taken, and from whom."""
+
+    address: Address
+    token: str | None
+    any_host: bool
+    now: Now
+
+    @classmethod
+    def of(
+        cls, address: str | None, token_file: Path | None, *, any_host: bool, now: Now
+    ) -> Asking | None:
+        """Return what was asked for; None: nothing.
+
+        Raises:
+            typer.BadParameter: It cannot be.
+        """
+        from semmap_log.errors import AddressError
+        from semmap_log.planners.addresses import TcpAddress, read_address
+        from semmap_log.planners.tokens import read_token
+
+        given = {"--ask-any-host": any_host, "--token-file": token_file is not None,
+                 "--ask-now": now != Now.clock}  # fmt: skip
+        if address is None:
+            for name, is_given in given.items():
+                if is_given:
+                    raise typer.BadParameter("only with --ask", param_hint=name)
+            return None
+        try:
+            where = read_address(address)
+        except AddressError as error:
+            raise typer.BadParameter(str(error), param_hint="--ask") from error
+        for name in ("--ask-any-host", "--token-file"):
+            if given[name] and not isinstance(where, TcpAddress):
+                raise typer.BadParameter("only with --ask tcp:HOST:PORT", param_hint=name)
+        if any_host and token_file is None:
+            raise typer.BadParameter(
+                "only with --token-file: who reaches the port sets doors",
+                param_hint="--ask-any-host",
+            )
+        try:
+            token = None if token_file is None else read_token(token_file)
+        except AddressError as error:
+            raise typer.BadParameter(str(error), param_hint="--token-file") from error
+        return cls(where, token, any_host, now)
+
+    @contextmanager
+    def served(self, doors: AskedDoors, changes: list[Callable[[], object]]) -> Iterator[Served]:
+        """Answer questions within.
+
+        Args:
+            doors: What is asked about.
+            changes: Called after each change of the doors.
+
+        Raises:
+            AddressError: Questions cannot be taken there.
+        """
+        import time
+
+        from semmap_log.planners.addresses import listen
+        from semmap_log.planners.ask_server import AskServer
+        from semmap_log.planners.oracle import Oracle
+
+        clock_ns = time.time_ns if self.now == Now.clock else _no_clock
+        oracle = Oracle(doors, say=say, clock_ns=clock_ns)
+        changes.append(oracle.refresh)
+        oracle.refresh()  # what has changed in between
+        listener = listen(self.address, any_host=self.any_host)
+        server = AskServer(oracle, listener, token=self.token, say=say)
+        try:
+            yield Served(server, lambda: oracle.failure or server.failure)
+        finally:
+            server.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """A server of questions that runs."""
+
+    server: AskServer
+    failure: Callable[[], Exception | None]
+    """Why it cannot answer any more; None: it can."""
+
+    def run(self, wait: Callable[[float], bool]) -> None:
+        """Return when told to stop.
+
+        Args:
+            wait: Waits so many seconds at most; tells whether to stop.
+
+        Raises:
+            LogError: The log cannot be followed any more.
+        """
+        while not (wait(TICK_S) or self.has_failed):
+            pass
+        self.raise_failure()
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it cannot answer any more."""
+        return self.failure() is not None
+
+    def raise_failure(self) -> None:
+        """Raise why it cannot answer any more, if so.
+
+        Raises:
+            LogError: The log cannot be followed any more.
+        """
+        if (failure := self.failure()) is not None:
+            raise failure
+
+
+def _no_clock() -> int:
+    """Return a time before any log's: then the log's end is what counts."""
+    return 0

@@ -1,0 +1,81 @@
+"""A client of a server of questions."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from semmap_log.errors import AddressError, QuestionError
+from semmap_log.planners.addresses import Address
+from semmap_log.planners.tokens import TOKEN
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class AskClient:
+    """A connection that asks one question after the other."""
+
+    def __init__(
+        self, address: Address, *, token: str | None = None, timeout_s: float | None = None
+    ) -> None:
+        """Connect.
+
+        Args:
+            address: Of the server.
+            token: What it wants to know; None: nothing.
+            timeout_s: How long to wait for an answer; None: as long as it takes.
+
+        Raises:
+            AddressError: Nobody answers, or the token is wrong.
+        """
+        self._address = address
+        self._timeout_s = timeout_s
+        self._socket = address.connect()
+        self._socket.settimeout(timeout_s)
+        self._lines = self._socket.makefile("rb")
+        if token is not None and (answer := self.ask(f"{TOKEN} {token}")) != "T":
+            self.close()
+            raise AddressError(f"{address}: {answer}")
+
+    def ask(self, question: str) -> str:
+        """Return the line that answers a question.
+
+        Raises:
+            QuestionError: It has a line end within, and would be two.
+            AddressError: The server has gone, or does not answer in time; whether an action was
+                done is not known: sent again with the same command id, it is done once.
+        """
+        if "\n" in question:
+            raise QuestionError(f"expected a question on one line, got {question!r}.")
+        try:
+            self._socket.sendall(f"{question}\n".encode())
+            answer = self._lines.readline()
+        except TimeoutError:
+            raise AddressError(
+                f"{self._address}: no answer within {self._timeout_s:g} s."
+            ) from None
+        except OSError as error:
+            raise self._gone(str(error.strerror or error)) from error
+        if not answer.endswith(b"\n"):
+            raise self._gone("the connection ended")
+        return answer[:-1].decode()
+
+    def close(self) -> None:
+        """Leave."""
+        self._lines.close()
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _gone(self, why: str) -> AddressError:
+        return AddressError(f"{self._address}: the server has gone: {why}.")

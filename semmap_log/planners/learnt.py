@@ -1,0 +1,68 @@
+"""How likely doors are open, by all that is known up to now: learnt once, and gone on from."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+
+from semmap_log.beliefs.door_beliefs import LATER, NOW, default_estimator
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import Retracted
+from semmap_log.domain.moments import Moment
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.probabilities.estimators import by_name
+
+
+class LearntDoors:
+    """What `probabilities` says, of a log that goes on: new events are taken in, not all again."""
+
+    def __init__(self) -> None:
+        self._learning = threading.Lock()
+        self._event = -1
+        """The last event that is taken in."""
+        self._by_estimator: dict[str, Beliefs] = {}
+
+    def p_open(
+        self, log: DoorLog, event: int, doors: Sequence[DoorId], *, now_ns: int, time_ns: int
+    ) -> list[tuple[float, bool]]:
+        """Return P(open) of some doors, and whether enough was seen of each to tell.
+
+        Args:
+            log: With all that was written.
+            event: Up to which; it does not become less but after `forget`.
+            doors: Which.
+            now_ns: What was known then counts.
+            time_ns: Of the forecast, not before now.
+        """
+        with self._learning:
+            self._take_in(log, event)
+            beliefs = self._by_estimator[default_estimator(time_ns - now_ns)]
+            said = [
+                beliefs.predict(door, np.array([time_ns]), np.array([now_ns])) for door in doors
+            ]
+        return [(float(each.p_open[0]), bool(each.is_known[0])) for each in said]
+
+    def forget(self) -> None:
+        """Begin anew with the next question: the log lost its end."""
+        with self._learning:
+            self._by_estimator = {}
+
+    def _take_in(self, log: DoorLog, event: int) -> None:
+        """Learn what came since, up to an event; a retraction begins anew."""
+        if self._by_estimator and event > self._event:
+            since, until = Moment(event=self._event + 1), Moment(event=event + 1)
+            batches = list(log.batches(since, until))
+            if any(Retracted in batch for batch in batches):
+                self._by_estimator = {}
+            else:
+                for batch in batches:
+                    self._by_estimator[NOW].evidence.apply(batch)
+        if not self._by_estimator:
+            projection = BeliefProjection(NOW, log.info.timezone)
+            near = log.fold(projection, event=event) if event >= 0 else projection.initial()
+            far = Beliefs(by_name(LATER), near.clock, near.evidence)
+            self._by_estimator = {NOW: near, LATER: far}
+        self._event = event

@@ -1,0 +1,292 @@
+"""The door oracle: answers what planners ask of a log, and does what they want done.
+
+It knows no socket. What is true now is held in memory and taken anew at each change. Questions of
+the past replay the log; their answers are remembered until it changes. Several threads may ask.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import TypeVar
+
+from semmap_log.beliefs import best_time, probabilities
+from semmap_log.domain.doors import Door, DoorState
+from semmap_log.domain.meaning import Changed
+from semmap_log.domain.moments import Moment, format_wall
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.errors import QuestionError, SemmapError, UnknownDoorError
+from semmap_log.planners.actions import AskedDoors, act
+from semmap_log.planners.asked import AskedQuestion
+from semmap_log.planners.door_view import DoorView, atom_of
+from semmap_log.planners.learnt import LearntDoors
+from semmap_log.planners.question_lines import Answer, Value
+from semmap_log.planners.questions import BY_NAME, QUESTIONS, QuestionKind, similar
+from semmap_log.planners.state_answers import HOLDS, STATE_QUESTIONS, nothing, state_answer
+from semmap_log.planners.waiting import Wait, Waits
+
+T = TypeVar("T")
+
+MOST_REMEMBERED = 64
+"""Moments of the past."""
+
+ENDS = Answer(value=False, reason="the server ends.")
+
+
+def is_wait(asked: AskedQuestion) -> bool:
+    """Tell whether a question may wait for long, and for nothing but a change of a door."""
+    return asked.question.name == "WAIT_UNTIL"
+
+
+class Oracle:
+    """Answers questions about the doors of a log."""
+
+    def __init__(
+        self,
+        doors: AskedDoors,
+        *,
+        say: Callable[[str], object] = lambda _: None,
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """Look at the doors; from then on somebody has to call `refresh` after each change.
+
+        Args:
+            doors: What is asked about.
+            say: Is told of actions that are refused, and why.
+            clock_ns: What `now` is, from which `2h ago` and forecasts count; where the log's end
+                is later, that is.
+
+        Raises:
+            LogError: The log cannot be read.
+        """
+        self._doors = doors
+        self._say = say
+        self._clock_ns = clock_ns
+        self._learnt = LearntDoors()
+        self._waits = Waits()
+        self._refreshing = threading.Lock()
+        self._now = _Doors(DoorView(doors.door_map()))
+        self._failure: SemmapError | OSError | None = None
+
+    @property
+    def failure(self) -> SemmapError | OSError | None:
+        """Why the doors cannot be known any more; None: they are."""
+        return self._failure
+
+    def refresh(self) -> None:
+        """Take the doors up as they are now: after each change, by whoever made or saw it.
+
+        Behind it, questions of now are answered from them, and those that wait are looked at.
+        """
+        with self._refreshing:
+            try:
+                view = DoorView(self._doors.door_map())
+            except (SemmapError, OSError) as error:
+                self._failure = error
+                return
+            if view.door_map.event < self._now.view.door_map.event:
+                self._learnt.forget()
+            self._now = _Doors(view)
+        self._waits.look(view)
+
+    def at_once(self, asked: AskedQuestion) -> Answer | None:
+        """Return the answer if that takes no time; None: `answer` it, or let it `wait`.
+
+        Raises:
+            SemmapError: It cannot be answered.
+        """
+        if asked.question.name in STATE_QUESTIONS and asked.is_of_now:
+            if self._failure is not None:
+                raise self._failure
+            return state_answer(self._now.view, asked)
+        return _help(asked) if asked.question.name == "HELP" else None
+
+    def answer(self, asked: AskedQuestion, client: str = "") -> Answer:
+        """Return the answer, however long that takes.
+
+        Args:
+            asked: The question.
+            client: Who asks, for the note of what an action changes.
+
+        Raises:
+            SemmapError: It cannot be answered.
+        """
+        if (at_once := self.at_once(asked)) is not None:
+            return at_once
+        if asked.question.kind is QuestionKind.ACTION:
+            return self._act(asked, client)
+        if is_wait(asked):
+            return self._wait_here(asked)
+        if self._failure is not None:
+            raise self._failure
+        try:
+            return self._look_up(asked)
+        except UnknownDoorError as error:
+            return nothing(asked, str(error))
+
+    def wait(
+        self, asked: AskedQuestion, done: Callable[[Answer], None]
+    ) -> Callable[[Answer], None]:
+        """Let a question wait; `done` is told its answer, once, maybe before this returns.
+
+        Returns:
+            What ends the waiting with another answer: that the time is over, that the server ends.
+        """
+        assert asked.state is not None
+        wait = Wait(asked.doors[0], asked.state, done)
+        self._waits.add(wait)
+        if (found := wait.answer_in(self._now.view)) is not None:  # after adding: nothing is missed
+            self._waits.end(wait, found)
+        return lambda answer: self._waits.end(wait, answer)
+
+    def _act(self, asked: AskedQuestion, client: str) -> Answer:
+        try:
+            act(self._doors, asked, client)
+        except (SemmapError, OSError) as error:
+            called = " ".join([asked.question.name, *asked.doors])
+            self._say(f"{called}{f' from {client}' if client else ''}: refused: {error}")
+            return Answer(value=False, reason=str(error))
+        return HOLDS
+
+    def _wait_here(self, asked: AskedQuestion) -> Answer:
+        answers: list[Answer] = []
+        answered = threading.Event()
+
+        def done(answer: Answer) -> None:
+            answers.append(answer)
+            answered.set()
+
+        end = self.wait(asked, done)
+        if not answered.wait(asked.number):
+            end(time_is_over(asked))
+        answered.wait()
+        return answers[0]
+
+    def _look_up(self, asked: AskedQuestion) -> Answer:
+        """Return what the log tells of a question of another moment, or of what is likely."""
+        log, now = self._doors.log, self._now
+        now_ns = max(self._clock_ns(), now.view.door_map.latest_ns)
+        name = asked.question.name
+        if name == "BEST_TIME":
+            return _best_time(log, now, asked, now_ns)
+        if name == "NEXT_DOOR":
+            return self._next_door(log, now, asked, now_ns)
+        if asked.learnt_at is not None:
+            return self._learnt_probability(log, now, asked, now_ns)
+        when = log.moment(asked.when, now_ns=now_ns)
+        known_at = log.moment(asked.known_at, now_ns=now_ns)
+        is_of_now = when == known_at == Moment()
+        view = now.view if is_of_now else now.remembered(
+            (when, known_at), lambda: DoorView(log.replay(at=when, known_at=known_at))
+        )  # fmt: skip
+        if name == "WHY":
+            knows_all = known_at == Moment() and when.event is None
+            return _why(log, view, asked, None if knows_all else view.door_map.event)
+        return state_answer(view, asked)
+
+    def _next_door(self, log: DoorLog, now: _Doors, asked: AskedQuestion, now_ns: int) -> Answer:
+        found = [door for word in asked.doors if (door := now.view.find(word)) is not None]
+        if not found:
+            return nothing(asked, "none of them is in the map.")
+        said = self._p_open(log, now, found, asked.learnt_at, now_ns)
+        best = max(range(len(found)), key=lambda place: said[place][0])
+        return Answer(atom_of(found[best].door_id))
+
+    def _learnt_probability(
+        self, log: DoorLog, now: _Doors, asked: AskedQuestion, now_ns: int
+    ) -> Answer:
+        door = now.view.door(asked.doors[0])
+        ((p_open, is_known),) = self._p_open(log, now, [door], asked.learnt_at, now_ns)
+        value = p_open if asked.question.name == "PROBABILITY_DOOR_OPEN" else 1.0 - p_open
+        if not is_known:
+            return nothing(asked, f"too little was seen of it; of such doors: {value:.3g}.")
+        return Answer(value)
+
+    def _p_open(
+        self, log: DoorLog, now: _Doors, doors: list[Door], time: str | int | None, now_ns: int
+    ) -> list[tuple[float, bool]]:
+        """Return P(open) of doors at a time, None: now; and whether enough is known to tell."""
+        at = Moment(ns=now_ns) if time is None else log.moment(time, now_ns=now_ns)
+        time_ns = log.instant(at)
+        assert time_ns is not None
+        ids = [door.door_id for door in doors]
+        if time_ns >= now_ns:
+            event = now.view.door_map.event
+            return self._learnt.p_open(log, event, ids, now_ns=now_ns, time_ns=time_ns)
+        then = Moment(ns=time_ns)
+        said = now.remembered((then, tuple(ids)), lambda: probabilities(log, at=then, doors=ids))
+        by_id = {each.door.door_id: (each.p_open, each.is_known) for each in said}
+        return [by_id[door_id] for door_id in ids]
+
+
+class _Doors:
+    """The doors of now, and what was looked up since they are so."""
+
+    def __init__(self, view: DoorView) -> None:
+        self.view = view
+        self._remembered: OrderedDict[object, object] = OrderedDict()
+        self._mutex = threading.Lock()
+
+    def remembered(self, key: object, look_up: Callable[[], T]) -> T:
+        """Return what was looked up before, or look it up."""
+        with self._mutex:
+            if key in self._remembered:
+                self._remembered.move_to_end(key)
+                return self._remembered[key]  # type: ignore[return-value]
+        found = look_up()
+        with self._mutex:
+            self._remembered[key] = found
+            if len(self._remembered) > MOST_REMEMBERED:
+                self._remembered.popitem(last=False)
+        return found
+
+
+def time_is_over(asked: AskedQuestion) -> Answer:
+    """Return the answer to a question that waited in vain."""
+    assert asked.state is not None
+    return Answer(value=False, reason=f"it was not {asked.state.name} within {asked.number:g} s.")
+
+
+def _help(asked: AskedQuestion) -> Answer:
+    if asked.name is None:
+        return Answer([question.help for question in QUESTIONS])
+    question = BY_NAME.get(asked.name)
+    if question is None:
+        raise QuestionError(f"{asked.name} is no question.{similar(asked.name)}")
+    return Answer(question.help)
+
+
+def _best_time(log: DoorLog, now: _Doors, asked: AskedQuestion, now_ns: int) -> Answer:
+    door = now.view.door(asked.doors[0])
+    state = "closed" if asked.state is DoorState.CLOSED else "open"
+    found = best_time(log, door.door_id, state, at=Moment(ns=now_ns))  # type: ignore[arg-type]
+    if not found.next_ones:
+        return nothing(asked, "too little was seen of it.")
+    best = max(found.next_ones, key=lambda hours: hours.probability)
+    times = [format_wall(ns, found.tz) for ns in (best.start_ns, best.end_ns)]
+    return Answer([*times, best.probability])
+
+
+def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, limit: int | None) -> Answer:
+    """Return what set a door's state: its event, when, who and why.
+
+    Args:
+        log: The log.
+        view: The doors then.
+        asked: The question.
+        limit: What later events say, or take back, is not known; None: all is.
+    """
+    door = view.door(asked.doors[0])
+    seen_ns = door.last_seen_ns
+    assert seen_ns is not None, "who adds a door says its state"
+    for entry in reversed(list(log.history(door.door_id, seen_ns, seen_ns + 1))):
+        is_there = limit is None or entry.number <= limit
+        taken_back = entry.retracted_by
+        is_hidden = taken_back is not None and (limit is None or taken_back <= limit)
+        if is_there and not is_hidden and entry.event.sets() & Changed.STATE:
+            when = format_wall(entry.folds_ns, log.info.timezone)
+            who: list[Value] = [entry.actor, entry.source, entry.reason]
+            return Answer([entry.number, entry.kind, door.state.name, when, *who])
+    return nothing(asked, "the log does not tell.")
