@@ -14,9 +14,9 @@ import re
 from semmap_log.domain.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState
 from semmap_log.door_log.commands import resolve_door
 from semmap_log.errors import UnknownDoorError
+from semmap_log.folds.doors_present import DoorsPresent
 from semmap_log.planners.asked import DOOR
 from semmap_log.planners.question_lines import Atom
-from semmap_log.folds.doors_present import DoorsPresent
 
 _ID = re.compile(r"(?:0|[1-9][0-9]{0,9})")
 
