@@ -69,20 +69,25 @@ def test_what_is_written_is_safe_for_a_kernel(expression: tuple[Any, ...]) -> No
 
     assert text.isprintable()
     texts = [each for each in flat(expression) if type(each) is str]
-    assert len(texts) == _texts_of_a_kernel(text)
+    assert [_quoted(each) for each in texts] == _texts_of_a_kernel(text)
 
 
-def _texts_of_a_kernel(text: str) -> int:
-    r"""Return how many texts flex finds by `\"([^"]|\\["])*\"`: each as long as it can be."""
-    count = at = 0
-    while (at := text.find('"', at)) >= 0:
-        count += 1
-        at += 1
-        while (quote := text.find('"', at)) >= 0:
-            at = quote + 1
+def _quoted(text: str) -> str:
+    return write_expression((Atom("A"), text))[3:-1]
+
+
+def _texts_of_a_kernel(text: str) -> list[str]:
+    r"""Return the texts that flex finds by `\"([^"]|\\["])*\"`: each as long as it can be."""
+    found, start = [], 0
+    while (start := text.find('"', start)) >= 0:
+        end = start
+        while (quote := text.find('"', end + 1)) >= 0:
+            end = quote
             if text[quote - 1] != "\\":
                 break
-    return count
+        found.append(text[start : end + 1])
+        start = end + 1
+    return found
 
 
 @given(WORDS)
@@ -94,7 +99,7 @@ def test_all_words_of_others_can_be_sent(words: str) -> None:
     text = write_expression((Atom("ANSWER"), 1, [sendable(words), sendable(words)]))
 
     assert text.isprintable()
-    assert _texts_of_a_kernel(text) == 2
+    assert _texts_of_a_kernel(text) == [_quoted(sendable(words))] * 2
     _, _, (one, other) = read_expression(text)  # type: ignore[misc]
     assert one == other == sendable(words)
 
