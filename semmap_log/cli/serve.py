@@ -280,7 +280,7 @@ def run(
             if asked is not None:
                 say(f"{log}: questions are taken at {asked.server.address}: {many}.")
             if kernels is not None:
-                say(f"{log}: kernels of OPRS are served by {kernels.passer}: {many}.")
+                say(f"{log}: kernels of OPRS are served by way of {kernels.where}: {many}.")
                 told = running.enter_context(kernels_served(kernels, doors, changes))
 
             def failure() -> Exception | None:

@@ -3,6 +3,7 @@
     (DOOR_STATE DOOR_3 OPEN)           or CLOSED UNKNOWN MOVING OFFLINE, or REMOVED
     (DOOR_PROBABILITY DOOR_3 0.75)     its P(open) in the map; NIL: it has none any more
     (DOOR_NAME DOOR_3 "main door")     NIL: it has none any more
+    (DOOR_MAP SEMMAP)                  all facts follow, if they were not asked for
     (DOOR_FACTS SEMMAP 5)              all facts of five doors have been told, by SEMMAP
 
 A door has a fact of each kind at most: `declare ff` in a kernel lets the new one replace the old.

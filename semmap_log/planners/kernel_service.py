@@ -36,6 +36,11 @@ class Kernels:
     connect_s: float = CONNECT_S
     patience: Patience = field(default_factory=Patience)
 
+    @property
+    def where(self) -> str:
+        """Where the message passer listens."""
+        return str(self.passer).removeprefix("tcp:")
+
     def __post_init__(self) -> None:
         """Refuse names that cannot be.
 
@@ -132,7 +137,7 @@ class KernelService:
         """Serve as long as the passer is there."""
         kernels = self._kernels
         connection = PasserConnection(kernels.passer, kernels.name, timeout_s=kernels.connect_s)
-        self._say(f"OPRS: {kernels.name} is at the message passer, {kernels.passer}.")
+        self._say(f"OPRS: {kernels.name} is registered at the message passer.")
         self._said = ""
         session = KernelSession(connection, kernels.name, kernels.told, self._questions,
                                 say=lambda text: self._say(f"OPRS: {text}"),

@@ -1,8 +1,8 @@
 """Which kernels are there, and what each of them is told; no socket.
 
 The passer tells nobody who comes or goes. It says `(unknown K1)` to who sends K1 something in
-vain, and does all in order. So a kernel is sent one fact, and we a message to ourselves: once that
-is back, and nothing was said of the kernel, it is there, and is told all.
+vain, and does all in order. So a kernel is sent `(DOOR_MAP SEMMAP)`, and we a message to ourselves:
+once that is back, and nothing was said of the kernel, it is there, and is told all.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class ToldKernels:
         for name, kernel in self._kernels.items():
             if kernel.is_present or kernel.echo is not None or kernel.next_call_s > now_s:
                 continue
-            self._send([name], [next(iter(self._facts.all()), self._facts.complete(self._name))])
+            self._send([name], [(Atom("DOOR_MAP"), Atom(self._name))])
             kernel.echo = self._echoes + 1
             kernel.next_call_s = now_s + kernel.pause_s
             kernel.pause_s = min(2 * kernel.pause_s, LONGEST_PAUSE_S)
@@ -81,8 +81,6 @@ class ToldKernels:
         """Hear a message to ourselves: kernels that were called before it are there."""
         for name, kernel in self._kernels.items():
             if kernel.echo is not None and kernel.echo == echo:
-                kernel.echo, kernel.is_present = None, True
-                kernel.pause_s = FIRST_PAUSE_S
                 self.tell_all(name)
 
     def is_unknown(self, name: str, now_s: float) -> None:
@@ -99,7 +97,9 @@ class ToldKernels:
             kernel.next_call_s = 0.0
 
     def tell_all(self, name: str) -> None:
-        """Tell one all facts, and that these were all."""
+        """Tell one that is there all facts, and that these were all."""
+        if (kernel := self._kernels.get(name)) is not None:
+            kernel.is_present, kernel.echo, kernel.pause_s = True, None, FIRST_PAUSE_S
         self._send([name], [*self._facts.all(), self._facts.complete(self._name)])
 
     @property
