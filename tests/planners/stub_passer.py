@@ -76,10 +76,10 @@ class StubPasser:
         """What one was sent, or would have been."""
         return [text for who, to, text in list(self.messages) if (who, to) == (sender, recipient)]
 
-    def wait_for(self, recipient: str, text: str) -> None:
+    def wait_for(self, recipient: str, text: str, sender: str = "SEMMAP") -> None:
         wait_until(
-            lambda: text in self.texts(recipient),
-            lambda: f"{text} to {recipient}, got {self.texts(recipient)[-20:]}; {self.faults}",
+            lambda: text in self.texts(recipient, sender),
+            lambda: f"{text} to {recipient}, got {self.texts(recipient, sender)[-20:]}",
         )
 
     def wait_until_there(self, name: str) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import semmap_log as sl
@@ -128,6 +128,7 @@ def test_several_kernels_are_told(path: Path, passer: StubPasser) -> None:
             passer.wait_for(name, "(DOOR_STATE DOOR_1 CLOSED)")
 
 
+@pytest.mark.slow
 def test_a_kernel_that_went_is_called_until_it_is_back(
     passer: StubPasser, world: KernelWorld
 ) -> None:
@@ -246,7 +247,6 @@ def test_complaints_have_an_end(kernel: StubKernel, world: KernelWorld) -> None:
     assert world.said[-1] == "OPRS: more such messages are not told."
 
 
-@settings(max_examples=30)
 @given(text=st.text(max_size=30) | st.text('()"\\ ASK1.;$', max_size=30))
 def test_whatever_is_asked_the_answer_is_safe(hostile: StubKernel, text: str) -> None:
     """
@@ -433,6 +433,7 @@ def test_a_passer_that_refuses_is_tried_again(answer: int, text: str, path: Path
             passer.wait_for("K1", ALL[-1])
 
 
+@pytest.mark.slow
 def test_a_passer_that_is_silent_is_left(path: Path) -> None:
     """
     It stands still; the log and its other readers do not.
