@@ -174,6 +174,12 @@ class KernelQuestions:
         self._queues: dict[tuple[int, str], deque[KernelQuestion]] = {}
         self._waits: dict[int, tuple[Asker, Callable[[Answer], None]]] = {}
         self._wait_count = 0
+        self._acting = 0
+
+    @property
+    def is_acting(self) -> bool:
+        """Whether an action is worked on that is not answered yet."""
+        return self._acting > 0
 
     def ask(self, asker: Asker, kernel: str, expression: tuple[Expression, ...]) -> None:
         """Have a question answered; this takes no time.
@@ -246,16 +252,20 @@ class KernelQuestions:
             self._answer(question)
 
     def _answer(self, question: KernelQuestion) -> None:
-        asked = question.asked
+        is_action = question.asked.question.kind is QuestionKind.ACTION
+        self._count(is_action)
         try:
-            if asked.question.kind is QuestionKind.ACTION:
+            asked = question.asked
+            if is_action:
                 asked = replace(asked, command_id=self._command_id(question))
             question.give(self._oracle.answer(asked, f"kernel {question.kernel}"))
         except (SemmapError, OSError) as error:
             question.refuse(str(error))
         except Exception as error:  # noqa: BLE001  the kernel waits for an answer, whatever it is
-            self._say(f"{asked.question.name}: {traceback.format_exc()}")
+            self._say(f"{question.asked.question.name}: {traceback.format_exc()}")
             question.refuse(f"{type(error).__name__}: {error}")
+        finally:
+            self._count(-is_action)
 
     def _wait(self, question: KernelQuestion) -> None:
         """Let a question wait for its door."""
@@ -280,6 +290,10 @@ class KernelQuestions:
                 return
             self._waits[number] = question.asker, end
         question.asker.later(question.asked.number, lambda: end(time_is_over(question.asked)))
+
+    def _count(self, actions: int) -> None:
+        with self._mutex:
+            self._acting += actions
 
     def _command_id(self, question: KernelQuestion) -> bytes:
         """Return what an action is known by: the same if it was done a minute ago."""

@@ -24,6 +24,13 @@ MOST_WAITING_BYTES = 2**20
 """Of messages that the passer has not taken: changes of doors wait until it has."""
 MOST_ANSWER_BYTES = 2**24
 """Of messages that the passer has not taken: who asks on is not answered."""
+ANSWER_FIRST_S = 0.05
+"""So long at most, while actions are worked on, facts wait for their answers.
+
+Of two messages to a kernel in a row the second takes 40 ms: mp-oprs writes each by itself, and the
+system keeps the second until the kernel's has confirmed the first. The answer is what a plan waits
+for, so that it goes first.
+"""
 MOST_COMPLAINTS = 20
 """About messages, over one connection: who floods us must not fill the disk with them."""
 
@@ -72,7 +79,7 @@ class KernelSession:
         """Found by other threads."""
         self._calls: list[tuple[float, int, Callable[[], object]]] = []
         self._call_count = 0
-        self._heard_s = self._asked_s = time.monotonic()
+        self._heard_s = self._asked_s = self._told_s = time.monotonic()
         self._selector = selectors.DefaultSelector()
         self._waker, self._woken = socket.socketpair()
         for end in (self._waker, self._woken):
@@ -98,14 +105,14 @@ class KernelSession:
         """
         while not stop():
             now_s = time.monotonic()
-            if self._connection.waiting_bytes < MOST_WAITING_BYTES:
+            while self._answers:
+                self._connection.put(self._answers.popleft())
+            if self._may_tell(now_s):
                 if (doors := changed()) is not None:
                     self._told.take(doors)
                 self._told.call(now_s)
             self._check_silence(now_s)
             self._make_calls(now_s)
-            while self._answers:
-                self._connection.put(self._answers.popleft())
             self._connection.send()
             self._await(now_s)
 
@@ -138,6 +145,7 @@ class KernelSession:
         self._selector.modify(self._connection.socket, events)
         next_s = [self._asked_s + self._patience.ask_after_s, self._told.next_call_s]
         next_s += [self._calls[0][0]] if self._calls else []
+        next_s += [self._told_s + ANSWER_FIRST_S] if self._questions.is_acting else []
         end_s = min(each for each in next_s if each is not None)
         for key, ready in self._selector.select(max(end_s - now_s, 0)):
             if key.fileobj is self._woken:
@@ -175,6 +183,15 @@ class KernelSession:
             self._told.tell_all(name)
         else:
             raise ExpressionError("expected (ASK id (QUESTION ...)) or (FACTS).")
+
+    def _may_tell(self, now_s: float) -> bool:
+        """Tell whether kernels may be told of the doors now, or something else goes first."""
+        if self._connection.waiting_bytes >= MOST_WAITING_BYTES:
+            return False
+        if self._questions.is_acting and now_s < self._told_s + ANSWER_FIRST_S:
+            return False
+        self._told_s = now_s
+        return True
 
     def _check_silence(self, now_s: float) -> None:
         """Ask a silent passer whether it is there; one that stays silent is not."""

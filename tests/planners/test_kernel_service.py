@@ -290,6 +290,21 @@ def test_an_action_is_answered_once_it_lasts(
     passer.wait_for("K1", "(DOOR_STATE DOOR_1 CLOSED)")
 
 
+def test_an_answer_goes_before_the_fact(
+    kernel: StubKernel, passer: StubPasser, world: KernelWorld
+) -> None:
+    """
+    A real passer takes 40 ms for the second of two messages, and a plan waits for the answer.
+    """
+    passer.wait_for("K1", ALL[-1])
+    for number in range(20):
+        passer.messages.clear()
+        state = "OPEN" if number % 2 else "CLOSED"
+        kernel.answer(f"(ASK {number} (SET_DOOR_{state} DOOR_1))", str(number))
+        passer.wait_for("K1", f"(DOOR_STATE DOOR_1 {state})")
+        assert passer.texts("K1") == [f"(ANSWER {number} T)", f"(DOOR_STATE DOOR_1 {state})"]
+
+
 def _events(world: KernelWorld) -> int:
     return len(list(world.log.history()))
 
