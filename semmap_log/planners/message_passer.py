@@ -17,7 +17,7 @@ from semmap_log.planners.addresses import TcpAddress
 from semmap_log.planners.passer_frames import (
     NAME_TAKEN,
     REGISTERED,
-    Received,
+    MessageReader,
     goodbye,
     registration,
 )
@@ -46,7 +46,7 @@ class PasserConnection:
             self.socket = socket.create_connection((address.host, address.port), timeout_s)
         except OSError as error:
             raise PasserError(f"no message passer at {_said(address)}: {error}.") from error
-        self._received = Received()
+        self._received = MessageReader()
         self._out = bytearray()
         try:
             self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

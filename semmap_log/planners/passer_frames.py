@@ -89,7 +89,7 @@ def goodbye() -> bytes:
     return _INT.pack(DISCONNECT)
 
 
-class Received:
+class MessageReader:
     """Makes messages of bytes as they come, in whatever pieces."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from semmap_log.errors import ExpressionError, PasserError
 from semmap_log.planners.passer_frames import (
     MOST_MESSAGE_BYTES,
-    Received,
+    MessageReader,
     goodbye,
     message,
     registration,
@@ -49,7 +49,7 @@ def test_messages_are_taken_in_whatever_pieces(
         len(part).to_bytes(4, "big") + part for each in messages for part in each
     )
     cuts = sorted(data.draw(st.lists(st.integers(0, len(wire)), max_size=10)))
-    received, found, answer = Received(), [], None
+    received, found, answer = MessageReader(), [], None
     for start, end in zip([0, *cuts], [*cuts, len(wire)], strict=True):
         received.take(wire[start:end])
         if answer is None:
@@ -66,7 +66,7 @@ def test_what_is_no_passer_is_found_out(length: bytes) -> None:
     """
     Not by waiting for two gigabytes.
     """
-    received = Received()
+    received = MessageReader()
     received.take(length)
 
     with pytest.raises(PasserError, match="this is no message passer"):
