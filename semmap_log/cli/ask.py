@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semmap_log.cli.common import say
 from semmap_log.cli.plain_streams import write_line
 from semmap_log.cli.printer import is_for_people
 
@@ -62,6 +63,8 @@ def run(
     from semmap_log.planners.tokens import read_token
 
     token = None if token_file is None else read_token(token_file)
+    if not questions and sys.stdin.isatty():
+        say("Reading questions, one a line; HELP names them. Ctrl-D ends.")
     lines = questions or (line.rstrip("\r\n") for line in sys.stdin)
     failed = 0
     with AskClient(read_address(address), token=token, timeout_s=timeout) as client:
@@ -79,13 +82,13 @@ def _answers(
 ) -> Iterable[tuple[str, str | None]]:
     """Yield the line that answers each question, and what is wrong with it; None: nothing."""
     from semmap_log.errors import QuestionError
-    from semmap_log.planners.question_lines import as_json_line, problem_of
+    from semmap_log.planners.question_lines import as_json_line, problem_of, write_error
 
     for line in lines:
         try:
             question = as_json_line(line) if as_json and not line.startswith("{") else line
         except QuestionError as error:
-            yield f"{error}", f"{error}"
+            yield write_error(str(error), is_json=True).decode()[:-1], str(error)
             continue
         answer = client.ask(question)
         yield answer, problem_of(answer)

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 TICK_S = 0.1
 
+ASKED_S = 0.01
+"""How often a log that another process writes is looked at: somebody may wait for a door."""
+
 
 class Now(str, Enum):
     """What relative times of questions count from, as typer wants its choices."""

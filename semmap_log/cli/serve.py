@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.asking import TICK_S, AnyHost, AskAt, Asking, AskNow, Now, Served, TokenFile
+from semmap_log.cli.asking import (
+    ASKED_S,
+    TICK_S,
+    AnyHost,
+    AskAt,
+    Asking,
+    AskNow,
+    Now,
+    Served,
+    TokenFile,
+)
 from semmap_log.cli.common import (
     MapServer,
     PaletteName,
@@ -194,7 +204,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.costmaps.level_costmap import CostmapOptions
-    from semmap_log.live.serving.door_follower import DoorFollower
+    from semmap_log.live.serving.door_follower import POLL_S, DoorFollower
     from semmap_log.live.serving.door_server import DoorServer
     from semmap_log.live.serving.saving import DoorSaver
     from semmap_log.live.serving.server import ServeOptions, Server
@@ -244,7 +254,8 @@ def run(
                 "nothing is written with --read-only", param_hint="--yaml, --save-root"
             )
         with stopped_for_good():
-            doors = DoorFollower(log, changed=changed)
+            poll_s = ASKED_S if asking or kernels else POLL_S
+            doors = DoorFollower(log, changed=changed, poll_s=poll_s)
     else:
         root = save_root or (None if yaml is None else yaml.absolute().parent)
         saver = DoorSaver(root, log, default_prob=default_prob)

@@ -8,13 +8,14 @@ import ipaddress
 import os
 import socket
 import stat
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.errors import AddressError
 
-LISTENING = 128
+LISTENING = 1024
 """Clients that may wait until they are let in."""
 
 CONNECT_S = 10.0
@@ -36,7 +37,12 @@ class UnixAddress:
             AddressError: Nobody does.
         """
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        return _connected(connection, lambda: connection.connect(str(self.path)), self)
+        try:
+            _connect_unix(connection, self.path)
+        except OSError as error:
+            connection.close()
+            raise _nobody(self, error) from error
+        return connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +143,7 @@ def _listen_unix(address: UnixAddress) -> Listener:
         _make_room(path)
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            listener.bind(str(path))
+            listener.bind(str(address.path))  # as given: an absolute one may be too long
             path.chmod(0o600)  # before it listens: until then nobody is let in
             listener.listen(LISTENING)
         except OSError:
@@ -205,17 +211,23 @@ def _file_id(path: Path) -> tuple[int, int] | None:
     return found.st_dev, found.st_ino
 
 
-def _connected(
-    connection: socket.socket, connect: Callable[[], None], address: Address
-) -> socket.socket:
-    try:
-        connection.settimeout(CONNECT_S)
-        connect()
-    except OSError as error:
-        connection.close()
-        raise _nobody(address, error) from error
-    connection.settimeout(None)
-    return connection
+def _connect_unix(connection: socket.socket, path: Path) -> None:
+    """Connect; where many wait at the door, wait behind them.
+
+    Raises:
+        OSError: Nobody listens, or lets us in in time.
+    """
+    end_s = time.monotonic() + CONNECT_S
+    connection.setblocking(False)
+    while True:
+        try:
+            connection.connect(str(path))
+            break
+        except BlockingIOError:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(0.005)
+    connection.setblocking(True)
 
 
 def _nobody(address: Address, error: OSError) -> AddressError:

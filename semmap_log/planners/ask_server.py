@@ -7,10 +7,6 @@ the log, are done by others; a client that waits, sleeps or floods holds up nobo
 from __future__ import annotations
 
 import contextlib
-import errno
-import heapq
-import os
-import resource
 import selectors
 import socket
 import threading
@@ -23,14 +19,15 @@ from functools import partial
 
 from semmap_log.errors import SemmapError
 from semmap_log.planners.addresses import Listener
+from semmap_log.planners.admission import Admission
 from semmap_log.planners.connection import Broken, Connection
+from semmap_log.planners.deadlines import Deadlines
 from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
 from semmap_log.planners.question_lines import (
     Answer,
     Line,
     LineError,
     read_line,
-    too_long,
     write_answer,
     write_error,
 )
@@ -38,8 +35,6 @@ from semmap_log.planners.questions import QuestionKind
 from semmap_log.planners.tokens import TOKEN, is_token
 
 MOST_CLIENTS = 1000
-OTHER_FILES = 200
-"""Open files that are no clients: the log's, and what else the process has."""
 ACTIONS_AT_ONCE = 8
 """They share the syncs of their commits."""
 LOOK_UPS_AT_ONCE = 2
@@ -81,13 +76,11 @@ class AskServer:
         self._listener = listener
         self._token = token
         self._say = say
-        self._most_clients = most_clients
         self._selector = selectors.DefaultSelector()
         self._connections: set[Connection] = set()
-        self._ready: deque[Connection] = deque()
+        self._ready: dict[Connection, None] = {}
         """Clients with lines that were not looked at yet, though they could be."""
-        self._deadlines: list[tuple[float, int, Connection]] = []
-        self._count = 0
+        self._deadlines = Deadlines()
         self._answers: deque[tuple[Connection, bytes]] = deque()
         """What other threads have found."""
         self._known_lines: dict[bytes, Line] = {}
@@ -97,8 +90,7 @@ class AskServer:
         self._look_ups = ThreadPoolExecutor(LOOK_UPS_AT_ONCE, "ask-look-up")
         self._waker, self._woken = socket.socketpair()
         self._is_woken = False
-        self._spare: int | None = None
-        _allow_files(most_clients + OTHER_FILES)
+        self._admission = Admission(listener.socket, most_clients)
         self._thread = threading.Thread(target=self._run, name="ask", daemon=True)
         self._thread.start()
 
@@ -115,11 +107,13 @@ class AskServer:
     def close(self) -> None:
         """Take no more questions, finish those that were begun, and leave."""
         self._ending = True
-        self._wake()
+        if self._thread.is_alive():
+            self._wake()
         self._thread.join()
         self._actions.shutdown()
         self._look_ups.shutdown()
-        self._waker.close()
+        self._waker.close()  # not before: whoever still has an answer wakes us
+        self._woken.close()
 
     def _run(self) -> None:
         """Serve until the end."""
@@ -128,18 +122,18 @@ class AskServer:
         except Exception as error:  # noqa: BLE001  whoever runs the server must hear of it
             self._failure = error
             self._say(traceback.format_exc())
+            for connection in self._connections:
+                connection.socket.close()
         finally:
             self._listener.close()
 
     def _serve_all(self) -> None:
         """Wait for clients, and serve them in turns."""
-        self._spare = os.open(os.devnull, os.O_RDONLY)
-        self._listener.socket.setblocking(False)
         self._woken.setblocking(False)
         self._selector.register(self._listener.socket, _READ, self._accept)
         self._selector.register(self._woken, _READ, self._sleep_again)
         while not self._ending:
-            self._turn(self._next_deadline())
+            self._turn(self._deadlines.next_s())
         self._finish()
 
     def _turn(self, timeout_s: float | None) -> None:
@@ -151,9 +145,10 @@ class AskServer:
                 key.data()
         while self._answers:
             self._give(*self._answers.popleft())
-        for _ in range(len(self._ready)):
-            self._serve(self._ready.popleft(), 0)
-        self._meet_deadlines()
+        ready, self._ready = self._ready, {}
+        for connection in ready:
+            self._serve(connection, 0)
+        self._deadlines.meet()
 
     def _serve(self, connection: Connection, events: int) -> None:
         """Take what a client sends, answer its next lines, and give it what it takes."""
@@ -179,7 +174,7 @@ class AskServer:
         """Wait for what a client does next; let go of one with which all is done."""
         waits = connection.is_busy or connection.is_full
         if connection.lines and not waits:
-            self._ready.append(connection)
+            self._ready[connection] = None
         if connection.is_done:
             self._drop(connection)
             return
@@ -199,8 +194,7 @@ class AskServer:
         if connection.is_leaving:
             return
         if isinstance(data, Broken):
-            problem = too_long() if data is Broken.TOO_LONG else "expected a line end, got none"
-            connection.answer(write_error(problem))
+            connection.answer(write_error(data.problem, is_json=data.is_json))
             return
         if not connection.is_known:
             self._check_token(connection, data)
@@ -211,6 +205,9 @@ class AskServer:
             answer = self._oracle.at_once(line.asked)
         except (SemmapError, OSError) as error:
             connection.answer(_problem(line or error, str(error)))
+            return
+        except Exception as error:  # noqa: BLE001  the others are still to be answered
+            connection.answer(self._own_problem(line or error, error))
             return
         if answer is not None:
             connection.answer(write_answer(line, answer))
@@ -250,7 +247,7 @@ class AskServer:
                 asked, lambda answer: self._post(connection, write_answer(line, answer))
             )
             connection.end_wait = lambda: end(ENDS)
-            self._set_deadline(connection, asked.number, lambda: end(time_is_over(asked)))
+            self._deadlines.set(connection, asked.number, lambda: end(time_is_over(asked)))
             return
         pool = self._actions if asked.question.kind is QuestionKind.ACTION else self._look_ups
         pool.submit(self._answer, connection, line)
@@ -263,9 +260,13 @@ class AskServer:
         except (SemmapError, OSError) as error:
             said = _problem(line, str(error))
         except Exception as error:  # noqa: BLE001  the client waits for an answer, whatever it is
-            self._say(f"{line.asked.question.name}: {traceback.format_exc()}")
-            said = _problem(line, f"{type(error).__name__}: {error}")
+            said = self._own_problem(line, error)
         self._post(connection, said)
+
+    def _own_problem(self, of: Line | BaseException, error: Exception) -> bytes:
+        """Return the answer where we have failed, and tell who runs the server how."""
+        self._say(traceback.format_exc())
+        return _problem(of, f"{type(error).__name__}: {error}")
 
     def _post(self, connection: Connection, said: bytes) -> None:
         """Have an answer given by the server's own thread."""
@@ -292,35 +293,12 @@ class AskServer:
 
     def _accept(self) -> None:
         """Let in who waits at the door."""
-        for _ in range(LINES_A_TURN):
-            try:
-                connected, _ = self._listener.socket.accept()
-            except BlockingIOError:
-                return
-            except OSError as error:
-                if error.errno in (errno.EMFILE, errno.ENFILE):
-                    self._refuse_by_spare()
-                    return
-                continue  # that one has gone again
-            if len(self._connections) >= self._most_clients:
-                _refuse(connected, f"{self._most_clients:,} clients are here; come later")
-                continue
+        for connected in self._admission.admitted(len(self._connections)):
             connection = Connection(connected, is_known=self._token is None)
             self._connections.add(connection)
             if not connection.is_known:
-                self._set_deadline(connection, TOKEN_WITHIN_S, partial(self._send_off, connection))
+                self._deadlines.set(connection, TOKEN_WITHIN_S, partial(self._send_off, connection))
             self._watch(connection)
-
-    def _refuse_by_spare(self) -> None:
-        """Tell one client that no more files can be open: it takes one that was kept for that."""
-        if self._spare is not None:
-            os.close(self._spare)
-            self._spare = None
-        with contextlib.suppress(OSError):
-            connected, _ = self._listener.socket.accept()
-            _refuse(connected, "the server cannot open more files; come later")
-        with contextlib.suppress(OSError):
-            self._spare = os.open(os.devnull, os.O_RDONLY)
 
     def _drop(self, connection: Connection) -> None:
         """Let go of a client; an action that it has begun is finished all the same."""
@@ -332,30 +310,6 @@ class AskServer:
             self._selector.unregister(connection.socket)
         connection.socket.close()
         self._connections.discard(connection)
-
-    def _set_deadline(
-        self, connection: Connection, seconds: float, at_deadline: Callable[[], None]
-    ) -> None:
-        connection.deadline_s = time.monotonic() + seconds
-        connection.at_deadline = at_deadline
-        self._count += 1  # no two are alike, and connections cannot be compared
-        heapq.heappush(self._deadlines, (connection.deadline_s, self._count, connection))
-        if len(self._deadlines) > 2 * len(self._connections) + 64:  # most are over before their end
-            self._deadlines = [each for each in self._deadlines if each[2].deadline_s == each[0]]
-            heapq.heapify(self._deadlines)
-
-    def _next_deadline(self) -> float | None:
-        """Return for how many seconds nothing has to be done; None: for ever."""
-        if not self._deadlines:
-            return None
-        return max(self._deadlines[0][0] - time.monotonic(), 0.0)
-
-    def _meet_deadlines(self) -> None:
-        while self._deadlines and self._deadlines[0][0] <= time.monotonic():
-            deadline_s, _, connection = heapq.heappop(self._deadlines)
-            if connection.deadline_s == deadline_s:
-                connection.deadline_s = None
-                connection.at_deadline()
 
     def _finish(self) -> None:
         """Give the answers to what was begun, as long as clients take them, and let all go."""
@@ -376,9 +330,7 @@ class AskServer:
         for connection in list(self._connections):
             self._drop(connection)
         self._selector.close()
-        self._woken.close()
-        if self._spare is not None:
-            os.close(self._spare)
+        self._admission.close()
 
 
 def _problem(of: Line | BaseException, problem: str) -> bytes:
@@ -386,19 +338,3 @@ def _problem(of: Line | BaseException, problem: str) -> bytes:
     if isinstance(of, (Line, LineError)):
         return write_error(problem, is_json=of.is_json, given_id=of.given_id)
     return write_error(problem)
-
-
-def _refuse(connected: socket.socket, problem: str) -> None:
-    """Tell a client why it is not let in."""
-    with connected, contextlib.suppress(OSError):
-        connected.setblocking(False)
-        connected.send(write_error(problem))
-
-
-def _allow_files(count: int) -> None:
-    """Let the process have so many files open, as far as the system lets it."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = count if hard == resource.RLIM_INFINITY else min(count, hard)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))

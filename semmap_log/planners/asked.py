@@ -97,7 +97,8 @@ class _Reader:
             self._refuse("expected a question, AT and a time")
         *inner, _, time = self._words
         asked = read_words(inner)
-        if asked.question.times not in (Times.WHEN, Times.WHEN_OR_AT) or asked.learnt_at:
+        takes_time = asked.question.times in (Times.WHEN, Times.WHEN_OR_AT)
+        if not (takes_time and asked.known_at is asked.learnt_at is None):
             self._refuse(f"{asked.question.name} cannot be asked of what was known")
         return replace(asked, known_at=self._time(time))
 

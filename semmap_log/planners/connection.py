@@ -8,20 +8,27 @@ import struct
 import sys
 from collections import deque
 from collections.abc import Callable
-from enum import Enum
+from dataclasses import dataclass
 
-from semmap_log.planners.question_lines import MOST_LINE_BYTES
+from semmap_log.planners.question_lines import MOST_LINE_BYTES, too_long
 
 CHUNK_BYTES = 2**14
 MOST_ANSWERS_BYTES = 2**16
 """A client that does not take its answers is asked nothing more while so many wait."""
 
 
-class Broken(Enum):
+@dataclass(frozen=True, slots=True)
+class Broken:
     """What came in the place of a line."""
 
-    TOO_LONG = "too long"
-    HALF = "half"
+    problem: str
+    is_json: bool
+    """Whether it began as a question in JSON does."""
+
+    @classmethod
+    def of(cls, begun: bytes, problem: str) -> Broken:
+        """Return what is wrong with a line that began like that."""
+        return cls(problem, begun.startswith(b"{"))
 
 
 class Connection:
@@ -113,14 +120,14 @@ class Connection:
             return
         self._rest += part
         if len(self._rest) >= MOST_LINE_BYTES:
+            self.lines.append(Broken.of(self._rest, too_long()))
             self._rest, self._skips = b"", True
-            self.lines.append(Broken.TOO_LONG)
 
     def _end(self) -> None:
         self.has_ended = True
         if self._rest:
+            self.lines.append(Broken.of(self._rest, "expected a line end, got none"))
             self._rest = b""
-            self.lines.append(Broken.HALF)
 
     def answer(self, line: bytes) -> None:
         """Let it have a line, by `send`."""

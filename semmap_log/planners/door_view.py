@@ -1,7 +1,7 @@
 """The doors of one moment, found by the words that planners have for them.
 
     DOOR_3          the door of id 3, whatever doors are called
-    DOOR_main_door  the door that is called `main_door`
+    DOOR_main_door  the door that is called `main_door`; DOOR_ground/main_door, where several are
     "main door"     what the command line takes: a name, level/name, an id, or id:3
 
 A name that several doors bear means none of them: it is told by which ids to say it.
@@ -18,7 +18,7 @@ from semmap_log.folds.doors_present import DoorsPresent
 from semmap_log.planners.asked import DOOR
 from semmap_log.planners.question_lines import Atom
 
-_ID = re.compile(r"(?:0|[1-9][0-9]{0,9})")
+_DOOR_ID = re.compile(r"(?:0|[1-9][0-9]{0,9})")
 
 
 def atom_of(door_id: int) -> Atom:
@@ -64,12 +64,17 @@ class DoorView:
         if not word.startswith(DOOR):
             return resolve_door(word, self.door_map)
         called = word.removeprefix(DOOR)
-        if _ID.fullmatch(called):
+        if _DOOR_ID.fullmatch(called):
             door_id = DoorId(int(called))
             if door_id > MAX_DOOR_ID or door_id not in self._doors:
                 raise UnknownDoorError(f"no door {word} is in the map.")
             return door_id
-        return self._called(called) or resolve_door(word, self.door_map)
+        found = self._called(called) or self._called(word)
+        if found is None and "/" in called:
+            return resolve_door(called, self.door_map)
+        if found is None:
+            raise UnknownDoorError(f"no door is called {called!r}.")
+        return found
 
     def _called(self, name: str) -> DoorId | None:
         """Return the only door of a name; None: no door bears it.

@@ -32,16 +32,17 @@ class LearntDoors:
 
         Args:
             log: With all that was written.
-            event: Up to which; it does not become less but after `forget`.
+            event: Up to which.
             doors: Which.
-            now_ns: What was known then counts.
-            time_ns: Of the forecast, not before now.
+            now_ns: What had happened by then counts.
+            time_ns: Of the forecast; before now, only what had happened by then counts.
         """
+        known_ns = min(now_ns, time_ns)
         with self._learning:
             self._take_in(log, event)
-            beliefs = self._by_estimator[default_estimator(time_ns - now_ns)]
+            beliefs = self._by_estimator[default_estimator(time_ns - known_ns)]
             said = [
-                beliefs.predict(door, np.array([time_ns]), np.array([now_ns])) for door in doors
+                beliefs.predict(door, np.array([time_ns]), np.array([known_ns])) for door in doors
             ]
         return [(float(each.p_open[0]), bool(each.is_known[0])) for each in said]
 
@@ -51,7 +52,10 @@ class LearntDoors:
             self._by_estimator = {}
 
     def _take_in(self, log: DoorLog, event: int) -> None:
-        """Learn what came since, up to an event; a retraction begins anew."""
+        """Learn what came since, up to an event; a retraction begins anew.
+
+        Another thread may have learnt of later ones already.
+        """
         if self._by_estimator and event > self._event:
             since, until = Moment(event=self._event + 1), Moment(event=event + 1)
             batches = list(log.batches(since, until))
@@ -60,9 +64,10 @@ class LearntDoors:
             else:
                 for batch in batches:
                     self._by_estimator[NOW].evidence.apply(batch)
+                self._event = event
         if not self._by_estimator:
             projection = BeliefProjection(NOW, log.info.timezone)
             near = log.fold(projection, event=event) if event >= 0 else projection.initial()
             far = Beliefs(by_name(LATER), near.clock, near.evidence)
             self._by_estimator = {NOW: near, LATER: far}
-        self._event = event
+            self._event = event

@@ -8,29 +8,23 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable
-from typing import TypeVar
 
-from semmap_log.beliefs import best_time, probabilities
-from semmap_log.domain.doors import Door, DoorState
 from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import QuestionError, SemmapError, UnknownDoorError
 from semmap_log.planners.actions import AskedDoors, act
 from semmap_log.planners.asked import AskedQuestion
-from semmap_log.planners.door_view import DoorView, atom_of
-from semmap_log.planners.learnt import LearntDoors
+from semmap_log.planners.door_view import DoorView
+from semmap_log.planners.known_doors import KnownDoors
+from semmap_log.planners.likely_answers import LikelyAnswers
 from semmap_log.planners.question_lines import Answer, Value
 from semmap_log.planners.questions import BY_NAME, QUESTIONS, QuestionKind, similar
 from semmap_log.planners.state_answers import HOLDS, STATE_QUESTIONS, nothing, state_answer
-from semmap_log.planners.waiting import Wait, Waits
+from semmap_log.planners.waits import Wait, Waits
 
-T = TypeVar("T")
-
-MOST_REMEMBERED = 64
-"""Moments of the past."""
+LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
 
 ENDS = Answer(value=False, reason="the server ends.")
 
@@ -64,10 +58,10 @@ class Oracle:
         self._doors = doors
         self._say = say
         self._clock_ns = clock_ns
-        self._learnt = LearntDoors()
+        self._likely = LikelyAnswers()
         self._waits = Waits()
         self._refreshing = threading.Lock()
-        self._now = _Doors(DoorView(doors.door_map()))
+        self._now = KnownDoors(DoorView(doors.door_map()))
         self._failure: SemmapError | OSError | None = None
 
     @property
@@ -87,8 +81,8 @@ class Oracle:
                 self._failure = error
                 return
             if view.door_map.event < self._now.view.door_map.event:
-                self._learnt.forget()
-            self._now = _Doors(view)
+                self._likely.forget()
+            self._now = KnownDoors(view)
         self._waits.look(view)
 
     def at_once(self, asked: AskedQuestion) -> Answer | None:
@@ -166,81 +160,19 @@ class Oracle:
 
     def _look_up(self, asked: AskedQuestion) -> Answer:
         """Return what the log tells of a question of another moment, or of what is likely."""
-        log, now = self._doors.log, self._now
+        now = self._now
+        log = self._doors.log  # not before: it must be as new
         now_ns = max(self._clock_ns(), now.view.door_map.latest_ns)
         name = asked.question.name
-        if name == "BEST_TIME":
-            return _best_time(log, now, asked, now_ns)
-        if name == "NEXT_DOOR":
-            return self._next_door(log, now, asked, now_ns)
-        if asked.learnt_at is not None:
-            return self._learnt_probability(log, now, asked, now_ns)
+        if name in LIKELY_QUESTIONS or asked.learnt_at is not None:
+            return self._likely.answer(log, now, asked, now_ns)
         when = log.moment(asked.when, now_ns=now_ns)
         known_at = log.moment(asked.known_at, now_ns=now_ns)
-        is_of_now = when == known_at == Moment()
-        view = now.view if is_of_now else now.remembered(
-            (when, known_at), lambda: DoorView(log.replay(at=when, known_at=known_at))
-        )  # fmt: skip
+        view = now.view_at(log, when, known_at)
         if name == "WHY":
             knows_all = known_at == Moment() and when.event is None
             return _why(log, view, asked, None if knows_all else view.door_map.event)
         return state_answer(view, asked)
-
-    def _next_door(self, log: DoorLog, now: _Doors, asked: AskedQuestion, now_ns: int) -> Answer:
-        found = [door for word in asked.doors if (door := now.view.find(word)) is not None]
-        if not found:
-            return nothing(asked, "none of them is in the map.")
-        said = self._p_open(log, now, found, asked.learnt_at, now_ns)
-        best = max(range(len(found)), key=lambda place: said[place][0])
-        return Answer(atom_of(found[best].door_id))
-
-    def _learnt_probability(
-        self, log: DoorLog, now: _Doors, asked: AskedQuestion, now_ns: int
-    ) -> Answer:
-        door = now.view.door(asked.doors[0])
-        ((p_open, is_known),) = self._p_open(log, now, [door], asked.learnt_at, now_ns)
-        value = p_open if asked.question.name == "PROBABILITY_DOOR_OPEN" else 1.0 - p_open
-        if not is_known:
-            return nothing(asked, f"too little was seen of it; of such doors: {value:.3g}.")
-        return Answer(value)
-
-    def _p_open(
-        self, log: DoorLog, now: _Doors, doors: list[Door], time: str | int | None, now_ns: int
-    ) -> list[tuple[float, bool]]:
-        """Return P(open) of doors at a time, None: now; and whether enough is known to tell."""
-        at = Moment(ns=now_ns) if time is None else log.moment(time, now_ns=now_ns)
-        time_ns = log.instant(at)
-        assert time_ns is not None
-        ids = [door.door_id for door in doors]
-        if time_ns >= now_ns:
-            event = now.view.door_map.event
-            return self._learnt.p_open(log, event, ids, now_ns=now_ns, time_ns=time_ns)
-        then = Moment(ns=time_ns)
-        said = now.remembered((then, tuple(ids)), lambda: probabilities(log, at=then, doors=ids))
-        by_id = {each.door.door_id: (each.p_open, each.is_known) for each in said}
-        return [by_id[door_id] for door_id in ids]
-
-
-class _Doors:
-    """The doors of now, and what was looked up since they are so."""
-
-    def __init__(self, view: DoorView) -> None:
-        self.view = view
-        self._remembered: OrderedDict[object, object] = OrderedDict()
-        self._mutex = threading.Lock()
-
-    def remembered(self, key: object, look_up: Callable[[], T]) -> T:
-        """Return what was looked up before, or look it up."""
-        with self._mutex:
-            if key in self._remembered:
-                self._remembered.move_to_end(key)
-                return self._remembered[key]  # type: ignore[return-value]
-        found = look_up()
-        with self._mutex:
-            self._remembered[key] = found
-            if len(self._remembered) > MOST_REMEMBERED:
-                self._remembered.popitem(last=False)
-        return found
 
 
 def time_is_over(asked: AskedQuestion) -> Answer:
@@ -256,17 +188,6 @@ def _help(asked: AskedQuestion) -> Answer:
     if question is None:
         raise QuestionError(f"{asked.name} is no question.{similar(asked.name)}")
     return Answer(question.help)
-
-
-def _best_time(log: DoorLog, now: _Doors, asked: AskedQuestion, now_ns: int) -> Answer:
-    door = now.view.door(asked.doors[0])
-    state = "closed" if asked.state is DoorState.CLOSED else "open"
-    found = best_time(log, door.door_id, state, at=Moment(ns=now_ns))  # type: ignore[arg-type]
-    if not found.next_ones:
-        return nothing(asked, "too little was seen of it.")
-    best = max(found.next_ones, key=lambda hours: hours.probability)
-    times = [format_wall(ns, found.tz) for ns in (best.start_ns, best.end_ns)]
-    return Answer([*times, best.probability])
 
 
 def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, limit: int | None) -> Answer:

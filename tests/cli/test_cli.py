@@ -45,6 +45,8 @@ VERBS = [
     "compact",
     "view",
     "report",
+    "serve",
+    "ask",
     "play",
     "call",
 ]

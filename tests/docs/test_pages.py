@@ -18,6 +18,8 @@ from semmap_log.cli.app import app
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 READER = "log_format.md"
 """Its program wants a log: `test_log_format` runs it."""
+WITH_A_SERVER = "planners.md"
+"""Its questions want a server beside them: `test_planners_page` runs it."""
 SET_UP = "python3 -m venv"
 """What begins with it installs the project: CI runs it, from the README."""
 
@@ -31,7 +33,7 @@ def _to_run(path: Path) -> list[Block]:
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     "path",
-    [path for path in PAGES if path.name != READER and _to_run(path)],
+    [path for path in PAGES if path.name not in (READER, WITH_A_SERVER) and _to_run(path)],
     ids=lambda path: str(path.relative_to(ROOT)),
 )
 def test_what_a_page_runs_does_what_it_says(path: Path, tmp_path: Path) -> None:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from semmap_log.projections.door_map import DoorMapState
+from semmap_log.projections.doors_present import DoorsPresent
+
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved
+from tests.batches import batch_of
 
 
 def test_ids_ascend_whichever_door_was_asked_for_first(tmp_path: Path) -> None:
@@ -22,3 +26,22 @@ def test_ids_ascend_whichever_door_was_asked_for_first(tmp_path: Path) -> None:
 
     assert [1, 2, 3] == [door.door_id for door in doors.values()]
     assert [1, 2, 3] == [door_id for door_id, _ in doors.items()]
+
+
+def test_doors_by_state_and_by_name() -> None:
+    """
+    A state that only a later version knows is UNKNOWN; the name of a door that was removed is not
+    told.
+    """
+    state = DoorMapState()
+    added = [DoorAdded(door_id=DoorId(i), state=DoorState.OPEN) for i in (3, 1, 2, 4)]
+    named = [DoorAnnotated(door_id=DoorId(i), key="name", value=f"d{i}") for i in (2, 4)]
+    state.apply(batch_of([*added, *named, DoorRemoved(door_id=DoorId(4))]))
+    state._columns["state"][state._row_of[2]] = 77
+    doors = state.door_map().doors
+
+    assert isinstance(doors, DoorsPresent)
+    assert [1, 3] == doors.in_state(DoorState.OPEN)
+    assert [2] == doors.in_state(DoorState.UNKNOWN)
+    assert {2: "d2"} == doors.names()
+    assert DoorState.UNKNOWN is doors[DoorId(2)].state

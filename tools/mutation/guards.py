@@ -21,6 +21,7 @@ from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant, guard
 from mutation.newer_guards import NEWER
 from mutation.picture_guards import PICTURES
+from mutation.planner_guards import PLANNERS
 from mutation.ros_mapping_guards import ROS_MAPPING
 from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
@@ -363,4 +364,5 @@ GUARDS: tuple[Mutant, ...] = (
     *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
+    *PLANNERS,
 )  # fmt: skip

@@ -1,0 +1,569 @@
+"""The server of questions: many clients, hostile ones, silent ones, and its end."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import os
+import random
+import resource
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import semmap_log as sl
+from semmap_log.planners import ask_server
+from semmap_log.planners.addresses import read_address
+from semmap_log.planners.ask_client import AskClient
+from semmap_log.planners.ask_server import MOST_KNOWN_LINES, AskServer
+from semmap_log.planners.connection import MOST_ANSWERS_BYTES
+from semmap_log.planners.question_lines import MOST_LINE_BYTES
+from semmap_log.planners.state_answers import STATE_QUESTIONS
+from tests.live.running import wait_until
+from tests.planners.asker import Asker
+from tests.planners.running_server import Raw, serving, unix_in
+
+TOKEN = "a-token-of-many-letters"
+
+
+@pytest.fixture
+def server(ask: Asker, tmp_path: Path) -> Iterator[AskServer]:
+    with serving(ask, unix_in(tmp_path)) as running:
+        yield running
+
+
+@pytest.fixture
+def client(server: AskServer) -> Iterator[Raw]:
+    with Raw(server.address) as raw:
+        yield raw
+
+
+def test_each_sort_of_question_over_the_socket(client: Raw) -> None:
+    """
+    At once, looked up, done, waited for; in words and in JSON.
+    """
+    assert client.ask("DOOR_OPEN DOOR_1") == "T"
+    assert client.ask("DOOR_OPEN DOOR_1 now") == "T"
+    assert client.ask("SET_DOOR_CLOSED DOOR_1") == "T"
+    assert client.ask("DOOR_OPEN DOOR_1") == "NIL"
+    assert client.ask("WAIT_UNTIL DOOR_1 CLOSED 5") == "T"
+    assert client.ask("WAIT_UNTIL DOOR_1 OPEN 0.01") == "NIL"
+    assert client.ask('{"ask": "DOOR_STATE", "args": [1], "id": 4}') == (
+        '{"answer": "CLOSED", "id": 4}'
+    )
+    assert client.ask("FOO").startswith('ERROR "')
+    assert json.loads(client.ask('{"ask": "FOO", "id": 5}'))["id"] == 5
+    assert client.ask("DOOR_OPEN DOOR_2\r") == "NIL"
+
+
+def test_answers_come_in_the_order_of_the_questions(client: Raw) -> None:
+    """
+    Sent in one go, slow and quick ones mixed: each sees what those before it did.
+    """
+    lines, expected, is_open = [], [], True
+    dice = random.Random(3)
+    for _ in range(200):
+        kind = dice.randrange(4)
+        if kind == 0:
+            is_open = not is_open
+            lines.append("SET_DOOR_OPEN DOOR_1" if is_open else "SET_DOOR_CLOSED DOOR_1")
+            expected.append("T")
+        elif kind == 3:
+            lines.append("WAIT_UNTIL DOOR_1 OPEN 0")
+            expected.append("T" if is_open else "NIL")
+        else:
+            lines.append("DOOR_OPEN DOOR_1" if kind == 1 else "BELIEVED DOOR_OPEN DOOR_1 AT now")
+            expected.append("T" if is_open else "NIL")
+
+    client.send("".join(f"{line}\n" for line in lines).encode())
+
+    assert expected == [client.line() for _ in lines]
+
+
+def test_who_is_at_the_other_end_of_a_socket_is_told(ask: Asker, client: Raw) -> None:
+    """
+    In the note of what was done.
+    """
+    client.ask("SET_DOOR_CLOSED DOOR_1")
+
+    commit = list(ask.doors.log.commits())[-1]
+    assert f"SET_DOOR_CLOSED from pid {os.getpid()}" == commit.note.source
+
+
+@pytest.mark.parametrize(
+    ("sent", "problem"),
+    [
+        (b"x" * MOST_LINE_BYTES + b"\n", "expected a line of at most 65,536 bytes"),
+        (b"x" * (5 * MOST_LINE_BYTES) + b"\n", "expected a line of at most 65,536 bytes"),
+        (b"{" + b"x" * (5 * MOST_LINE_BYTES) + b"\n", "expected a line of at most 65,536 bytes"),
+        (b"DOOR_OPEN DOOR_1\0\n", "without control characters"),
+        (b"DOOR_OPEN \xff\xfe\n", "expected UTF-8 text"),
+        (b"\n", "got none"),
+        (b"\r\n", "got none"),
+        (b"GET / HTTP/1.1\r\n", "'GET' is no question"),
+        (b"\x16\x03\x01\x02\x00\n", "control characters"),
+    ],
+)
+def test_a_bad_line_is_one_error_and_the_next_is_answered(
+    client: Raw, sent: bytes, problem: str
+) -> None:
+    """
+    However long, and in however many pieces.
+    """
+    client.send(sent + b"DOOR_OPEN DOOR_1\n")
+
+    assert problem in client.line()
+    assert client.line() == "T"
+
+
+def test_a_line_comes_in_pieces(client: Raw) -> None:
+    """
+    As TCP cuts it: byte by byte, two at a time, and the end of one with the beginning of another.
+    """
+    data = b"DOOR_OPEN DOOR_1\nDOOR_OPEN DOOR_2\n" * 3
+    for size in (1, 2, 7, 20):
+        for at in range(0, len(data), size):
+            client.send(data[at : at + size])
+            time.sleep(0)
+        assert ["T", "NIL"] * 3 == [client.line() for _ in range(6)]
+
+
+def test_half_a_line_does_nothing(ask: Asker, server: AskServer) -> None:
+    """
+    Whoever leaves in the middle of an action has not asked for it; who only ends is told.
+    """
+    with Raw(server.address) as left:
+        left.send(b"REMOVE_DOOR DOOR_1")
+    with Raw(server.address) as ended:
+        ended.send(b"DOOR_OPEN DOOR_1\nREMOVE_DOOR DOOR_1")
+        ended.half_close()
+        said = [ended.line(), ended.line(), ended.line()]
+
+    assert ["T", 'ERROR "expected a line end, got none"', ""] == said
+    assert ask("DOOR_STATE_KNOWN DOOR_1") == "T"
+
+
+def test_a_line_without_an_end_is_not_kept(server: AskServer) -> None:
+    """
+    It is refused as soon as it is too long; what follows belongs to it.
+    """
+    with Raw(server.address) as client:
+        client.send(b"x" * (10 * MOST_LINE_BYTES))
+        client.half_close()
+
+        assert "at most 65,536 bytes" in client.line()
+        assert client.line() == ""
+
+
+def test_broken_lines_in_json_are_answered_in_json(server: AskServer) -> None:
+    """
+    As far as one can tell: by how they began.
+    """
+    with Raw(server.address) as client:
+        client.send(b'{"' + b"x" * (2 * MOST_LINE_BYTES) + b'\n{"ask": "DOORS"')
+        client.half_close()
+        said = [json.loads(client.line())["error"] for _ in range(2)]
+
+    assert ["expected a line of at most 65,536 bytes, got a longer one",
+            "expected a line end, got none"] == said  # fmt: skip
+
+
+def test_who_ends_after_asking_gets_all_answers(server: AskServer) -> None:
+    """
+    As `printf … | nc -N -U` does, with a question that waits among them.
+    """
+    with Raw(server.address) as client:
+        client.send(b"DOOR_OPEN DOOR_1\nWAIT_UNTIL DOOR_1 CLOSED 0.05\nSET_DOOR_OPEN DOOR_2\n")
+        client.half_close()
+
+        assert ["T", "NIL", "T", ""] == [client.line() for _ in range(4)]
+
+
+_pieces = st.lists(
+    st.binary(max_size=50)
+    | st.sampled_from([b"DOOR_OPEN DOOR_1\n", b"\n", b'{"ask"', b"WAIT_UNTIL DOOR_1 CLOSED 0\n",
+                       b"x" * 70_000, b'"', b"\r\n", b"\0", b"#", b"AT ", b"DOORS\n", b"HELP\n"])
+)  # fmt: skip
+
+
+@given(pieces=_pieces)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_bytes_get_a_line_for_each_line(server: AskServer, pieces: list[bytes]) -> None:
+    """
+    And one for what is left behind the last; then the next client is answered.
+    """
+    data = b"".join(pieces)
+    with Raw(server.address) as client:
+        threading.Thread(target=lambda: (client.send(data), client.half_close())).start()
+        said = []
+        while line := client.line():
+            said.append(line)
+
+    assert len(data.removesuffix(b"\n").split(b"\n")) * bool(data) == len(said)
+    assert all(line.isprintable() for line in said)
+    with Raw(server.address) as another:
+        assert another.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_a_client_that_never_reads_holds_up_nobody_and_takes_little_memory(
+    server: AskServer,
+) -> None:
+    """
+    It is asked nothing more once its answers pile up, and gets all of them if it reads after all.
+    """
+    question, count = b"HELP\n", 3000
+    with Raw(server.address) as silent, Raw(server.address) as other:
+        sending = threading.Thread(target=lambda: silent.send(question * count))
+        sending.start()
+        wait_until(lambda: any(each.is_full for each in server._connections), "it is full")
+        assert [other.ask("DOOR_OPEN DOOR_1") for _ in range(100)] == ["T"] * 100
+        (full,) = [each for each in server._connections if each.is_full]
+        assert len(full._answers) < 2 * MOST_ANSWERS_BYTES
+        answers = {silent.line() for _ in range(count)}
+        sending.join()
+
+    assert 1 == len(answers)
+
+
+def test_a_slow_question_holds_up_nobody(
+    ask: Asker, server: AskServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Not even as many as are looked up at a time, and more: actions go on, too.
+    """
+    going_on, log = threading.Event(), ask.doors.log
+    replay, held_up = log.replay, list[object]()
+
+    def slow_replay(**moment: object) -> object:
+        if not going_on.wait(30):
+            held_up.append(moment)
+        return replay(**moment)
+
+    monkeypatch.setattr(log, "replay", slow_replay)
+    slow = [Raw(server.address) for _ in range(10)]
+    for each in slow:
+        each.send(b"DOOR_OPEN DOOR_1 event:1\n")
+    with Raw(server.address) as other:
+        said = [other.ask("DOOR_OPEN DOOR_1"), other.ask("SET_DOOR_OPEN DOOR_2")]
+    going_on.set()
+
+    assert (["T", "T"], []) == (said, held_up)
+    assert ["T"] * 10 == [each.line() for each in slow]
+    for each in slow:
+        each.close()
+
+
+def test_two_hundred_clients(ask: Asker, server: AskServer) -> None:
+    """
+    Each sets, asks and waits; all are answered, and each action is one commit.
+    """
+    clients = [Raw(server.address) for _ in range(200)]
+    before = len(list(ask.doors.log.commits()))
+    waiting, acting = clients[:100], clients[100:]
+    for each in waiting:
+        each.send(b"WAIT_UNTIL DOOR_4 OPEN 60\n")
+    for i, each in enumerate(acting):
+        each.send(f"SET_OPEN_PROBABILITY DOOR_1 {i / 1000}\nDOOR_OPEN DOOR_1\n".encode())
+    assert [("T", "T")] * 100 == [(each.line(), each.line()) for each in acting]
+    wait_until(lambda: len(ask.oracle._waits._waiting) == 100, "all wait")
+    acting[0].ask("SET_DOOR_OPEN DOOR_4")
+
+    assert ["T"] * 100 == [each.line() for each in waiting]
+    for each in clients:
+        each.close()
+    wait_until(lambda: not server._connections, "all are gone")
+    assert 101 == len(list(ask.doors.log.commits())) - before + ask("DOOR_OPEN DOOR_9").count("T")
+
+
+def test_a_thousand_connections_and_one_more(server: AskServer, monkeypatch) -> None:
+    """
+    All are answered; who comes later is told so, and let in when one has left.
+    """
+    clients = []
+    try:
+        for _ in range(1000):
+            clients.append(Raw(server.address))  # noqa: PERF401  those that are there are closed
+        assert ["T"] * 1000 == [each.ask("DOOR_OPEN DOOR_1") for each in clients]
+        with Raw(server.address) as late:
+            assert late.line() == 'ERROR "1,000 clients are here; come later"'
+            assert late.line() == ""
+        clients.pop().close()
+        wait_until(lambda: len(server._connections) < 1000, "one has left")
+        with Raw(server.address) as late:
+            assert late.ask("DOOR_OPEN DOOR_1") == "T"
+    finally:
+        for each in clients:
+            each.close()
+
+
+def test_no_more_files(server: AskServer, client: Raw) -> None:
+    """
+    Who cannot be let in is told why; who is there goes on; later ones are let in again.
+    """
+    assert client.ask("DOOR_OPEN DOOR_1") == "T"
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    late = socket.socket(socket.AF_UNIX)
+    highest = late.fileno() + 1
+    fillers = []
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (highest, before[1]))
+        with contextlib.suppress(OSError):
+            while True:
+                fillers.append(os.dup(0))
+        late.settimeout(10)
+        late.connect(server.address.removeprefix("unix:"))
+        said = late.recv(1000)
+        assert client.ask("DOOR_OPEN DOOR_1") == "T"
+    finally:
+        for each in fillers:
+            os.close(each)
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+        late.close()
+
+    assert b'ERROR "the server cannot open more files; come later"\n' == said
+    with Raw(server.address) as another:
+        assert another.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_lines_that_are_known_have_a_bound(server: AskServer, client: Raw) -> None:
+    """
+    Those with a command id never come again, long ones take room, and there is no end of others.
+    """
+    client.ask(f"#{'0' * 32} SET_DOOR_OPEN DOOR_1")
+    client.ask(f"DOOR_OPEN {'x' * 1000}")
+    assert {} == server._known_lines
+    for i in range(MOST_KNOWN_LINES + 10):
+        client.ask(f"DOOR_OPEN DOOR_{i}")
+
+    assert 0 < len(server._known_lines) <= MOST_KNOWN_LINES
+
+
+def test_waits_leave_nothing_behind(ask: Asker, server: AskServer, client: Raw) -> None:
+    """
+    Neither those that ended early, thousands of them, nor that of a client that has left.
+    """
+    client.send(b"WAIT_UNTIL DOOR_1 OPEN 80000\n" * 2000)
+    assert ["T"] * 2000 == [client.line() for _ in range(2000)]
+    assert len(server._deadlines) < 100
+    with Raw(server.address) as leaving:
+        leaving.send(b"WAIT_UNTIL DOOR_1 CLOSED 80000\n")
+        wait_until(lambda: ask.oracle._waits._waiting, "the wait")
+
+    wait_until(lambda: not ask.oracle._waits._waiting, "its end")
+
+
+def test_deadlines_are_met_each_at_its_time(client: Raw, server: AskServer) -> None:
+    """
+    A short wait behind a long one is not kept for it.
+    """
+    client.send(b"WAIT_UNTIL DOOR_1 CLOSED 80000\n")
+    with Raw(server.address) as other:
+        assert [other.ask(f"WAIT_UNTIL DOOR_1 CLOSED 0.0{i}") for i in (3, 1, 2)] == ["NIL"] * 3
+
+
+def test_the_end_answers_what_was_begun(ask: Asker, tmp_path: Path) -> None:
+    """
+    An action that runs is finished and answered, one that waits in the line is not begun, a wait
+    is over; the file is gone.
+    """
+    begun, going_on = threading.Event(), threading.Event()
+    append = ask.doors.append
+
+    def slow_append(*values: object, **more: object) -> object:
+        begun.set()
+        going_on.wait(60)
+        return append(*values, **more)
+
+    ask.doors.append = slow_append
+    with serving(ask, unix_in(tmp_path)) as server:
+        acting, waiting = Raw(server.address), Raw(server.address)
+        acting.send(b"SET_DOOR_CLOSED DOOR_1\nSET_DOOR_OPEN DOOR_2\n")
+        waiting.send(b'{"ask": "WAIT_UNTIL", "args": [1, "MOVING", 30]}\n')
+        begun.wait(60)
+        wait_until(lambda: ask.oracle._waits._waiting, "the wait")
+        closing = threading.Thread(target=server.close)
+        closing.start()
+        assert "the server ends." == json.loads(waiting.line())["reason"]
+        assert waiting.line() == ""
+        going_on.set()
+        closing.join(60)
+        said = [acting.line(), acting.line()]
+
+    assert ["T", ""] == said
+    assert ('"CLOSED"', '"CLOSED"') == (ask("DOOR_STATE DOOR_1"), ask("DOOR_STATE DOOR_2"))
+    assert not (tmp_path / "s").exists()
+    assert ask.oracle._waits._waiting == set()
+    acting.close()
+    waiting.close()
+
+
+def test_the_end_does_not_wait_for_who_never_reads(
+    ask: Asker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    A few seconds, and it is let go of.
+    """
+    monkeypatch.setattr(ask_server, "CLOSE_WITHIN_S", 0.05)
+    with serving(ask, unix_in(tmp_path)) as server:
+        silent = Raw(server.address)
+        threading.Thread(target=lambda: _send(silent, b"HELP\n" * 5000), daemon=True).start()
+        wait_until(lambda: any(each.is_full for each in server._connections), "it is full")
+    silent.close()
+
+    assert not (tmp_path / "s").exists()
+
+
+def _send(client: Raw, data: bytes) -> None:
+    with contextlib.suppress(OSError):
+        client.send(data)
+
+
+def test_an_error_of_our_own_is_told_and_survived(ask: Asker, client: Raw, monkeypatch) -> None:
+    """
+    Who asked gets a line, who runs the server the trace.
+    """
+    with monkeypatch.context() as broken:
+        broken.setattr(ask.oracle, "_look_up", lambda _: 1 / 0)
+        broken.setitem(STATE_QUESTIONS, "DOOR_CLOSED", lambda *_: 1 / 0)
+        for line in ("DOOR_OPEN DOOR_1 now", "DOOR_CLOSED DOOR_1"):
+            assert client.ask(line) == 'ERROR "ZeroDivisionError: division by zero"'
+    assert [True, True] == ["Traceback" in said for said in ask.said]
+    assert client.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_a_server_that_fails_says_so(
+    ask: Asker, server: AskServer, client: Raw, monkeypatch
+) -> None:
+    """
+    Whoever runs it must not believe that it answers.
+    """
+    monkeypatch.setattr(server, "_serve", lambda *_: 1 / 0)
+    client.send(b"DOOR_OPEN DOOR_1\n")
+
+    wait_until(lambda: server.failure, "the failure")
+
+    with contextlib.suppress(ConnectionResetError):  # it was let go of, one way or another
+        assert client.line() == ""
+    assert isinstance(server.failure, ZeroDivisionError)
+    assert "Traceback" in ask.said[0]
+
+
+def test_a_full_disk_refuses_an_action_and_nothing_else(
+    ask: Asker, client: Raw, path: Path
+) -> None:
+    """
+    NIL with the reason, nothing half; with room again the same command is done, once.
+    """
+    line = f"#{'ab' * 16} SET_DOOR_CLOSED DOOR_1"
+    assert client.ask("SET_OPEN_PROBABILITY DOOR_1 0.5") == "T"
+    (segment,) = path.glob("*.mcap")
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (segment.stat().st_size + 50, limit[1]))
+    try:
+        refused = client.ask(line)
+        asked = [client.ask("DOOR_OPEN DOOR_1"), client.ask("DOOR_OPEN DOOR_1 now")]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    done = [client.ask(line), client.ask(line), client.ask("DOOR_OPEN DOOR_1")]
+
+    assert ("NIL", ["T", "T"], ["T", "T", "NIL"]) == (refused, asked, done)
+    assert "the log could not be written" in ask.said[0]
+    ask.doors.close()
+    stored = [each for each in sl.read(path).commits() if each.command_id == b"\xab" * 16]
+    assert 1 == len(stored)
+
+
+def test_tcp_with_a_token(ask: Asker) -> None:
+    """
+    The first line is it, or an error and the end; nothing is answered before.
+    """
+    with serving(ask, "tcp:127.0.0.1:0", token=TOKEN) as server:
+        with Raw(server.address) as client:
+            assert client.ask(f"TOKEN {TOKEN}") == "T"
+            assert client.ask("DOOR_OPEN DOOR_1") == "T"
+            assert client.ask("SET_DOOR_CLOSED DOOR_1") == "T"
+        assert "from 127.0.0.1:" in list(ask.doors.log.commits())[-1].note.source
+        for first in (f"TOKEN {TOKEN}x", "TOKEN", "", f"token {TOKEN}", "DOOR_OPEN DOOR_1", "{}"):
+            with Raw(server.address) as client:
+                assert client.ask(first) == ('ERROR "expected TOKEN and the server\'s token first"')
+                assert client.line() == ""
+        with Raw(server.address) as client:
+            client.send(b"TOKEN wrong\nSET_DOOR_OPEN DOOR_2\n")
+            client.line()
+            assert client.line() == ""
+        assert ask("DOOR_OPEN DOOR_2") == "NIL"
+
+
+def test_who_does_not_say_who_it_is_leaves(ask: Asker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Or strangers would take all the places.
+    """
+    monkeypatch.setattr(ask_server, "TOKEN_WITHIN_S", 0.05)
+    with serving(ask, "tcp:127.0.0.1:0", token=TOKEN) as server, Raw(server.address) as client:
+        assert "the server's token first" in client.line()
+        assert client.line() == ""
+        with Raw(server.address) as known:
+            known.ask(f"TOKEN {TOKEN}")
+            time.sleep(0.1)
+            assert known.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_no_token_where_none_is_wanted(ask: Asker) -> None:
+    """
+    Whoever sends one is told.
+    """
+    with serving(ask, "tcp:127.0.0.1:0") as server, Raw(server.address) as client:
+        assert client.ask(f"TOKEN {TOKEN}").startswith("ERROR")
+        assert client.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_the_client(server: AskServer) -> None:
+    """
+    One question after the other; a line end within is refused, since it would be two.
+    """
+    with AskClient(read_address(server.address)) as client:
+        assert ["T", "NIL"] == [client.ask(f"DOOR_OPEN DOOR_{i}") for i in (1, 2)]
+        with pytest.raises(sl.SemmapError, match="on one line"):
+            client.ask("DOOR_OPEN DOOR_1\nREMOVE_DOOR DOOR_1")
+        assert client.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_the_client_of_a_server_that_goes(ask: Asker, tmp_path: Path) -> None:
+    """
+    An error that says so; so is an answer that does not come.
+    """
+    with serving(ask, unix_in(tmp_path)) as server:
+        client = AskClient(read_address(server.address))
+        hasty = AskClient(read_address(server.address), timeout_s=0.05)
+        with pytest.raises(sl.SemmapError, match=r"no answer within 0\.05 s"):
+            hasty.ask("WAIT_UNTIL DOOR_1 CLOSED 60")
+        address = server.address
+    with pytest.raises(sl.SemmapError, match="the server has gone"):
+        client.ask("DOOR_OPEN DOOR_1")
+    with pytest.raises(sl.SemmapError, match="nobody answers there"):
+        AskClient(read_address(address))
+    client.close()
+    hasty.close()
+
+
+def test_a_client_takes_little_memory(server: AskServer) -> None:
+    """
+    Counted in objects of ours: one connection each, and nothing when it has left.
+    """
+    clients = [Raw(server.address) for _ in range(50)]
+    for each in clients:
+        each.ask("DOORS")
+    assert 50 == len(server._connections)
+    for each in clients:
+        each.close()
+    wait_until(lambda: not server._connections, "all are gone")
+    gc.collect()
+
+    assert 2 == len(server._selector.get_map())
