@@ -56,11 +56,11 @@ class Asker(Protocol):
     def give(self, kernel: str, answer: tuple[Expression, ...]) -> None:
         """Send an answer; any thread may."""
 
-    def later(self, seconds: float, call: Callable[[], object]) -> None:
-        """Have something called."""
+    def later(self, question: KernelQuestion) -> None:
+        """Have `KernelQuestions.end_wait` called once its seconds are over."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class KernelQuestion:
     """A question, who asked it, and by what its answer is to be known."""
 
@@ -172,8 +172,8 @@ class KernelQuestions:
         self._pool = ThreadPoolExecutor(AT_ONCE, "oprs-question")
         self._mutex = threading.Lock()
         self._queues: dict[tuple[int, str], deque[KernelQuestion]] = {}
-        self._waits: dict[int, tuple[Asker, Callable[[Answer], None]]] = {}
-        self._wait_count = 0
+        self._waits: dict[KernelQuestion, Callable[[Answer], None]] = {}
+        """Question -> what ends its waiting."""
         self._acting = 0
 
     @property
@@ -205,9 +205,20 @@ class KernelQuestions:
         with self._mutex:
             for key in [key for key in self._queues if key[0] == id(asker)]:
                 self._queues[key].clear()
-            ends = [end for each, end in self._waits.values() if each is asker]
+            ends = [end for each, end in self._waits.items() if each.asker is asker]
         for end in ends:
             end(ENDS)
+
+    def waits(self, question: KernelQuestion) -> bool:
+        """Tell whether a question waits for its door."""
+        return question in self._waits
+
+    def end_wait(self, question: KernelQuestion) -> None:
+        """Answer a question whose time is over, if it still waits."""
+        with self._mutex:
+            end = self._waits.get(question)
+        if end is not None:
+            end(time_is_over(question.asked))
 
     def close(self) -> None:
         """Finish what was begun."""
@@ -272,24 +283,22 @@ class KernelQuestions:
         with self._mutex:
             is_full = len(self._waits) >= MOST_WAITS
             if not is_full:
-                self._wait_count += 1
-                number = self._wait_count
-                self._waits[number] = question.asker, lambda _: None
+                self._waits[question] = lambda _: None
         if is_full:
             question.refuse(f"{MOST_WAITS:,} questions wait already.")
             return
 
         def done(answer: Answer) -> None:
             with self._mutex:
-                self._waits.pop(number, None)
+                self._waits.pop(question, None)
             question.give(answer)
 
         end = self._oracle.wait(question.asked, done)
         with self._mutex:
-            if number not in self._waits:
+            if question not in self._waits:  # it is answered already
                 return
-            self._waits[number] = question.asker, end
-        question.asker.later(question.asked.number, lambda: end(time_is_over(question.asked)))
+            self._waits[question] = end
+        question.asker.later(question)
 
     def _count(self, actions: int) -> None:
         with self._mutex:

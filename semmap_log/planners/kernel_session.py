@@ -14,7 +14,12 @@ from dataclasses import dataclass
 from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import ExpressionError, PasserError
 from semmap_log.formats.parsing.problems import shown
-from semmap_log.planners.kernel_questions import KernelQuestions, is_ask
+from semmap_log.planners.kernel_questions import (
+    MOST_WAITS,
+    KernelQuestion,
+    KernelQuestions,
+    is_ask,
+)
 from semmap_log.planners.message_passer import PasserConnection
 from semmap_log.planners.passer_frames import PASSER, is_name, message, unknown_name
 from semmap_log.planners.s_expressions import Expression, read_expression
@@ -77,8 +82,8 @@ class KernelSession:
         self._told = ToldKernels(name, kernels, connection.put)
         self._answers: deque[bytes] = deque()
         """Found by other threads."""
-        self._calls: list[tuple[float, int, Callable[[], object]]] = []
-        self._call_count = 0
+        self._ends: list[tuple[float, int, KernelQuestion]] = []
+        self._end_count = 0
         self._heard_s = self._asked_s = self._told_s = time.monotonic()
         self._selector = selectors.DefaultSelector()
         self._waker, self._woken = socket.socketpair()
@@ -112,7 +117,7 @@ class KernelSession:
                     self._told.take(doors)
                 self._told.call(now_s)
             self._check_silence(now_s)
-            self._make_calls(now_s)
+            self._end_waits(now_s)
             self._connection.send()
             self._await(now_s)
 
@@ -121,10 +126,14 @@ class KernelSession:
         self._answers.append(message([kernel], answer))
         self.wake()
 
-    def later(self, seconds: float, call: Callable[[], object]) -> None:
-        """Have something called by `run`, in whose thread this is called."""
-        self._call_count += 1  # no two are alike: calls cannot be compared
-        heapq.heappush(self._calls, (time.monotonic() + seconds, self._call_count, call))
+    def later(self, question: KernelQuestion) -> None:
+        """Have the waiting of a question ended by `run`, in whose thread this is called."""
+        if len(self._ends) > 4 * MOST_WAITS:  # most were answered before their time
+            self._ends = [each for each in self._ends if self._questions.waits(each[2])]
+            heapq.heapify(self._ends)
+        self._end_count += 1  # no two are alike: questions cannot be compared
+        end_s = time.monotonic() + question.asked.number
+        heapq.heappush(self._ends, (end_s, self._end_count, question))
 
     def close(self) -> None:
         """Leave the passer; answers that are found now go to nobody."""
@@ -144,7 +153,7 @@ class KernelSession:
             events |= selectors.EVENT_WRITE
         self._selector.modify(self._connection.socket, events)
         next_s = [self._asked_s + self._patience.ask_after_s, self._told.next_call_s]
-        next_s += [self._calls[0][0]] if self._calls else []
+        next_s += [self._ends[0][0]] if self._ends else []
         next_s += [self._told_s + ANSWER_FIRST_S] if self._questions.is_acting else []
         end_s = min(each for each in next_s if each is not None)
         for key, ready in self._selector.select(max(end_s - now_s, 0)):
@@ -201,9 +210,9 @@ class KernelSession:
             self._asked_s = now_s
             self._told.echo()
 
-    def _make_calls(self, now_s: float) -> None:
-        while self._calls and self._calls[0][0] <= now_s:
-            heapq.heappop(self._calls)[2]()
+    def _end_waits(self, now_s: float) -> None:
+        while self._ends and self._ends[0][0] <= now_s:
+            self._questions.end_wait(heapq.heappop(self._ends)[2])
 
     def _complain(self, problem: str) -> None:
         self._complaints += 1

@@ -397,6 +397,24 @@ def test_waiting_questions_have_an_end(
     assert answer == '(ERROR "3 questions wait already.")'
 
 
+def test_what_was_answered_early_is_not_kept_until_its_time(
+    kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    A kernel that waits all day, again and again, fills no memory.
+    """
+    monkeypatch.setattr(kernel_session, "MOST_WAITS", 2)
+    for number in range(30):
+        state = "OPEN" if number % 2 else "CLOSED"
+        kernel.send(f"(ASK w{number} (WAIT_UNTIL DOOR_1 {state} 86400))")
+        assert kernel.answer(f"(ASK {number} (SET_DOOR_{state} DOOR_1))", str(number)) == "T"
+        wait_until(lambda number=number: kernel.answers(f"w{number}"), "its answer")
+
+    session = world.service._session
+    assert session is not None
+    assert 1 <= len(session._ends) <= 4 * 2 + 1
+
+
 def test_the_passer_goes_and_another_comes(path: Path) -> None:
     """
     Kernels end with it; those that come with the next one are told all.
