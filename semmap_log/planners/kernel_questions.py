@@ -56,6 +56,9 @@ class Asker(Protocol):
     def give(self, kernel: str, answer: tuple[Expression, ...]) -> None:
         """Send an answer; any thread may."""
 
+    def wake(self) -> None:
+        """Look at what there is to do; any thread may call this."""
+
     def later(self, question: KernelQuestion) -> None:
         """Have `KernelQuestions.end_wait` called once its seconds are over."""
 
@@ -277,6 +280,7 @@ class KernelQuestions:
             question.refuse(f"{type(error).__name__}: {error}")
         finally:
             self._count(-is_action)
+            question.asker.wake()  # what waited for the answer may go
 
     def _wait(self, question: KernelQuestion) -> None:
         """Let a question wait for its door."""

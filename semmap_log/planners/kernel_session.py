@@ -84,6 +84,8 @@ class KernelSession:
         """Found by other threads."""
         self._ends: list[tuple[float, int, KernelQuestion]] = []
         self._end_count = 0
+        self._is_held = False
+        """Whether there may be something to tell that was not, as something else goes first."""
         self._heard_s = self._asked_s = self._told_s = time.monotonic()
         self._selector = selectors.DefaultSelector()
         self._waker, self._woken = socket.socketpair()
@@ -154,7 +156,8 @@ class KernelSession:
         self._selector.modify(self._connection.socket, events)
         next_s = [self._asked_s + self._patience.ask_after_s, self._told.next_call_s]
         next_s += [self._ends[0][0]] if self._ends else []
-        next_s += [self._told_s + ANSWER_FIRST_S] if self._questions.is_acting else []
+        if self._is_held and not self._connection.waiting_bytes:
+            next_s.append(self._told_s + ANSWER_FIRST_S)
         end_s = min(each for each in next_s if each is not None)
         for key, ready in self._selector.select(max(end_s - now_s, 0)):
             if key.fileobj is self._woken:
@@ -195,12 +198,12 @@ class KernelSession:
 
     def _may_tell(self, now_s: float) -> bool:
         """Tell whether kernels may be told of the doors now, or something else goes first."""
-        if self._connection.waiting_bytes >= MOST_WAITING_BYTES:
-            return False
-        if self._questions.is_acting and now_s < self._told_s + ANSWER_FIRST_S:
-            return False
-        self._told_s = now_s
-        return True
+        is_slow = self._connection.waiting_bytes >= MOST_WAITING_BYTES
+        is_later = self._questions.is_acting and now_s < self._told_s + ANSWER_FIRST_S
+        self._is_held = is_slow or is_later
+        if not self._is_held:
+            self._told_s = now_s
+        return not self._is_held
 
     def _check_silence(self, now_s: float) -> None:
         """Ask a silent passer whether it is there; one that stays silent is not."""

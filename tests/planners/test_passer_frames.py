@@ -35,6 +35,27 @@ def test_frames_are_those_of_the_protocol() -> None:
     assert zero + b"\x04" == goodbye()
 
 
+def parts_of(frame: bytes) -> tuple[list[str], str]:
+    """Return the recipients and the text of a message that is sent."""
+    at = 0
+
+    def number() -> int:
+        nonlocal at
+        at += 4
+        return int.from_bytes(frame[at - 4 : at], "big")
+
+    def text() -> str:
+        nonlocal at
+        length = number()
+        at += length
+        return frame[at - length : at].decode()
+
+    if number() == 1:
+        return [text()], text()
+    count, what = number(), text()
+    return [text() for _ in range(count)], what
+
+
 MESSAGES = st.lists(st.tuples(st.binary(max_size=20), st.binary(max_size=300)), max_size=8)
 
 
