@@ -330,7 +330,7 @@ def test_a_log_that_vanishes_ends_its_read_only_server(
         (("--ros1", "--ask-now", "end"), "only with --ask"),
         (("--ask", "unix:s", "--token-file", "t"), "only with --ask tcp:HOST:PORT"),
         (("--ask", "unix:s", "--ask-any-host"), "only with --ask tcp:HOST:PORT"),
-        (("--ask", "tcp:0.0.0.0:1", "--ask-any-host"), "only with --token-file"),
+        (("--ask", "tcp:192.0.2.1:1", "--ask-any-host"), "only with --token-file"),
         (("--ask", "tcp:127.0.0.1:1", "--token-file", "nowhere"), "the token cannot be read"),
         (("--ask", "unix:s", "--costmap"), "only with --ros1 or --ros2"),
         (("--ask", "unix:s", "--save-root", "."), "only with --ros1 or --ros2"),
