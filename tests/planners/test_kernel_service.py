@@ -292,7 +292,7 @@ def test_an_action_is_answered_once_it_lasts(
 
 
 def test_an_answer_goes_before_the_fact(
-    kernel: StubKernel, passer: StubPasser, world: KernelWorld
+    kernel: StubKernel, passer: StubPasser, patient: KernelWorld
 ) -> None:
     """
     A real passer takes 40 ms for the second of two messages, and a plan waits for the answer.
@@ -489,12 +489,22 @@ def test_a_passer_that_is_silent_is_left(path: Path) -> None:
         passer.wait_for("K1", ALL[-1])
 
 
+@pytest.fixture
+def patient(path: Path, passer: StubPasser) -> Iterator[KernelWorld]:
+    """What wakes up for nothing but what it has to do."""
+    patience = Patience(ask_after_s=3600, give_up_after_s=7200)
+    with serving_kernels(path, passer.port, "K1", patience=patience) as world:
+        passer.wait_until_there("SEMMAP")
+        yield world
+
+
 def test_changes_that_a_slow_passer_has_no_time_for_become_one(
-    kernel: StubKernel, passer: StubPasser, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+    kernel: StubKernel, passer: StubPasser, patient: KernelWorld, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """
     What a kernel hears in the end is how the doors are.
     """
+    world = patient
     passer.wait_for("K1", ALL[-1])
     monkeypatch.setattr(kernel_session, "MOST_WAITING_BYTES", 1)
     before = len(_facts(passer))
