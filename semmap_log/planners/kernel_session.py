@@ -154,18 +154,23 @@ class KernelSession:
         if self._connection.waiting_bytes:
             events |= selectors.EVENT_WRITE
         self._selector.modify(self._connection.socket, events)
-        next_s = [self._asked_s + self._patience.ask_after_s, self._told.next_call_s]
-        next_s += [self._ends[0][0]] if self._ends else []
-        if self._is_held and not self._connection.waiting_bytes:
-            next_s.append(self._told_s + ANSWER_FIRST_S)
-        end_s = min(each for each in next_s if each is not None)
-        for key, ready in self._selector.select(max(end_s - now_s, 0)):
+        for key, ready in self._selector.select(max(self._next_s() - now_s, 0)):
             if key.fileobj is self._woken:
                 with contextlib.suppress(BlockingIOError):
                     self._woken.recv(2**16)
             elif ready & selectors.EVENT_READ:
                 for sender, text in self._connection.receive():
                     self._take(sender, text)
+
+    def _next_s(self) -> float:
+        """Return when there is something to do though nothing comes."""
+        next_s = [self._asked_s + self._patience.ask_after_s]
+        next_s += [self._ends[0][0]] if self._ends else []
+        if not self._is_held:
+            next_s += [] if self._told.next_call_s is None else [self._told.next_call_s]
+        elif not self._connection.waiting_bytes:  # else it is looked at when some have gone
+            next_s.append(self._told_s + ANSWER_FIRST_S)
+        return min(next_s)
 
     def _take(self, sender: bytes, text: bytes) -> None:
         """Do what a message wants."""

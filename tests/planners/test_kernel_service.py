@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from semmap_log.errors import PasserError
 from semmap_log.planners import kernel_questions, kernel_session
 from semmap_log.planners.addresses import TcpAddress
 from semmap_log.planners.kernel_service import Kernels
-from semmap_log.planners.kernel_session import Patience
+from semmap_log.planners.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
 from semmap_log.planners.message_passer import PasserConnection
+from semmap_log.planners.question_lines import Atom
 from tests.live.running import wait_until
 from tests.planners.kernel_world import KernelWorld, make_log, serving_kernels
 from tests.planners.stub_passer import StubKernel, StubPasser
@@ -522,6 +524,37 @@ def test_changes_that_a_slow_passer_has_no_time_for_become_one(
     facts = _facts(passer)[before:]
     assert 2 <= len(facts) <= 6
     assert "(DOOR_STATE DOOR_1 CLOSED)" in facts
+
+
+def test_a_passer_that_takes_nothing_is_waited_for_in_peace(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Also when a kernel should be called meanwhile: no processor is kept busy.
+    """
+    turns: list[float] = []
+    may_tell = KernelSession._may_tell
+
+    def counted(session: KernelSession, now_s: float) -> bool:
+        turns.append(now_s)
+        return may_tell(session, now_s)
+
+    monkeypatch.setattr(KernelSession, "_may_tell", counted)
+    with StubPasser() as passer, serving_kernels(path, passer.port, "absent") as world:
+        wait_until(lambda: passer.texts("absent"), "the first call")
+        passer.reads.clear()
+        session = world.service._session
+        assert session is not None
+        for _ in range(3000):
+            session.give("K1", (Atom("ANSWER"), "x" * 4000))
+        wait_until(lambda: session._connection.waiting_bytes > MOST_WAITING_BYTES, "a full line")
+        wait_until(lambda: (session._told.next_call_s or 0) < time.monotonic() - 0.5, "a call due")
+        turns.clear()
+        time.sleep(0.5)
+        assert len(turns) < 50
+        passer.reads.set()
+        with passer.kernel("absent"):
+            passer.wait_for("absent", ALL[-1])
 
 
 def test_leaves_as_a_client_should(path: Path) -> None:
