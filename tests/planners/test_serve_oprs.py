@@ -12,7 +12,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from tests.live.running import Running
+from tests.live.running import Running, wait_until
 from tests.planners.kernel_world import make_log
 from tests.planners.stub_passer import StubPasser
 
@@ -146,3 +146,20 @@ def test_the_port_may_be_left_out(given: str, where: str) -> None:
 
     assert kernels is not None
     assert (where, "SEMMAP") == (kernels.where, kernels.name)
+
+
+@pytest.mark.slow
+def test_what_a_killed_server_has_done_is_not_done_again(path: Path) -> None:
+    """
+    The kernel, which may not have got its answer, asks again and is answered as the first time.
+    """
+    text = "(ASK 1 (SET_DOOR_CLOSED DOOR_1))"
+    with StubPasser() as passer, passer.kernel("K1") as kernel:
+        for _ in range(2):
+            with _serve(path, "--oprs", f"127.0.0.1:{passer.port}") as server:
+                passer.wait_until_there("SEMMAP")
+                assert kernel.answer(text, "1") == "T"
+                server.kill()
+            wait_until(lambda: "SEMMAP" not in passer.clients, "the passer to see it")
+
+    assert len([entry for entry in sl.read(path).history(1) if entry.actor == "planner"]) == 1
