@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState
 from semmap_log.door_log.commands import resolve_door
 from semmap_log.errors import UnknownDoorError
@@ -90,5 +91,7 @@ class DoorView:
         ids = self._names.get(name, [])
         if len(ids) > 1:
             which = " or ".join(map(atom_of, ids))
-            raise UnknownDoorError(f"{len(ids)} doors are called {name!r}; say which by {which}.")
+            raise UnknownDoorError(
+                f"{counted(len(ids), 'door')} are called {name!r}; say which by {which}."
+            )
         return ids[0] if ids else None

@@ -18,7 +18,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import AddressError
-from semmap_log.live import ros_node
+from semmap_log.live import joining
 from semmap_log.live.action_names import DEFAULTS
 from semmap_log.planners.addresses import UnixAddress
 from semmap_log.planners.ask_client import AskClient
@@ -165,7 +165,7 @@ def test_beside_ros(office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     """
     node, stops = CollectingNode(), list[Callable[[], object]]()
     path, found = tmp_path / "doors", list[object]()
-    monkeypatch.setattr(ros_node, "open_node", lambda *_: node)
+    monkeypatch.setattr(joining, "open_node", lambda *_: node)
     monkeypatch.setattr("semmap_log.cli.serve.on_stop", stops.append)
 
     def plan() -> None:
