@@ -308,6 +308,19 @@ def test_an_answer_goes_before_the_fact(
         assert passer.texts("K1") == [f"(ANSWER {number} T)", f"(DOOR_STATE DOOR_1 {state})"]
 
 
+def test_why_an_action_is_refused_stands_on_one_line(
+    kernel: StubKernel, world: KernelWorld
+) -> None:
+    """
+    Whatever door somebody names: the line is for the terminal of whoever runs the server.
+    """
+    assert kernel.answer('(ASK 1 (SET_DOOR_OPEN "a\n\x1b[2Jb"))', "1") == "NIL"
+
+    (said,) = [text for text in world.said if "refused" in text]
+    assert said.isprintable()
+    assert "from kernel K1: refused: " in said
+
+
 def _events(world: KernelWorld) -> int:
     return len(list(world.log.history()))
 
