@@ -27,6 +27,8 @@
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     ├── QuestionError               a planner's question that nobody understands       (ValueError)
     ├── AddressError                an address that cannot be taken, or where nobody is  (OSError)
+    ├── ExpressionError             an s-expression that cannot be read or sent    (ValueError)
+    ├── PasserError                 OPRS's message passer is not there, or refuses       (OSError)
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
@@ -237,6 +239,14 @@ class QuestionError(SemmapError, ValueError):
 
 class AddressError(SemmapError, OSError):
     """An address at which questions cannot be taken, or at which nobody answers them."""
+
+
+class ExpressionError(SemmapError, ValueError):
+    """An s-expression that cannot be read, or that no OPRS kernel may be sent."""
+
+
+class PasserError(SemmapError, OSError):
+    """OPRS's message passer is not there, has gone, or refuses what was asked of it."""
 
 
 class RosError(SemmapError):

@@ -139,33 +139,6 @@ class Served:
     failure: Callable[[], Exception | None]
     """Why it cannot answer any more; None: it can."""
 
-    def run(self, wait: Callable[[float], bool]) -> None:
-        """Return when told to stop.
-
-        Args:
-            wait: Waits so many seconds at most; tells whether to stop.
-
-        Raises:
-            LogError: The log cannot be followed any more.
-        """
-        while not (wait(TICK_S) or self.has_failed):
-            pass
-        self.raise_failure()
-
-    @property
-    def has_failed(self) -> bool:
-        """Whether it cannot answer any more."""
-        return self.failure() is not None
-
-    def raise_failure(self) -> None:
-        """Raise why it cannot answer any more, if so.
-
-        Raises:
-            LogError: The log cannot be followed any more.
-        """
-        if (failure := self.failure()) is not None:
-            raise failure
-
 
 def _no_clock() -> int:
     """Return a time before any log's: then the log's end is what counts."""

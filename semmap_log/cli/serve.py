@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.asking import ASKED_S, AnyHost, AskAt, Asking, AskNow, Now, Served, TokenFile
+from semmap_log.cli.asking import (
+    ASKED_S,
+    TICK_S,
+    AnyHost,
+    AskAt,
+    Asking,
+    AskNow,
+    Now,
+    Served,
+    TokenFile,
+)
 from semmap_log.cli.common import (
     MapServer,
     PaletteName,
@@ -21,6 +31,7 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
+from semmap_log.cli.oprs import OprsAt, OprsName, OprsTo, chosen_kernels, kernels_served
 from semmap_log.cli.record import Level
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.common.texts import counted
@@ -28,6 +39,7 @@ from semmap_log.common.texts import counted
 if TYPE_CHECKING:
     from semmap_log.domain.doors import DoorMap
     from semmap_log.domain.events import FloorMap
+    from semmap_log.planners.kernel_service import KernelService
 
 NODE = "lta_semantic_map_server"
 
@@ -56,6 +68,9 @@ def run(
     ask_any_host: AnyHost = False,
     token_file: TokenFile = None,
     ask_now: AskNow = Now.clock,
+    oprs: OprsAt = None,
+    oprs_name: OprsName = None,
+    oprs_to: OprsTo = None,
     yaml: Annotated[
         Path | None,
         typer.Option("--yaml", metavar="FILE", help="The thesis's doors: see above."),
@@ -151,6 +166,10 @@ def run(
     a socket that only this user can open (unix:PATH), or a port that only this machine reaches:
     `semmap-log ask ADDRESS HELP` names the questions. Many may ask at once.
 
+    With --oprs HOST:PORT kernels of OPRS ask the same by their message passer, and those that
+    --oprs-to names are told of the doors: all facts when they come, then each change. A passer
+    that is not there is tried again until it is. Whoever reaches the passer may set doors.
+
     With --log LOG the first start makes the log, as `init` does: with --yaml a plain file of doors
     is all that a server needs.
 
@@ -181,6 +200,7 @@ def run(
       semmap-log serve office --ros2 --read-only --ros-args -r __ns:=/robot1
       semmap-log serve office --ros1 _add_door:=doors/add
       semmap-log serve office --ask unix:/run/doors.sock
+      semmap-log serve office --oprs 127.0.0.1:3300 --oprs-to K1 --oprs-to K2
     """
     import semmap_log as sl
     from semmap_log.costmaps.level_costmap import CostmapOptions
@@ -191,7 +211,8 @@ def run(
     from semmap_log.live.serving.yaml_start import start_with_yaml
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host, now=ask_now)
-    is_in_ros = ros1 or ros2 or asking is None
+    kernels = chosen_kernels(oprs, oprs_name, oprs_to)
+    is_in_ros = ros1 or ros2 or (asking is None and kernels is None)
     version = chosen_ros(ros1=ros1, ros2=ros2) if is_in_ros else None
     refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
     if yaml_replace and yaml is None:
@@ -233,7 +254,8 @@ def run(
                 "nothing is written with --read-only", param_hint="--yaml, --save-root"
             )
         with stopped_for_good():
-            doors = DoorFollower(log, changed=changed, poll_s=POLL_S if asking is None else ASKED_S)
+            poll_s = ASKED_S if asking or kernels else POLL_S
+            doors = DoorFollower(log, changed=changed, poll_s=poll_s)
     else:
         root = save_root or (None if yaml is None else yaml.absolute().parent)
         saver = DoorSaver(root, log, default_prob=default_prob)
@@ -262,24 +284,34 @@ def run(
         options = ServeOptions(costmap, floors, palette.colours, default_prob, costs)
         with ExitStack() as running:
             asked: Served | None = None
+            told: KernelService | None = None
             if asking is not None:
                 asked = running.enter_context(asking.served(doors, changes))
             many = counted(len(doors.door_map()), "door")
             if asked is not None:
                 say(f"{log}: questions are taken at {asked.server.address}: {many}.")
+            if kernels is not None:
+                say(f"{log}: kernels of OPRS are served by way of {kernels.where}: {many}.")
+                told = running.enter_context(kernels_served(kernels, doors, changes))
+
+            def failure() -> Exception | None:
+                """Return why planners cannot be answered any more, if so."""
+                of_asked = None if asked is None else asked.failure()
+                return of_asked or (None if told is None else told.failure)
+
             if version is None:
-                assert asked is not None
-                asked.run(stopping.wait)
+                while failure() is None and not stopping.wait(TICK_S):
+                    pass
             else:
                 node = open_node(context, version, NODE)
                 running.callback(node.close)
                 server = Server(node, doors, wake, options)
                 server.run(
-                    lambda: stopping.is_set() or (asked is not None and asked.has_failed),
+                    lambda: stopping.is_set() or failure() is not None,
                     lambda: say(f"{node.name} serves {log}: {many}."),
                 )
-            if asked is not None:
-                asked.raise_failure()
+            if (failed := failure()) is not None:
+                raise failed
     finally:
         doors.close()
     say(f"{log}: closed.")

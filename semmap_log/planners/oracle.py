@@ -19,7 +19,7 @@ from semmap_log.planners.asked import AskedQuestion
 from semmap_log.planners.door_view import DoorView
 from semmap_log.planners.known_doors import KnownDoors
 from semmap_log.planners.likely_answers import LikelyAnswers
-from semmap_log.planners.question_lines import Answer, Value
+from semmap_log.planners.question_lines import Answer, Value, as_word
 from semmap_log.planners.questions import BY_NAME, QUESTIONS, QuestionKind, similar
 from semmap_log.planners.state_answers import HOLDS, STATE_QUESTIONS, nothing, state_answer
 from semmap_log.planners.waits import Wait, Waits
@@ -139,7 +139,7 @@ class Oracle:
         try:
             act(self._doors, asked, client)
         except (SemmapError, OSError) as error:
-            called = " ".join([asked.question.name, *asked.doors])
+            called = " ".join([asked.question.name, *map(as_word, asked.doors)])
             self._say(f"{called}{f' from {client}' if client else ''}: refused: {error}")
             return Answer(value=False, reason=str(error))
         return HOLDS

@@ -15,6 +15,7 @@ from mutation.costmap_guards import COSTMAPS
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
+from mutation.kernel_guards import KERNELS
 from mutation.level_guards import LEVELS
 from mutation.line_guards import LINES
 from mutation.live_guards import LIVE_ROOMS
@@ -381,4 +382,5 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
+    *KERNELS,
 )  # fmt: skip
