@@ -31,7 +31,7 @@ ORDER = [
     {"formats"},
     {"views", "ros_mapping"},
     {"importing", "exporting"},
-    {"live"},
+    {"live", "oprs"},
     {"demo"},
     {"cli"},
     {"__main__"},

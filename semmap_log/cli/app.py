@@ -24,6 +24,7 @@ from semmap_log.cli import (
     info,
     init,
     observe,
+    oprs_package,
     patrol,
     play,
     probabilities,
@@ -124,6 +125,9 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("serve", serve.run, "Serve the doors, with the thesis's actions."),
         ("play", play.run, "Publish a log's history."),
         ("ros-package", ros_package.run, "Copy the ROS package into a workspace."),
+    ),
+    "For planners": (
+        ("oprs-package", oprs_package.run, "Copy the module for OpenPRS kernels."),
     ),
     "Care of the log": (
         ("info", info.run, "Show what a log holds."),
