@@ -22,9 +22,14 @@ static void restore(struct semmap_reader *reader)
     reader->ended = NULL;
 }
 
+static int is_digit(unsigned char byte)
+{
+    return byte >= '0' && byte <= '9';
+}
+
 static int hex_digit(char digit)
 {
-    if (digit >= '0' && digit <= '9')
+    if (is_digit((unsigned char)digit))
         return digit - '0';
     if (digit >= 'a' && digit <= 'f')
         return digit - 'a' + 10;
@@ -135,13 +140,21 @@ static struct semmap_piece text(struct semmap_reader *reader)
     return piece;
 }
 
+static int is_letter(unsigned char byte)
+{
+    return byte >= 0x80 || byte == '_' || (byte >= 'A' && byte <= 'Z')
+        || (byte >= 'a' && byte <= 'z');
+}
+
+/* Whether it is a name such as DOOR_3; what Python calls numbers that are none is not. */
 static int is_word(const char *word)
 {
+    if (!is_letter((unsigned char)*word) || strcmp(word, "nan") == 0 || strcmp(word, "inf") == 0)
+        return 0;
     for (; *word; word++) {
         unsigned char byte = (unsigned char)*word;
 
-        if (!(byte >= 0x80 || (byte >= '0' && byte <= '9') || (byte >= 'A' && byte <= 'Z')
-              || (byte >= 'a' && byte <= 'z') || byte == '_' || byte == '-' || byte == '.'))
+        if (!is_letter(byte) && !is_digit(byte) && byte != '-' && byte != '.')
             return 0;
     }
     return 1;

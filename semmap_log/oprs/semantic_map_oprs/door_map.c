@@ -8,7 +8,7 @@
 #include "commands.h"
 #include "say.h"
 
-static struct semmap_client client;
+static struct semmap_client client = {.fd = -1}; /* a module may be loaded twice */
 static int was_answered = 1; /* so that a change is said, and nothing else */
 
 static void read_timeout(void)
@@ -76,10 +76,10 @@ const char *semmap_problem(void)
 /* Write an action behind its command id. */
 static void put_id(struct semmap_question *line, const char *id, const char *action)
 {
-    int length = snprintf(line->text, sizeof line->text - 1, "#%s %s", id, action);
+    int length = snprintf(line->text, sizeof line->text, "#%s %s", id, action);
 
     line->length = (size_t)length;
-    line->fault = (size_t)length < sizeof line->text - 1 ? NULL : "it is longer than 64 KiB";
+    line->fault = (size_t)length < sizeof line->text ? NULL : "it is longer than 64 KiB";
 }
 
 static char *act(const struct semmap_question *action)

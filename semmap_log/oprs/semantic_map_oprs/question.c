@@ -9,7 +9,7 @@ static const char TOO_LONG[] = "it is longer than 64 KiB";
 
 static void add_bytes(struct semmap_question *question, const char *bytes, size_t length)
 {
-    if (length > sizeof question->text - 2 - question->length) { /* newline and '\0' */
+    if (length > sizeof question->text - 1 - question->length) {
         question->fault = TOO_LONG;
         return;
     }
