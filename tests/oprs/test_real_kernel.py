@@ -1,0 +1,334 @@
+"""The module in a real OpenPRS kernel; skipped where SEMMAP_OPRS does not name one."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from build_oprs_module import KERNEL, NoOprsError, build_module, find_oprs
+
+from tests.live.running import DEADLINE_S, Running
+from tests.oprs.building import ROOT
+
+pytestmark = pytest.mark.slow
+
+PLANS = Path(__file__).parent / "plans.opf"
+SERVER = Path(__file__).parent / "door_server.py"
+TRACES = [
+    "all", "text", "graphic", "intend", "suc_fail", "intention failure",
+    "intention failure variable", "send", "receive", "fact", "goal", "db", "conclude",
+    "db frame", "load op", "relevant op", "applicable op",
+    *(f"user {one}" for one in ("trace", "op", "intend", "suc_fail", "send", "receive", "fact",
+                                "goal", "relevant op", "applicable op")),
+]  # fmt: skip
+"""All that a kernel's grammar knows, but those of single plans."""
+
+
+@dataclass(frozen=True)
+class Oprs:
+    """A kernel's program, and the module built for it."""
+
+    program: Path
+    include: Path
+
+
+@pytest.fixture(scope="session")
+def oprs(tmp_path_factory: pytest.TempPathFactory) -> Oprs:
+    """The kernel that SEMMAP_OPRS names."""
+    try:
+        folder = find_oprs()
+    except NoOprsError as error:
+        warnings.warn(f"NOT TESTED in a real OpenPRS kernel: {error}", stacklevel=2)
+        pytest.skip(str(error))
+    return Oprs(folder / KERNEL, build_module(folder, tmp_path_factory.mktemp("module")))
+
+
+class Workshop:
+    """Starts servers and kernels of one test."""
+
+    def __init__(self, oprs: Oprs, folder: Path, stack: ExitStack) -> None:
+        self.oprs = oprs
+        self.folder = folder
+        self.stack = stack
+        self.address = f"unix:{folder}/doors"
+        self.journal = folder / "journal"
+        self.count = iter(range(100))
+
+    def serve(self, *options: str) -> Running:
+        """Start the tests' door map."""
+        server = self.run([sys.executable, SERVER, self.address, self.journal, *options])
+        server.wait_for("^ready$")
+        return server
+
+    def kernel(
+        self,
+        *commands: str,
+        include: Path | None = None,
+        address: str | None = None,
+        fold: str = "none",
+        timeout_ms: int = 60_000,
+    ) -> Running:
+        """Start a kernel that loads the module and our plans, and then runs commands."""
+        number = next(self.count)
+        words = [
+            self.oprs.program, "-a", "-A", "-q", "-l", fold, "-n", f"K{number}",
+            "-x", include or self.oprs.include,
+        ]  # fmt: skip
+        for command in (f'load opf "{PLANS}"', *commands):
+            words += ["-c", command]
+        return self.run(
+            words, SEMMAP_ASK=address or self.address, SEMMAP_ASK_TIMEOUT_MS=str(timeout_ms)
+        )
+
+    def run(self, words: Sequence[object], **environment: str) -> Running:
+        """Start a program, its output in files: a pipe that nobody reads stops a kernel."""
+        folder = self.folder / f"run{next(self.count)}"
+        folder.mkdir()
+        with (folder / "stdout").open("wb") as out, (folder / "stderr").open("wb") as err:
+            process = subprocess.Popen(
+                [str(word) for word in words], stdin=subprocess.DEVNULL, stdout=out, stderr=err,
+                cwd=self.folder, env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+            )  # fmt: skip
+        return self.stack.enter_context(Running(process, str(words[0]), folder))
+
+    def actions(self) -> list[str]:
+        """Return what was stored, without command ids."""
+        lines = self.journal.read_text(encoding="utf-8").splitlines()
+        return [line.partition(" ")[2] for line in lines]
+
+
+@pytest.fixture
+def workshop(oprs: Oprs, tmp_path: Path) -> Iterator[Workshop]:
+    """A folder, a kernel's program, and an end to all that was started."""
+    with ExitStack() as stack:
+        yield Workshop(oprs, tmp_path, stack)
+
+
+def _said(kernel: Running) -> list[str]:
+    """Return the lines of a kernel's plans."""
+    return re.findall(r"^\([A-Z_]+(?: [^\n]*)?\)$", kernel.output, re.MULTILINE)
+
+
+def _consulted(workshop: Workshop, *questions: str) -> list[str]:
+    kernel = workshop.kernel(*(f"consult {question}" for question in questions), "quit")
+    kernel.process.wait(DEADLINE_S)
+    return re.findall(r"gives the following result:\n(.*)", kernel.output)
+
+
+def test_the_twelve_from_a_plan(workshop: Workshop) -> None:
+    """
+    Predicates as tests, functions in them, actions as goals; what is refused fails its goal.
+    """
+    workshop.serve()
+
+    kernel = workshop.kernel("add (! (THE_TWELVE))")
+    kernel.wait_for(r"^\(TWELVE DONE\)")
+
+    assert [
+        "(NOT_KNOWN)", "(NOT_OPEN)", "(NO_P)", "(FOUND DOOR_1 DOOR_2)", "(REMOVED)", "(TRIED NIL)",
+        "(TWELVE DONE)",
+    ] == _said(kernel)  # fmt: skip
+    assert [
+        "SET_DOOR_CLOSED DOOR_3", "SET_DOOR_OPEN DOOR_3", "SET_OPEN_PROBABILITY DOOR_3 0.1",
+        "SET_CLOSED_PROBABILITY DOOR_3 0.30000000000000004", "REMOVE_DOOR DOOR_3",
+    ] == workshop.actions()  # fmt: skip
+    assert "FAILURE" not in kernel.output
+
+
+def test_predicates_and_functions_from_consult(workshop: Workshop) -> None:
+    """
+    What a person types at a kernel.
+    """
+    workshop.serve()
+    questions = {
+        "(DOOR_OPEN DOOR_1)": "(DOOR_OPEN DOOR_1)",
+        "(DOOR_OPEN DOOR_2)": "NULL",
+        "(DOOR_OPEN DOOR_77)": "NULL",
+        "(DOOR_CLOSED DOOR_2)": "(DOOR_CLOSED DOOR_2)",
+        "(DOOR_STATE_KNOWN DOOR_2)": "(DOOR_STATE_KNOWN DOOR_2)",
+        "(~ (DOOR_STATE_KNOWN DOOR_3))": "(~ (DOOR_STATE_KNOWN DOOR_3))",
+        "(= NIL (PROBABILITY_DOOR_OPEN DOOR_1))": "(= NIL (PROBABILITY_DOOR_OPEN DOOR_1))",
+        "(= NIL (PROBABILITY_DOOR_CLOSED DOOR_9))": "(= NIL (PROBABILITY_DOOR_CLOSED DOOR_9))",
+        "(= T (GET_OPEN_DOOR $X))": "(= T (GET_OPEN_DOOR {$X->DOOR_1}))",
+        "(= T (GET_CLOSED_DOOR $X))": "(= T (GET_CLOSED_DOOR {$X->DOOR_2}))",
+        "(= DOOR_1 (GET_OPEN_DOOR))": "(= DOOR_1 (GET_OPEN_DOOR))",
+        "(= DOOR_2 (GET_OPEN_DOOR))": "NULL",
+        "(& (ANY_OPEN_DOOR $X) (DOOR_OPEN $X))":
+            "(& (ANY_OPEN_DOOR {$X->NULL}) (DOOR_OPEN {$X->NULL}))",
+        "(& (ANY_OPEN_DOOR $X) (DOOR_CLOSED $X))": "NULL",
+        "(DOOR_OPEN $X)": "NULL",
+        "(DOOR_OPEN 7)": "NULL",
+        "(DOOR_OPEN (. DOOR_1 .))": "(DOOR_OPEN (.DOOR_1 .))",
+        "(DOOR_MAP_ANSWERS)": "(DOOR_MAP_ANSWERS)",
+    }  # fmt: skip
+
+    assert list(questions.values()) == _consulted(workshop, *questions)
+
+
+def test_variables(workshop: Workshop) -> None:
+    """
+    The thesis's function binds for good; the predicate's binding goes where the goal fails;
+    without an argument the door is the value.
+    """
+    workshop.serve()
+
+    kernel = workshop.kernel("add (! (VARIABLES))")
+    kernel.wait_for(r"^\(VARIABLES DONE\)")
+
+    assert [
+        "(A STAYS DOOR_1)", "(B UNDONE)", "(C DOOR_1)", "(D DOOR_2)", "(D CLOSED)", "(E DOOR_1)",
+        "(F DOOR_1 (.DOOR_1 DOOR_2 DOOR_3 .))", "(VARIABLES DONE)",
+    ] == _said(kernel)  # fmt: skip
+
+
+def test_ten_thousand_questions(workshop: Workshop) -> None:
+    """
+    One plan asks them in a row.
+    """
+    workshop.serve()
+
+    workshop.kernel("add (! (MANY 10000))").wait_for(r"^\(ASKED 10000\)")
+
+
+def test_two_kernels_at_once(workshop: Workshop) -> None:
+    """
+    Each sees what it stored itself; all is stored, once.
+    """
+    workshop.serve()
+
+    kernels = [workshop.kernel(f"add (! (MANY_ACTIONS DOOR_{n} 100))") for n in (1, 2)]
+    for number, kernel in enumerate(kernels, start=1):
+        kernel.wait_for(rf"^\(ACTED DOOR_{number}\)")
+
+    assert 400 == len(workshop.actions())
+
+
+def test_all_traces_on(workshop: Workshop) -> None:
+    """
+    Where the thesis's kernel always hung: questions and actions, 50 rounds, its output in a file.
+    """
+    workshop.serve()
+    traces = [f"trace {trace} on" for trace in TRACES]
+    traces += [f'trace {kind} opf "{PLANS}" on' for kind in ("text", "graphic")]
+
+    kernel = workshop.kernel(*traces, "add (! (MANY_ACTIONS DOOR_1 50))")
+    kernel.wait_for(r"^.*\(ACTED DOOR_1\)")
+
+    assert 100 == len(workshop.actions())
+    assert "syntax error" not in (kernel.output + kernel.errors).lower()
+    assert len(kernel.output) > 20_000
+
+
+@pytest.mark.parametrize("how", ["killed", "silent"])
+def test_an_action_without_an_answer_is_stored_once(workshop: Workshop, how: str) -> None:
+    """
+    The server is killed between storing and answering, or is silent until the time-out: the plan
+    gets NIL, goes on, and does it again when the map answers again.
+    """
+    first = workshop.serve("--hold", "1")
+    kernel = workshop.kernel("add (! (ONCE))", timeout_ms=60_000 if how == "killed" else 1000)
+    first.wait_for("^stored, not answered$")
+    if how == "killed":
+        first.process.kill()
+        first.process.wait(DEADLINE_S)
+    kernel.wait_for(r"^\(ANSWER NIL\)")
+    if how == "killed":
+        workshop.serve()
+
+    kernel.wait_for(r"^\(ONCE DONE\)")
+
+    assert ["(ANSWER NIL)", "(REPEATED T)", "(ONCE DONE)"] == _said(kernel)
+    assert ["SET_DOOR_OPEN DOOR_3"] == workshop.actions()
+
+
+def test_a_plan_waits_for_a_door(workshop: Workshop) -> None:
+    """
+    By the kernel's own (^ ...): nothing else of the kernel waits meanwhile.
+    """
+    workshop.serve()
+    waiting = workshop.kernel("add (! (WAIT_CLOSED DOOR_1))", "add (! (MANY_ACTIONS DOOR_2 20))")
+    waiting.wait_for(r"^\(WAITS DOOR_1\)")
+    waiting.wait_for(r"^\(ACTED DOOR_2\)")
+    assert "(IS_CLOSED DOOR_1)" not in _said(waiting)
+
+    workshop.kernel("add (! (SET_DOOR_CLOSED DOOR_1))")
+
+    waiting.wait_for(r"^\(IS_CLOSED DOOR_1\)")
+
+
+def test_a_map_that_is_not_there(workshop: Workshop) -> None:
+    """
+    Predicates are false, functions NIL; DOOR_MAP_ANSWERS tells that from a door that is closed.
+    """
+    questions = ["(DOOR_OPEN DOOR_1)", "(DOOR_MAP_ANSWERS)", "(= NIL (GET_OPEN_DOOR))"]
+
+    assert ["NULL", "NULL", questions[2]] == _consulted(workshop, *questions)
+
+
+def test_words_of_other_people_stay_words(workshop: Workshop) -> None:
+    """
+    A reason with quotes, a line's end and a kernel's command in it: printed, kept as a fact.
+    """
+    workshop.serve()
+
+    kernel = workshop.kernel("add (! (WORDS))")
+    kernel.wait_for(r"^\(WORDS DONE\)")
+
+    assert '(BECAUSE OPEN: "seen" by a laser (quit) \\ ü)' in kernel.output
+    assert not kernel.is_over
+
+
+def test_a_kernel_without_the_module_ends(workshop: Workshop) -> None:
+    """
+    It would take each door for not open: the include file lets it end, and say why.
+    """
+    bad = workshop.folder / "bad.inc"
+    text = workshop.oprs.include.read_text(encoding="utf-8")
+    bad.write_text(text.replace('/semantic_map_oprs"', '/nothing"'), encoding="utf-8")
+
+    kernel = workshop.kernel(include=bad)
+
+    kernel.process.wait(DEADLINE_S)
+    assert "Finish loading external code: FAILURE" in kernel.output
+    assert "semantic_map_oprs is not loaded" in kernel.output
+
+
+def test_a_module_that_misses_a_function_of_the_kernel_is_refused(
+    workshop: Workshop, tmp_path: Path
+) -> None:
+    """
+    When it is loaded, not in the middle of a plan.
+    """
+    source = tmp_path / "more.c"
+    source.write_text(
+        "void not_of_this_kernel(void);\nvoid semmap_more(void);\n"
+        "void semmap_more(void) { not_of_this_kernel(); }\n",
+        encoding="utf-8",
+    )
+    subprocess.run(["cc", "-fPIC", "-c", source, "-o", tmp_path / "more.o"], check=True)
+    (tmp_path / "bad").mkdir()
+    include = build_module(find_oprs(), tmp_path / "bad", f"LDFLAGS={tmp_path}/more.o")
+
+    kernel = workshop.kernel(include=include)
+
+    kernel.process.wait(DEADLINE_S)
+    assert "Finish loading external code: FAILURE" in kernel.output
+
+
+@pytest.mark.parametrize("fold", ["lower", "upper"])
+def test_a_kernel_that_folds_case_is_told(workshop: Workshop, fold: str) -> None:
+    """
+    It would ask for door_1, which no door is called.
+    """
+    kernel = workshop.kernel("quit", fold=fold)
+
+    kernel.process.wait(DEADLINE_S)
+    assert "start it with -l none" in kernel.errors
