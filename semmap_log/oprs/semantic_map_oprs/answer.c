@@ -5,7 +5,7 @@
 
 #include "numbers.h"
 
-static const struct semmap_piece BAD = {SEMMAP_BAD, NULL, 0.0};
+static const struct semmap_piece BAD = {SEMMAP_BAD, NULL, 0.0, 0};
 
 void semmap_read(struct semmap_reader *reader, char *answer)
 {
@@ -117,7 +117,7 @@ static char *escape(char *in, char **out)
 /* Read a quoted text; it is decoded where it stands, for it never grows. */
 static struct semmap_piece text(struct semmap_reader *reader)
 {
-    struct semmap_piece piece = {SEMMAP_TEXT, NULL, 0.0};
+    struct semmap_piece piece = {SEMMAP_TEXT, NULL, 0.0, 0};
     char *in = reader->next + 1;
     char *out = in;
 
@@ -162,13 +162,15 @@ static int is_word(const char *word)
 
 static struct semmap_piece word(struct semmap_reader *reader)
 {
-    struct semmap_piece piece = {SEMMAP_WORD, reader->next, 0.0};
+    struct semmap_piece piece = {SEMMAP_WORD, reader->next, 0.0, 0};
 
     reader->next += strcspn(reader->next, " ()\"");
     reader->ended = reader->next;
     reader->after = *reader->next;
     *reader->ended = '\0';
-    if (semmap_read_number(piece.text, &piece.number))
+    if (semmap_read_integer(piece.text, &piece.integer))
+        piece.kind = SEMMAP_INTEGER;
+    else if (semmap_read_number(piece.text, &piece.number))
         piece.kind = SEMMAP_NUMBER;
     else if (!is_word(piece.text))
         piece.kind = SEMMAP_BAD;
@@ -177,7 +179,7 @@ static struct semmap_piece word(struct semmap_reader *reader)
 
 struct semmap_piece semmap_next(struct semmap_reader *reader)
 {
-    struct semmap_piece piece = {SEMMAP_ENDS, NULL, 0.0};
+    struct semmap_piece piece = {SEMMAP_ENDS, NULL, 0.0, 0};
 
     restore(reader);
     reader->next += strspn(reader->next, " ");

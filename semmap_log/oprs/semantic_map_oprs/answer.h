@@ -6,6 +6,7 @@
 enum semmap_kind {
     SEMMAP_WORD,   /* T, NIL, DOOR_3 */
     SEMMAP_NUMBER, /* 0.75 */
+    SEMMAP_INTEGER, /* 7 */
     SEMMAP_TEXT,   /* "seen by a laser" */
     SEMMAP_OPENS,  /* ( */
     SEMMAP_CLOSES, /* ) */
@@ -17,6 +18,7 @@ struct semmap_piece {
     enum semmap_kind kind;
     char *text; /* of a word or text: lies in the answer */
     double number;
+    long long integer;
 };
 
 struct semmap_reader {

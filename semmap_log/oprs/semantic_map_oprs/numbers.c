@@ -1,5 +1,6 @@
 #include "numbers.h"
 
+#include <errno.h>
 #include <locale.h>
 #include <math.h>
 #include <stdio.h>
@@ -36,6 +37,17 @@ int semmap_write_number(char text[SEMMAP_NUMBER_BYTES], double number)
     }
     leave(before);
     return 1;
+}
+
+int semmap_read_integer(const char *text, long long *number)
+{
+    char *end;
+
+    if (text[text[0] == '-'] == '\0' || text[strspn(text, "-0123456789")] != '\0')
+        return 0;
+    errno = 0;
+    *number = strtoll(text, &end, 10);
+    return *end == '\0' && errno == 0;
 }
 
 int semmap_read_number(const char *text, double *number)

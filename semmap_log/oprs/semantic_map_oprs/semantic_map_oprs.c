@@ -118,6 +118,7 @@ PREDICATE(door_closed, "DOOR_CLOSED")
 
 FUNCTION(probability_door_open, "PROBABILITY_DOOR_OPEN")
 FUNCTION(probability_door_closed, "PROBABILITY_DOOR_CLOSED")
+FUNCTION(door_state, "DOOR_STATE")
 FUNCTION(believed, "BELIEVED")
 FUNCTION(best_time, "BEST_TIME")
 FUNCTION(next_door, "NEXT_DOOR")
@@ -225,6 +226,7 @@ static const struct declaration FUNCTIONS[] = {
     {"PROBABILITY_DOOR_CLOSED", probability_door_closed, ANY_NUMBER},
     {"GET_OPEN_DOOR", get_open_door, ANY_NUMBER},
     {"GET_CLOSED_DOOR", get_closed_door, ANY_NUMBER},
+    {"DOOR_STATE", door_state, ANY_NUMBER},
     {"BELIEVED", believed, ANY_NUMBER},
     {"BEST_TIME", best_time, ANY_NUMBER},
     {"NEXT_DOOR", next_door, ANY_NUMBER},

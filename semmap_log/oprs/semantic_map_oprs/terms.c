@@ -1,5 +1,6 @@
 #include "terms.h"
 
+#include <limits.h>
 #include <string.h>
 
 #include "answer.h"
@@ -85,6 +86,13 @@ static Term *build_word(const char *word)
     return build_id(declare_atom(word));
 }
 
+/* Build a whole number; the kernel's INTEGER has 32 bits, and wraps. */
+static Term *build_whole(long long number)
+{
+    return number >= INT_MIN && number <= INT_MAX ? build_integer((int)number)
+                                                  : build_long_long(number);
+}
+
 static Term *build_piece(struct semmap_reader *reader, struct semmap_piece piece, int depth);
 
 static Term *build_list(struct semmap_reader *reader, int depth)
@@ -112,6 +120,8 @@ static Term *build_piece(struct semmap_reader *reader, struct semmap_piece piece
         return build_word(piece.text);
     case SEMMAP_NUMBER:
         return build_float(piece.number);
+    case SEMMAP_INTEGER:
+        return build_whole(piece.integer);
     case SEMMAP_TEXT:
         return build_string(piece.text);
     case SEMMAP_OPENS:

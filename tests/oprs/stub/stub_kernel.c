@@ -119,6 +119,22 @@ Term *build_float(double number)
     return term;
 }
 
+Term *build_integer(int number)
+{
+    Term *term = build(INTEGER);
+
+    term->u.intval = number;
+    return term;
+}
+
+Term *build_long_long(long long int number)
+{
+    Term *term = build(LONG_LONG);
+
+    term->u.llintval = number;
+    return term;
+}
+
 Term *build_string(const char *text)
 {
     Term *term = build(STRING);
@@ -386,6 +402,12 @@ static void print_term(const Term *term)
     switch (term->type) {
     case TT_FLOAT:
         printf("%.17g", *term->u.doubleptr);
+        break;
+    case INTEGER:
+        printf("integer %d", term->u.intval);
+        break;
+    case LONG_LONG:
+        printf("long %lld", term->u.llintval);
         break;
     case STRING:
         printf("\"%s\"", term->u.string);

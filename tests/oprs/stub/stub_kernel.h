@@ -45,6 +45,8 @@ int sl_slist_length(Slist *list);
 const void *sl_get_slist_pos(Slist *list, int position);
 
 Symbol declare_atom(const char *name);
+Term *build_integer(int number);
+Term *build_long_long(long long int number);
 Term *build_float(double number);
 Term *build_string(const char *text);
 Term *build_id(Symbol name);
