@@ -133,7 +133,8 @@ def test_actions_carry_a_command_id(
     [
         b"", b" ", b"T T", b"(", b")", b"(T", b"T)", b'"abc', b'"\\x"', b'"\\u12g4"', b'"\\ud800"',
         b"-", b"1-2", b"0x10", b"nan", b"inf", b"-inf", b"1e999", b"a|b", b"$X", b"a;b",
-        b"(" * 1000, b"(" * 33 + b")" * 33, b'"a"b"', b"ERROR", b'ERROR "no such question"', b"<html>",
+        b"(" * 1000,
+        b"(" * 33 + b")" * 33, b'"a"b"', b"ERROR", b'ERROR "no such question"', b"<html>",
     ],
 )  # fmt: skip
 def test_what_is_no_answer_is_nil(
