@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
 
 import pytest
+from build_oprs_module import KERNEL, NoOprsError, build_module, find_oprs
 
 from tests.oprs.building import SANITIZED, build_stub, compiler, has_sanitizers
 from tests.oprs.line_server import Answer, LineServer
 from tests.oprs.stub_process import StubKernel
+from tests.oprs.workshop import Oprs, Workshop
 
 
 @pytest.fixture(scope="session")
@@ -72,3 +75,21 @@ def start_server(tmp_path: Path) -> Iterator[StartServer]:
         yield lambda answer: stack.enter_context(
             LineServer(answer, tmp_path / f"doors{next(count)}")
         )
+
+
+@pytest.fixture(scope="session")
+def oprs(tmp_path_factory: pytest.TempPathFactory) -> Oprs:
+    """The kernel that SEMMAP_OPRS names."""
+    try:
+        folder = find_oprs()
+    except NoOprsError as error:
+        warnings.warn(f"NOT TESTED in a real OpenPRS kernel: {error}", stacklevel=2)
+        pytest.skip(str(error))
+    return Oprs(folder / KERNEL, build_module(folder, tmp_path_factory.mktemp("module")))
+
+
+@pytest.fixture
+def workshop(oprs: Oprs, tmp_path: Path) -> Iterator[Workshop]:
+    """A folder, a kernel's program, and an end to all that was started."""
+    with ExitStack() as stack:
+        yield Workshop(oprs, tmp_path, stack)

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
-import sys
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from build_oprs_module import KERNEL, NoOprsError, build_module, find_oprs
+from build_oprs_module import build_module, find_oprs
 
 from tests.live.running import DEADLINE_S, Running
-from tests.oprs.building import ROOT
+from tests.oprs.workshop import PLANS, Workshop
 
 pytestmark = pytest.mark.slow
 
-PLANS = Path(__file__).parent / "plans.opf"
-SERVER = Path(__file__).parent / "door_server.py"
 TRACES = [
     "all", "text", "graphic", "intend", "suc_fail", "intention failure",
     "intention failure variable", "send", "receive", "fact", "goal", "db", "conclude",
@@ -30,86 +22,6 @@ TRACES = [
                                 "goal", "relevant op", "applicable op")),
 ]  # fmt: skip
 """All that a kernel's grammar knows, but those of single plans."""
-
-
-@dataclass(frozen=True)
-class Oprs:
-    """A kernel's program, and the module built for it."""
-
-    program: Path
-    include: Path
-
-
-@pytest.fixture(scope="session")
-def oprs(tmp_path_factory: pytest.TempPathFactory) -> Oprs:
-    """The kernel that SEMMAP_OPRS names."""
-    try:
-        folder = find_oprs()
-    except NoOprsError as error:
-        warnings.warn(f"NOT TESTED in a real OpenPRS kernel: {error}", stacklevel=2)
-        pytest.skip(str(error))
-    return Oprs(folder / KERNEL, build_module(folder, tmp_path_factory.mktemp("module")))
-
-
-class Workshop:
-    """Starts servers and kernels of one test."""
-
-    def __init__(self, oprs: Oprs, folder: Path, stack: ExitStack) -> None:
-        self.oprs = oprs
-        self.folder = folder
-        self.stack = stack
-        self.address = f"unix:{folder}/doors"
-        self.journal = folder / "journal"
-        self.count = iter(range(100))
-
-    def serve(self, *options: str) -> Running:
-        """Start the tests' door map."""
-        server = self.run([sys.executable, SERVER, self.address, self.journal, *options])
-        server.wait_for("^ready$")
-        return server
-
-    def kernel(
-        self,
-        *commands: str,
-        include: Path | None = None,
-        address: str | None = None,
-        fold: str = "none",
-        timeout_ms: int = 60_000,
-    ) -> Running:
-        """Start a kernel that loads the module and our plans, and then runs commands."""
-        number = next(self.count)
-        words = [
-            self.oprs.program, "-a", "-A", "-q", "-l", fold, "-n", f"K{number}",
-            "-x", include or self.oprs.include,
-        ]  # fmt: skip
-        for command in (f'load opf "{PLANS}"', *commands):
-            words += ["-c", command]
-        return self.run(
-            words, SEMMAP_ASK=address or self.address, SEMMAP_ASK_TIMEOUT_MS=str(timeout_ms)
-        )
-
-    def run(self, words: Sequence[object], **environment: str) -> Running:
-        """Start a program, its output in files: a pipe that nobody reads stops a kernel."""
-        folder = self.folder / f"run{next(self.count)}"
-        folder.mkdir()
-        with (folder / "stdout").open("wb") as out, (folder / "stderr").open("wb") as err:
-            process = subprocess.Popen(
-                [str(word) for word in words], stdin=subprocess.DEVNULL, stdout=out, stderr=err,
-                cwd=self.folder, env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
-            )  # fmt: skip
-        return self.stack.enter_context(Running(process, str(words[0]), folder))
-
-    def actions(self) -> list[str]:
-        """Return what was stored, without command ids."""
-        lines = self.journal.read_text(encoding="utf-8").splitlines()
-        return [line.partition(" ")[2] for line in lines]
-
-
-@pytest.fixture
-def workshop(oprs: Oprs, tmp_path: Path) -> Iterator[Workshop]:
-    """A folder, a kernel's program, and an end to all that was started."""
-    with ExitStack() as stack:
-        yield Workshop(oprs, tmp_path, stack)
 
 
 def _said(kernel: Running) -> list[str]:
@@ -234,7 +146,9 @@ def test_an_action_without_an_answer_is_stored_once(workshop: Workshop, how: str
     gets NIL, goes on, and does it again when the map answers again.
     """
     first = workshop.serve("--hold", "1")
-    kernel = workshop.kernel("add (! (ONCE))", timeout_ms=60_000 if how == "killed" else 1000)
+    kernel = workshop.kernel(
+        "add (! (ONCE DOOR_3))", timeout_ms=60_000 if how == "killed" else 1000
+    )
     first.wait_for("^stored, not answered$")
     if how == "killed":
         first.process.kill()
