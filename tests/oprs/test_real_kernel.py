@@ -10,6 +10,7 @@ import pytest
 from build_oprs_module import build_module, find_oprs
 
 from tests.live.running import DEADLINE_S, Running
+from tests.oprs.building import MODULE
 from tests.oprs.workshop import PLANS, Workshop
 
 pytestmark = pytest.mark.slow
@@ -246,3 +247,24 @@ def test_a_kernel_that_folds_case_is_told(workshop: Workshop, fold: str) -> None
 
     kernel.process.wait(DEADLINE_S)
     assert "start it with -l none" in kernel.errors
+
+
+def test_the_plans_to_copy(workshop: Workshop) -> None:
+    """
+    Those that the guide shows: a sighting stored, a door chosen, a door waited for, in vain too.
+    """
+    workshop.serve()
+
+    kernel = workshop.kernel(
+        f'load opf "{MODULE / "example.opf"}"',
+        "add (! (CHOOSE_DOOR (. DOOR_2 DOOR_1 .)))",
+        "add (! (CHOOSE_DOOR (. DOOR_77 .)))",
+        "add (! (WAIT_AT DOOR_2 60))",
+        "add (! (WAIT_AT DOOR_77 1))",
+        "add (DOOR_SEEN DOOR_2 OPEN)",
+        "add (DOOR_SEEN DOOR_77 OPEN)",
+    )
+    for line in ("GO_TO DOOR_[12] ", "NO_DOOR ", "OPEN_NOW DOOR_2", "STILL_NOT_OPEN DOOR_77"):
+        kernel.wait_for(rf"^\({line}")
+
+    assert ["SET_DOOR_OPEN DOOR_2"] == workshop.actions()
