@@ -148,6 +148,20 @@ def test_each_action_is_a_goal() -> None:
     assert set(re.findall(r'\{"(\w+)"', table)) == set(goals) & set(re.findall(r'"(\w+)"', table))
 
 
+def test_the_guide_names_all_that_is_declared() -> None:
+    """
+    And the numbers that the module says when it is loaded.
+    """
+    source = (MODULE / "semantic_map_oprs.c").read_text(encoding="utf-8")
+    guide = (ROOT / "docs" / "guides" / "planners_oprs.md").read_text(encoding="utf-8")
+    declared = set(re.findall(r'^    \{"([A-Z_]+)", \w+, ', source, re.MULTILINE))
+    declared |= set(re.findall(r'eval_pred_no_eval_var\("([A-Z_]+)"', source))
+
+    assert 25 == len(declared)
+    assert {"DOOR_MAP_LOADED"} == {name for name in declared if f"({name}" not in guide}
+    assert "loaded: 7 predicates, 12 functions, 6 actions" in guide
+
+
 def test_the_tool_says_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

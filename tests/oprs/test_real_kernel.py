@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from build_oprs_module import build_module, find_oprs
 
+from tests.live.network_namespace import NetworkNamespace, NoNamespaceError
 from tests.live.running import DEADLINE_S, Running
 from tests.oprs.building import MODULE
 from tests.oprs.workshop import PLANS, Workshop
@@ -268,3 +269,41 @@ def test_the_plans_to_copy(workshop: Workshop) -> None:
         kernel.wait_for(rf"^\({line}")
 
     assert ["SET_DOOR_OPEN DOOR_2"] == workshop.actions()
+
+
+def test_words_stay_words_in_another_kernel(workshop: Workshop) -> None:
+    """
+    A reason that one kernel sends to another, over a message passer in a network of its own.
+    """
+    try:
+        network = NetworkNamespace.open()
+    except NoNamespaceError as error:
+        pytest.skip(str(error))
+    workshop.stack.callback(network.close)
+    workshop.serve()
+    passer = workshop.oprs.program.with_name("mp-oprs")
+    if not passer.is_file():
+        pytest.skip(f"no {passer}")
+    plans = workshop.folder / "two.opf"
+    plans.write_text(
+        "((defop SEND :invocation (! (SEND-MESSAGE $TO $M)) :action (SEND-MESSAGE $TO $M))\n"
+        "(defop TELL :invocation (! (TELL)) :body ((! (= $WHY (WHY DOOR_1)))\n"
+        "  (! (SEND-MESSAGE K2 (REASON $WHY)))))\n"
+        "(defop TOLD :invocation (REASON $R) :body ((! (= $WHY (WHY DOOR_1)))\n"
+        "  (IF (? (= $R $WHY)) (! (SAY (SAME $R))) ELSE (! (SAY (OTHER $R)))))))\n",
+        encoding="utf-8",
+    )
+    workshop.run(network.inside([str(passer), "-j", "3300"])).wait_for("Message passer running")
+
+    kernels = []
+    for name, commands in (("K2", []), ("K1", ["-c", "add (! (TELL))"])):
+        words = [workshop.oprs.program, "-a", "-q", "-l", "none", "-m", "127.0.0.1", "-j", "3300",
+                 "-n", name, "-x", workshop.oprs.include]  # fmt: skip
+        for path in (PLANS, plans):
+            words += ["-c", f'load opf "{path}"']
+        inside = network.inside([str(word) for word in [*words, *commands]])
+        kernels.append(workshop.run(inside, SEMMAP_ASK=workshop.address))
+        kernels[-1].wait_for("^semantic_map_oprs is there")
+
+    kernels[0].wait_for(r'^\(SAME OPEN: "seen" by a laser \(quit\) \\ ü\)')
+    assert not kernels[0].is_over

@@ -153,6 +153,21 @@ def test_what_is_no_answer_is_nil(
     assert ["7.5", "NIL"] == [stub.call("BEST_TIME DOOR_3"), stub.call("DOOR_MAP_PROBLEM")]
 
 
+def test_an_error_has_no_control_characters(
+    start_stub: StartStub, start_server: StartServer
+) -> None:
+    """
+    It becomes a text in a kernel, and a line on a terminal.
+    """
+    server = start_server(lambda _line: b'ERROR "\x1b[2J\r(quit)\t"\n')
+    stub = start_stub(server.address)
+
+    assert "NIL" == stub.call("WHY DOOR_3")
+
+    assert '"WHY DOOR_3: ERROR " [2J (quit) ""' == stub.call("DOOR_MAP_PROBLEM")
+    assert "\x1b" not in stub.errors
+
+
 @pytest.mark.parametrize(
     ("call", "value", "problem"),
     [

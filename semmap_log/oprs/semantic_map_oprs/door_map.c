@@ -62,9 +62,19 @@ int semmap_door_map_connect(const char *address, const char *token_file)
     return 0;
 }
 
+/* Others' words are in it: no control character of theirs gets into a kernel, or a terminal. */
+static void clean(char *text)
+{
+    for (; *text; text++) {
+        if ((unsigned char)*text < 0x20 || *text == 0x7f)
+            *text = ' ';
+    }
+}
+
 void semmap_complain(const char *where, const char *what)
 {
     snprintf(client.problem, sizeof client.problem, "%.100s: %.140s", where, what);
+    clean(client.problem);
     semmap_say("%s; the answer is NIL", client.problem);
 }
 
