@@ -93,6 +93,8 @@ class Doors:
                 return f"({' '.join(self.states)})"
             case "WHY":
                 return json.dumps(f'{state}: "seen"\nby a laser (quit) \\ ü', ensure_ascii=False)
+            case "TEXTS":
+                return '("a\\\\" " (/ 1 0) " "\\\\" "why not")'
             case "ECHO":
                 return json.dumps(list(words))[1:-1].replace(", ", " ").join("()")
             case _:

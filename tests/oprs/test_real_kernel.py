@@ -273,7 +273,8 @@ def test_the_plans_to_copy(workshop: Workshop) -> None:
 
 def test_words_stay_words_in_another_kernel(workshop: Workshop) -> None:
     """
-    A reason that one kernel sends to another, over a message passer in a network of its own.
+    Reasons that one kernel sends to another, over a message passer in a network of their own; also
+    those that end with a backslash, behind which the next text would be read as terms.
     """
     try:
         network = NetworkNamespace.open()
@@ -288,7 +289,11 @@ def test_words_stay_words_in_another_kernel(workshop: Workshop) -> None:
     plans.write_text(
         "((defop SEND :invocation (! (SEND-MESSAGE $TO $M)) :action (SEND-MESSAGE $TO $M))\n"
         "(defop TELL :invocation (! (TELL)) :body ((! (= $WHY (WHY DOOR_1)))\n"
+        "  (! (= $TEXTS (ASK_DOOR_MAP TEXTS)))\n"
+        "  (! (SEND-MESSAGE K2 (TEXTS $TEXTS)))\n"
         "  (! (SEND-MESSAGE K2 (REASON $WHY)))))\n"
+        "(defop TEXTS :invocation (TEXTS $L) :body ((! (= $MINE (ASK_DOOR_MAP TEXTS)))\n"
+        "  (IF (? (EQUAL $L $MINE)) (! (SAY (SAME_TEXTS))) ELSE (! (SAY (OTHER $L))))))\n"
         "(defop TOLD :invocation (REASON $R) :body ((! (= $WHY (WHY DOOR_1)))\n"
         "  (IF (? (= $R $WHY)) (! (SAY (SAME $R))) ELSE (! (SAY (OTHER $R)))))))\n",
         encoding="utf-8",
@@ -306,4 +311,5 @@ def test_words_stay_words_in_another_kernel(workshop: Workshop) -> None:
         kernels[-1].wait_for("^semantic_map_oprs is there")
 
     kernels[0].wait_for(r'^\(SAME OPEN: "seen" by a laser \(quit\) \\ ü\)')
+    kernels[0].wait_for(r"^\(SAME_TEXTS\)")
     assert not kernels[0].is_over

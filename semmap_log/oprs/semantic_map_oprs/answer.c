@@ -135,6 +135,8 @@ static struct semmap_piece text(struct semmap_reader *reader)
             *out++ = byte < 0x20 || byte == 0x7f ? ' ' : (char)byte;
         }
     }
+    if (out > piece.text && out[-1] == '\\')
+        *out++ = ' '; /* there is room: it stood there as an escape */
     *out = '\0';
     reader->next = in + 1;
     return piece;

@@ -30,7 +30,12 @@ struct semmap_reader {
 /* Read an answer from its start. Its bytes are altered as it is read. */
 void semmap_read(struct semmap_reader *reader, char *answer);
 
-/* Read its next piece. In texts, control characters have become blanks. */
+/* Read its next piece.
+ *
+ * Texts are such that a kernel can send them to another one, whoever wrote them: control characters
+ * have become blanks, and behind a backslash at the end there is one. A kernel writes that as
+ * "...\\" and reads the last two characters as a quote in the text: the text goes on to the next
+ * quote, and what should be the next text is read as terms. */
 struct semmap_piece semmap_next(struct semmap_reader *reader);
 
 #endif

@@ -62,12 +62,15 @@ int semmap_door_map_connect(const char *address, const char *token_file)
     return 0;
 }
 
-/* Others' words are in it: no control character of theirs gets into a kernel, or a terminal. */
+/* Others' words are in it: it is to be as harmless in a kernel as the texts of answers are. */
 static void clean(char *text)
 {
-    for (; *text; text++) {
-        if ((unsigned char)*text < 0x20 || *text == 0x7f)
-            *text = ' ';
+    size_t at;
+
+    for (at = 0; text[at]; at++) {
+        if ((unsigned char)text[at] < 0x20 || text[at] == 0x7f
+            || (text[at] == '\\' && text[at + 1] == '\0'))
+            text[at] = ' ';
     }
 }
 
