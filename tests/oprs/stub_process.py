@@ -65,15 +65,19 @@ class StubKernel:
         line, _, self._read = self._read.partition(b"\n")
         return line.decode("utf-8", "surrogateescape")
 
+    def end(self) -> None:
+        """Let it end; fail where a sanitizer has found something, such as lost memory."""
+        self.send("QUIT")
+        assert self.process.wait(DEADLINE_S) == 0, self.errors
+
     def __enter__(self) -> StubKernel:  # noqa: PYI034 - Self came with Python 3.11
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
         assert self.process.stdin is not None
         try:
-            if kind is None:
-                self.send("QUIT")
-                assert self.process.wait(DEADLINE_S) == 0, self.errors
+            if kind is None and self.process.poll() is None:
+                self.end()
         finally:
             self.process.kill()
             self.process.wait(DEADLINE_S)

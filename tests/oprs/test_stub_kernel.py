@@ -73,6 +73,7 @@ def test_the_twelve_of_the_thesis_are_declared_and_ours(start_stub: StartStub) -
         ("BEST_TIME DOOR_3", b"BEST_TIME DOOR_3", b'"Mon 14:00"', '"Mon 14:00"'),
         ("NEXT_DOOR ( A B )", b"NEXT_DOOR A B", b"B", "B"),
         ("WHY D", b"WHY D", b'("a\\\\" "\\u005c" "b\\\\c")', '(. "a\\ " "\\ " "b\\c" .)'),
+        ("WHY D", b"WHY D", b'"a\tb\x1b\x7f"', '"a b  "'),
         ("DOORS", b"DOORS", b'(DOOR_1 (0.5 "a)") NIL)', '(. DOOR_1 (. 0.5 "a)" .) NIL .)'),
         ("ASK_DOOR_MAP N", b"N", b"2147483647", "integer 2147483647"),
         ("ASK_DOOR_MAP N", b"N", b"-2147483648", "integer -2147483648"),
@@ -97,9 +98,11 @@ def test_questions_and_values(
     """
     server = start_server(lambda _line: answer + b"\n")
 
-    got = start_stub(server.address).call(call)
+    stub = start_stub(server.address)
+    got = stub.call(call)
 
     assert ([question], value) == (server.lines, got)
+    stub.end()
 
 
 @pytest.mark.parametrize(
@@ -152,6 +155,7 @@ def test_what_is_no_answer_is_nil(
     assert problem.startswith('"WHY DOOR_3: ')
     assert "WHY DOOR_3: " in stub.errors
     assert ["7.5", "NIL"] == [stub.call("BEST_TIME DOOR_3"), stub.call("DOOR_MAP_PROBLEM")]
+    stub.end()
 
 
 def test_an_error_has_no_control_characters(
