@@ -25,24 +25,24 @@ class ExpressionError(SemmapError):
     """A text is no expression, or a value cannot be written as one."""
 
 
-class Atom(str):
-    """A name, such as `DOOR_3`; `main door` is written `|main door|`."""
+class Symbol(str):
+    """An atom, such as `DOOR_3`; `main door` is written `|main door|`."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
-    """A name and its terms: a predicate, a fact, a question."""
+class Expression:
+    """A composed term, a name and its terms: a predicate, a fact, a question."""
 
-    name: Atom
+    name: Symbol
     terms: tuple[Term, ...] = ()
 
 
-Term: TypeAlias = "Atom | str | int | float | list[Term] | Record"
-"""A `str` that is no `Atom` is a text; a list is `(. a b .)`."""
+Term: TypeAlias = "Symbol | str | int | float | list[Term] | Expression"
+"""A `str` that is no `Symbol` is a text; a list is `(. a b .)`."""
 
-NIL, TRUE = Atom("NIL"), Atom("T")
+NIL, TRUE = Symbol("NIL"), Symbol("T")
 
 
 def write(term: Term) -> str:
@@ -62,13 +62,13 @@ def write(term: Term) -> str:
 def _write(term: Term, depth: int) -> str:
     if depth > DEEPEST:
         raise ExpressionError(f"expected at most {DEEPEST} lists in each other, got more.")
-    if isinstance(term, Record):
+    if isinstance(term, Expression):
         return (
             f"({' '.join([_atom(term.name), *(_write(each, depth + 1) for each in term.terms)])})"
         )
     if isinstance(term, list):
         return " ".join(["(.", *(_write(each, depth + 1) for each in term), ".)"])
-    if isinstance(term, Atom):
+    if isinstance(term, Symbol):
         return _atom(term)
     if isinstance(term, str):
         return _text(term)
@@ -79,7 +79,7 @@ _NAME = re.compile(r"[A-Za-z_\u0080-\U0010ffff][\w.\-\u0080-\U0010ffff]*")
 _BARRED = re.compile(r"[^|\x00-\x1f\x7f]+")
 
 
-def _atom(name: Atom) -> str:
+def _atom(name: Symbol) -> str:
     if _NAME.fullmatch(name) and name.isprintable():
         return str(name)
     if not _BARRED.fullmatch(name):
@@ -169,16 +169,16 @@ class _Reader:
                 flags=re.DOTALL,
             )  # fmt: skip
         if token.kind == "barred":
-            return Atom(token.text[1:-1])
+            return Symbol(token.text[1:-1])
         if token.kind == "word":
             return _number(token.text)
         if token.text == "(.":
             return list(self._terms(".)", depth))
         if token.text == "(":
             name = self._term_from(next(self._tokens), depth + 1)
-            if not isinstance(name, Atom):
+            if not isinstance(name, Symbol):
                 raise _unexpected(token, "a name behind it")
-            return Record(name, tuple(self._terms(")", depth)))
+            return Expression(name, tuple(self._terms(")", depth)))
         raise _unexpected(token, "a term")
 
     def _terms(self, closing: str, depth: int) -> Iterator[Term]:
@@ -199,7 +199,7 @@ def _tokens(text: str) -> Iterator[_Token]:
 def _number(word: str) -> Term:
     if _INTEGER.fullmatch(word):
         return int(word.rstrip("l"))
-    return float(word) if _REAL.fullmatch(word) else Atom(word)
+    return float(word) if _REAL.fullmatch(word) else Symbol(word)
 
 
 def _unexpected(token: _Token, expected: str) -> ExpressionError:

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from semmap_log.errors import SemmapError
-from semmap_log.oprs.expressions import Record, write
+from semmap_log.oprs.expressions import Expression, write
 
 PORT = 3300
 """As `mp-oprs` chooses it."""
@@ -47,12 +47,12 @@ def registration(name: str) -> bytes:
     return struct.pack(">I", _TEXTS) + _text(name)
 
 
-def message_to(recipient: str, said: Record) -> bytes:
+def message_to(recipient: str, said: Expression) -> bytes:
     """Return what sends an expression to one client."""
     return struct.pack(">I", _TO_ONE) + _text(recipient) + _text(write(said))
 
 
-def message_to_all(said: Record) -> bytes:
+def message_to_all(said: Expression) -> bytes:
     """Return what sends an expression to all other clients."""
     return struct.pack(">I", _TO_ALL) + _text(write(said))
 
@@ -62,7 +62,7 @@ def _text(text: str) -> bytes:
     return struct.pack(">I", len(data)) + data
 
 
-class Messages:
+class MessageBuffer:
     """Messages out of bytes, however they are cut into pieces."""
 
     def __init__(self) -> None:
@@ -103,7 +103,7 @@ class PasserClient:
     def __init__(self, connection: socket.socket, where: str) -> None:
         self._socket = connection
         self._where = where
-        self._messages = Messages()
+        self._messages = MessageBuffer()
 
     @classmethod
     def connect(cls, host: str, port: int, name: str, *, timeout_s: float = 10.0) -> PasserClient:
@@ -140,7 +140,7 @@ class PasserClient:
         """Return the socket's descriptor, to wait for."""
         return self._socket.fileno()
 
-    def send(self, recipient: str, said: Record) -> None:
+    def send(self, recipient: str, said: Expression) -> None:
         """Send an expression to one client.
 
         Raises:
@@ -149,7 +149,7 @@ class PasserClient:
         """
         self._send(message_to(recipient, said))
 
-    def send_to_all(self, said: Record) -> None:
+    def send_to_all(self, said: Expression) -> None:
         """Send an expression to all other clients.
 
         Raises:

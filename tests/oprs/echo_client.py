@@ -9,7 +9,7 @@ import json
 import random
 import sys
 
-from semmap_log.oprs.expressions import Atom, Record, Term, read, write
+from semmap_log.oprs.expressions import Expression, Symbol, Term, read, write
 from semmap_log.oprs.message_passer import PORT, PasserClient
 
 LETTERS = '"\\()|;.,:!?$@#&~^%[]{}<>=+-*/ \t\näöü日本🙂aAzZ09_T'
@@ -27,7 +27,7 @@ def _term(random_: random.Random, depth: int = 0) -> Term:
     kind = random_.randrange(6 if depth < 3 else 4)
     if kind == 0:
         name = "".join(random_.choices("ABCxyz_09äü日 ", k=random_.randrange(1, 9)))
-        return Atom(f"A_{name}")
+        return Symbol(f"A_{name}")
     if kind in {1, 2}:
         return _text(random_)
     if kind == 3:
@@ -48,17 +48,17 @@ def main() -> None:
     with PasserClient.connect("127.0.0.1", PORT, "PY") as client:
         for number in range(count):
             sent[number] = term = _term(random_)
-            client.send("K1", Record(Atom("ECHO"), (number, term)))
+            client.send("K1", Expression(Symbol("ECHO"), (number, term)))
         for number in range(count, count + 50):
             value = random_.choice([random_.random(), random_.lognormvariate(0, 50), -1e-7, 0.1])
-            sent[number] = Atom("T")
-            said = Record(Atom("SAME"), (number, value, value))
+            sent[number] = Symbol("T")
+            said = Expression(Symbol("SAME"), (number, value, value))
             assert value == read(write(value))
             client.send("K1", said)
         lost, wrong = dict(sent), []
         while lost and (message := client.receive(FINISH_S)) is not None:
             got = read(message.text)
-            assert isinstance(got, Record)
+            assert isinstance(got, Expression)
             number, value = got.terms
             assert isinstance(number, int)
             del lost[number]

@@ -13,25 +13,25 @@ from hypothesis import strategies as st
 from semmap_log.oprs.expressions import (
     DEEPEST,
     NIL,
-    Atom,
+    Expression,
     ExpressionError,
-    Record,
+    Symbol,
     Term,
     read,
     write,
 )
 
-D3 = Atom("DOOR_3")
+D3 = Symbol("DOOR_3")
 
 NAMES = st.text(st.characters(exclude_characters="|", exclude_categories=["C"]), min_size=1)
-ATOMS = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]*", fullmatch=True).map(Atom) | NAMES.map(Atom)
+ATOMS = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]*", fullmatch=True).map(Symbol) | NAMES.map(Symbol)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=30)
 NUMBERS = st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
 
 
 def _nested(terms: st.SearchStrategy[Term]) -> st.SearchStrategy[Term]:
     several = st.lists(terms, max_size=5)
-    return several | st.builds(Record, ATOMS, several.map(tuple))
+    return several | st.builds(Expression, ATOMS, several.map(tuple))
 
 
 TERMS = st.recursive(ATOMS | TEXTS | NUMBERS, _nested, max_leaves=20)
@@ -39,19 +39,19 @@ TERMS = st.recursive(ATOMS | TEXTS | NUMBERS, _nested, max_leaves=20)
 
 def _as_told(term: Term) -> Term:
     """Return what is left of a term: texts lose control characters, numbers never a digit."""
-    if isinstance(term, Record):
-        return Record(term.name, tuple(map(_as_told, term.terms)))
+    if isinstance(term, Expression):
+        return Expression(term.name, tuple(map(_as_told, term.terms)))
     if isinstance(term, list):
         return [_as_told(each) for each in term]
-    if isinstance(term, str) and not isinstance(term, Atom):
+    if isinstance(term, str) and not isinstance(term, Symbol):
         told = re.sub(r"[\x00-\x08\x0b-\x1f\x7f]", " ", term)
         return f"{told} " if told.endswith("\\") else told
     return term
 
 
 def _types(term: Term) -> object:
-    if isinstance(term, Record):
-        return Record, [_types(each) for each in term.terms]
+    if isinstance(term, Expression):
+        return Expression, [_types(each) for each in term.terms]
     if isinstance(term, list):
         return list, [_types(each) for each in term]
     return type(term)
@@ -60,15 +60,15 @@ def _types(term: Term) -> object:
 @pytest.mark.parametrize(
     ("term", "text"),
     [
-        (Record(Atom("DOOR_STATE"), (D3, Atom("OPEN"))), "(DOOR_STATE DOOR_3 OPEN)"),
-        (Record(Atom("DOOR_PROBABILITY"), (D3, 0.75)), "(DOOR_PROBABILITY DOOR_3 0.75)"),
-        (Record(Atom("QUIET")), "(QUIET)"),
-        ([D3, [Atom("NIL")], []], "(. DOOR_3 (. NIL .) (. .) .)"),
+        (Expression(Symbol("DOOR_STATE"), (D3, Symbol("OPEN"))), "(DOOR_STATE DOOR_3 OPEN)"),
+        (Expression(Symbol("DOOR_PROBABILITY"), (D3, 0.75)), "(DOOR_PROBABILITY DOOR_3 0.75)"),
+        (Expression(Symbol("QUIET")), "(QUIET)"),
+        ([D3, [Symbol("NIL")], []], "(. DOOR_3 (. NIL .) (. .) .)"),
         ('seen by "a laser"', '"seen by \\"a laser\\""'),
         ("a\\b\n\tc", '"a\\\\b\\n\\tc"'),
-        (Atom("main door"), "|main door|"),
-        (Atom("Tür_1"), "Tür_1"),
-        (Atom("3rd"), "|3rd|"),
+        (Symbol("main door"), "|main door|"),
+        (Symbol("Tür_1"), "Tür_1"),
+        (Symbol("3rd"), "|3rd|"),
         (0.1 + 0.2, "0.30000000000000004"),
         (1e-7, "1.0e-07"),
         (-1.5e300, "-1.5e+300"),
@@ -126,7 +126,7 @@ def test_no_text_breaks_out_of_its_quotes(texts: list[str]) -> None:
     A kernel finds as many texts as there are, and between them nothing but blanks: what somebody
     wrote as a reason is never a term, least of all one that is evaluated.
     """
-    line = write(Record(Atom("REASONS"), tuple(texts)))
+    line = write(Expression(Symbol("REASONS"), tuple(texts)))
 
     assert not re.search(r"[\x00-\x1f\x7f]", line)
     found = QUOTED.findall(line)
@@ -139,7 +139,7 @@ def test_one_line_of_one_expression(term: Term) -> None:
     """
     Outside of texts and bars there is no control character, and each parenthesis has its other.
     """
-    line = write(Record(Atom("FACT"), (term,)))
+    line = write(Expression(Symbol("FACT"), (term,)))
 
     assert line.isprintable() or not re.search(r"[\x00-\x1f\x7f]", line)
     bare = re.sub(r"\|[^|]+\|", "x", QUOTED.sub("x", line))
@@ -157,7 +157,15 @@ def test_numbers_that_are_none(number: float) -> None:
 
 @pytest.mark.parametrize(
     "term",
-    [Atom(""), Atom("a|b"), Atom("a\nb"), Atom("\0"), 2**63, -(2**63) - 1, Record(Atom("a|"))],
+    [
+        Symbol(""),
+        Symbol("a|b"),
+        Symbol("a\nb"),
+        Symbol("\0"),
+        2**63,
+        -(2**63) - 1,
+        Expression(Symbol("a|")),
+    ],
 )
 def test_what_no_kernel_reads_is_not_written(term: Term) -> None:
     """
@@ -186,14 +194,14 @@ def test_lists_that_are_nested_too_deep() -> None:
 @pytest.mark.parametrize(
     ("text", "term"),
     [
-        ("(.DOOR_2 DOOR_1 .)", [Atom("DOOR_2"), Atom("DOOR_1")]),
-        ("(f 0.750000)", Record(Atom("f"), (0.75,))),
+        ("(.DOOR_2 DOOR_1 .)", [Symbol("DOOR_2"), Symbol("DOOR_1")]),
+        ("(f 0.750000)", Expression(Symbol("f"), (0.75,))),
         ("( f\n  5. -3 +7 7ll 1e3 )",
-         Record(Atom("f"), (5.0, -3, 7, 7, Atom("1e3")))),
+         Expression(Symbol("f"), (5.0, -3, 7, 7, Symbol("1e3")))),
         ('"two\nlines"', "two\nlines"),
         ('"\\q\\n"', "q\n"),
-        (" (| a b |)", Record(Atom(" a b "))),
-        ("(~ (DOOR_OPEN DOOR_3))", Record(Atom("~"), (Record(Atom("DOOR_OPEN"), (D3,)),))),
+        (" (| a b |)", Expression(Symbol(" a b "))),
+        ("(~ (OPEN DOOR_3))", Expression(Symbol("~"), (Expression(Symbol("OPEN"), (D3,)),))),
     ],
 )  # fmt: skip
 def test_what_kernels_write_is_read(text: str, term: Term) -> None:

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.oprs.expressions import Atom, ExpressionError, Record
+from semmap_log.oprs.expressions import Expression, ExpressionError, Symbol
 from semmap_log.oprs.message_passer import (
     MOST_BYTES,
     Message,
-    Messages,
+    MessageBuffer,
     PasserClient,
     PasserError,
     message_to,
@@ -28,7 +28,7 @@ from tests.live.running import DEADLINE_S, wait_until
 from tests.oprs.passer import Passer
 from tests.oprs.workshop import Workshop
 
-HELLO = Record(Atom("HELLO"))
+HELLO = Expression(Symbol("HELLO"))
 
 
 def test_bytes() -> None:
@@ -57,7 +57,7 @@ def test_messages_however_they_are_cut(
     """
     stream = b"".join(_bytes_of(*message) for message in messages)
     cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=8).map(sorted))
-    reader, found = Messages(), []
+    reader, found = MessageBuffer(), []
 
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
         reader.feed(stream[start:end])
@@ -70,7 +70,7 @@ def test_a_length_that_is_none_is_refused() -> None:
     """
     At once, not when so much has come.
     """
-    reader = Messages()
+    reader = MessageBuffer()
     reader.feed(struct.pack(">I", MOST_BYTES + 1))
 
     with pytest.raises(PasserError, match="at most 1,048,576 bytes, one of 1,048,577 comes"):
@@ -85,7 +85,7 @@ def test_messages_go_from_one_to_another() -> None:
     """
     To one, to all others, to nobody: then the passer says so.
     """
-    said = Record(Atom("REASON"), ('a "b"\n', 0.1))
+    said = Expression(Symbol("REASON"), ('a "b"\n', 0.1))
     with Passer() as passer, _connect(passer, "SEMMAP") as semmap, _connect(passer, "K1") as kernel:
         semmap.send("K1", said)
         kernel.send_to_all(HELLO)
@@ -143,7 +143,7 @@ def test_what_cannot_be_written_is_not_sent() -> None:
     """
     with Passer() as passer, _connect(passer, "SEMMAP") as semmap, _connect(passer, "K1") as kernel:
         with pytest.raises(ExpressionError):
-            semmap.send("K1", Record(Atom("FACT"), (Atom("a|b"),)))
+            semmap.send("K1", Expression(Symbol("FACT"), (Symbol("a|b"),)))
         semmap.send("K1", HELLO)
 
         assert Message("SEMMAP", "(HELLO)") == kernel.receive(DEADLINE_S)
