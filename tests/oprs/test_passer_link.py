@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from semmap_log.oprs.expressions import Expression, ExpressionError, Symbol, Term, write
 from semmap_log.oprs.message_passer import PasserClient
 from semmap_log.oprs.passer_link import LinkSettings, PasserLink
+from tests.live.network_namespace import NetworkNamespace, NoNamespaceError
 from tests.live.running import DEADLINE_S, wait_until
+from tests.oprs.building import MODULE
 from tests.oprs.passer import Passer
+from tests.oprs.workshop import PLANS as OPS
+from tests.oprs.workshop import Workshop
 
 STATE, DOOR, OPEN, CLOSED = map(Symbol, ("DOOR_STATE", "DOOR_3", "OPEN", "CLOSED"))
 
@@ -186,3 +192,50 @@ def test_nobody_speaks_for_the_passer(passer: Passer, linked: Linked) -> None:
         _receive_until(kernel, _fact(CLOSED))
 
     assert before == [said for said in linked.said if said.startswith("K1: is not there")]
+
+
+PLANS = """(
+(defop SEND :invocation (! (SEND-MESSAGE $TO $M)) :action (SEND-MESSAGE $TO $M))
+(defop SEEN :invocation (DOOR_STATE $D $S) :body (
+  (! (SAY (SEEN $D $S)))
+  (! (SEND-MESSAGE SEMMAP (ASK 17 (DOOR_OPEN $D "14:02"))))))
+(defop ANSWERED :invocation (ANSWER $ID $VALUE) :body (
+  (IF (? (DOOR_STATE DOOR_3 $S)) (! (SAY (ANSWERED $ID $VALUE))))))
+)
+"""
+
+
+@pytest.mark.slow
+def test_real_kernels_and_a_real_passer_that_is_killed(workshop: Workshop) -> None:
+    """
+    Facts trigger plans, which ask; kernels go with their passer, the link comes back with the next.
+    """
+    try:
+        network = NetworkNamespace.open()
+    except NoNamespaceError as error:
+        pytest.skip(str(error))
+    workshop.stack.callback(network.close)
+    plans = workshop.folder / "link.opf"
+    plans.write_text(PLANS, encoding="utf-8")
+    passer = [str(workshop.oprs.program.with_name("mp-oprs")), "-j", "3300"]
+    kernel = [
+        str(workshop.oprs.program), "-a", "-q", "-l", "none", "-m", "127.0.0.1", "-j", "3300",
+        "-n", "K1", "-x", str(MODULE / "door_facts.inc"), "-c", f'load opf "{OPS}"',
+        "-c", f'load opf "{plans}"',
+    ]  # fmt: skip
+    program = str(Path(__file__).parent / "link_program.py")
+    link = workshop.run(network.inside([sys.executable, program]))
+    link.wait_for("refused. It is tried again")
+
+    for times in (1, 2):
+        running = workshop.run(network.inside(passer))
+        running.wait_for("Message passer running")
+        link.wait_for(rf"(?s)(is registered.*){{{times}}}")
+        told = workshop.run(network.inside(kernel))
+        for state in ("OPEN", "CLOSED"):
+            told.wait_for(rf"^\(SEEN DOOR_3 {state}\)")
+        told.wait_for(r'^\(ANSWERED 17 \(\.a "b"\\  \(DOOR_OPEN DOOR_3 14:02\) \.\)\)')
+        link.wait_for("K1: is there now")
+        assert "K2: is there now" not in link.output
+        running.process.kill()
+        assert told.process.wait(DEADLINE_S) == 1  # a kernel goes with its passer
