@@ -38,8 +38,7 @@ class Linked:
         self.link = PasserLink(
             lambda: PasserClient.connect("127.0.0.1", port, "SEMMAP"), settings, retry_s=0.02
         )
-        self.thread = threading.Thread(target=self.link.run)
-        self.thread.start()
+        self.thread = threading.Thread(target=self.link.run, daemon=True)
 
     def _answer(self, question: Expression) -> Term:
         self.asked.append(question)
@@ -64,6 +63,7 @@ def passer() -> Iterator[Passer]:
 def linked(passer: Passer) -> Iterator[Linked]:
     """A link to it; the test's end stops it."""
     one = Linked(passer.port)
+    one.thread.start()
     wait_until(lambda: any("is registered" in said for said in one.said), "it to be registered")
     yield one
     one.link.stop()
@@ -104,6 +104,21 @@ def test_facts_when_a_kernel_comes_and_at_each_change(passer: Passer, linked: Li
         assert {write(_fact(OPEN)), write(_fact(CLOSED))} == set(texts)
         assert write(_fact(OPEN)) == _receive(kernel)
     assert "K2: is there now." not in linked.said
+
+
+def test_changes_from_before_the_facts_are_not_told(passer: Passer) -> None:
+    """
+    They are in the facts: told behind them, they would undo what is newer.
+    """
+    linked = Linked(passer.port)
+    linked.link.post([_fact(CLOSED)])
+    with _kernel(passer, "K1") as kernel:
+        linked.thread.start()
+        assert write(_fact(OPEN)) == _receive(kernel)
+        linked.change(Symbol("MOVING"))
+        assert write(_fact(Symbol("MOVING"))) == _receive(kernel)
+        linked.link.stop()
+        linked.thread.join(DEADLINE_S)
 
 
 def test_a_kernel_is_found_however_much_happens(passer: Passer, linked: Linked) -> None:
@@ -147,6 +162,7 @@ def test_a_passer_that_comes_back(passer: Passer) -> None:
     Killed, and started again under the same port: registered again, all facts told again.
     """
     linked = Linked(passer.port)
+    linked.thread.start()
     with _kernel(passer, "K1") as kernel:
         _receive_until(kernel, _fact(OPEN))
     passer.__exit__()
