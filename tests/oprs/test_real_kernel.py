@@ -149,7 +149,7 @@ def test_an_action_without_an_answer_is_stored_once(workshop: Workshop, how: str
     """
     first = workshop.serve("--hold", "1")
     kernel = workshop.kernel(
-        "add (! (ONCE DOOR_3))", timeout_ms=60_000 if how == "killed" else 1000
+        "add (! (ONCE DOOR_3))", timeout_ms=60_000 if how == "killed" else 3000
     )
     first.wait_for("^stored, not answered$")
     if how == "killed":
