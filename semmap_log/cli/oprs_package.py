@@ -41,4 +41,4 @@ def run(
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
     say(f"  make -C {path} OPRS=FOLDER    the one in which OpenPRS was built")
     say("Then, with SEMMAP_ASK set to the address of `semmap-log serve LOG --ask ADDRESS`:")
-    say(f"  oprs -l none -x {path}/semantic_map.inc")
+    say(f"  oprs -n K1 -l none -x {path}/semantic_map.inc")

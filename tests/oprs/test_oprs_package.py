@@ -40,7 +40,7 @@ def test_a_folder_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert _files(MODULE) == _files(tmp_path / MODULE.name)
     said = capsys.readouterr().err
     assert f"make -C {tmp_path}/semantic_map_oprs OPRS=FOLDER" in said
-    assert f"oprs -l none -x {tmp_path}/semantic_map_oprs/semantic_map.inc" in said
+    assert f"oprs -n K1 -l none -x {tmp_path}/semantic_map_oprs/semantic_map.inc" in said
 
 
 def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -202,6 +202,18 @@ def test_words_of_other_people_stay_words(workshop: Workshop) -> None:
     assert not kernel.is_over
 
 
+def test_it_loads_without_a_warning(workshop: Workshop) -> None:
+    """
+    A kernel warns of each name that it has not heard of: among them nobody would find a failure.
+    """
+    kernel = workshop.kernel()
+    kernel.wait_for("^semantic_map_oprs is there")
+
+    ours = kernel.output.partition(str(PLANS))[0]
+    assert "Finish loading external code: SUCCESS" in ours
+    assert "WARNING" not in ours
+
+
 def test_a_kernel_without_the_module_ends(workshop: Workshop) -> None:
     """
     It would take each door for not open: the include file lets it end, and say why.
