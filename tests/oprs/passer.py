@@ -49,11 +49,10 @@ class Passer:
             name = _read_text(stream)
             with self._mutex:
                 is_taken = name in self.clients
-                if not is_taken:
-                    self.clients[name] = client
-            client.sendall(struct.pack(">I", int(is_taken)))
-            if is_taken:
-                return
+                client.sendall(struct.pack(">I", int(is_taken)))  # before anybody can send to it
+                if is_taken:
+                    return
+                self.clients[name] = client
             try:
                 self._pass_on(name, stream)
             finally:
