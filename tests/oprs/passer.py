@@ -28,7 +28,9 @@ class Passer:
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
-        for client in list(self.clients.values()):
+        with self._mutex:
+            clients = list(self.clients.values())
+        for client in clients:
             with contextlib.suppress(OSError):
                 client.shutdown(socket.SHUT_RDWR)
         for thread in self._threads:
@@ -64,12 +66,14 @@ class Passer:
             recipient = _read_text(stream) if kind == 1 else ""
             text = _read_text(stream)
             self.heard.append((name, recipient, text))
-            if kind == 1 and recipient not in self.clients:
-                _send(self.clients[name], "mp-oprs", f"(unknown {recipient})")
-                continue
-            everybody = [each for each in self.clients if each != name]
-            for each in [recipient] if kind == 1 else everybody:
-                _send(self.clients[each], name, text)
+            with self._mutex:  # who has its answer is among the clients
+                if kind == 1 and recipient not in self.clients:
+                    _send(self.clients[name], "mp-oprs", f"(unknown {recipient})")
+                    continue
+                everybody = [each for each in self.clients if each != name]
+                for each in [recipient] if kind == 1 else everybody:
+                    with contextlib.suppress(OSError):  # it has just hung up
+                        _send(self.clients[each], name, text)
 
 
 def _read_text(stream: object) -> str:
