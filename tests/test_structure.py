@@ -32,6 +32,7 @@ ORDER = [
     {"views", "ros_mapping"},
     {"importing", "exporting"},
     {"live"},
+    {"oprs"},
     {"demo"},
     {"cli"},
     {"__main__"},

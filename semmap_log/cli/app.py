@@ -24,6 +24,7 @@ from semmap_log.cli import (
     info,
     init,
     observe,
+    oprs_package,
     patrol,
     play,
     probabilities,
@@ -125,6 +126,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("play", play.run, "Publish a log's history."),
         ("ros-package", ros_package.run, "Copy the ROS package into a workspace."),
     ),
+    "For planners": (("oprs-package", oprs_package.run, "Copy the module for OpenPRS kernels."),),
     "Care of the log": (
         ("info", info.run, "Show what a log holds."),
         ("verify", verify.run, "Check that a log is as it was written."),

@@ -48,7 +48,7 @@ WRITE = {
     "patrol": ["LOG", "start"],
     "record": ["LOG"],
 }
-OF_NO_LOG = {"demo", "init", "ros-package", "call"}
+OF_NO_LOG = {"demo", "init", "ros-package", "oprs-package", "call"}
 NEED_ROS = {"serve", "play"}
 """They open the log as `append` and `read` do."""
 CARE = {"recover", "compact"}

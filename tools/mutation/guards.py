@@ -20,6 +20,7 @@ from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant, guard
 from mutation.newer_guards import NEWER
+from mutation.oprs_guards import OPRS
 from mutation.picture_guards import PICTURES
 from mutation.ros_mapping_guards import ROS_MAPPING
 from mutation.seen_guards import SEEN
@@ -362,5 +363,5 @@ GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
     *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
-    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
+    *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING, *OPRS,
 )  # fmt: skip
