@@ -37,6 +37,7 @@ ORDER = [
     {"importing", "exporting"},
     {"live"},
     {"planners"},
+    {"oprs"},
     {"demo"},
     {"cli"},
     {"__main__"},

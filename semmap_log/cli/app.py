@@ -25,6 +25,7 @@ from semmap_log.cli import (
     info,
     init,
     observe,
+    oprs_package,
     patrol,
     play,
     probabilities,
@@ -129,6 +130,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("ros-package", ros_package.run, "Copy the ROS package into a workspace."),
         ("prolog-module", prolog_module.run, "Copy the module for SWI-Prolog into a folder."),
     ),
+    "For planners": (("oprs-package", oprs_package.run, "Copy the module for OpenPRS kernels."),),
     "Care of the log": (
         ("info", info.run, "Show what a log holds."),
         ("verify", verify.run, "Check that a log is as it was written."),

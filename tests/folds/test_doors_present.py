@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semmap_log.projections.door_map import DoorMapState
-from semmap_log.projections.doors_present import DoorsPresent
-
 import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved

@@ -48,7 +48,7 @@ WRITE = {
     "patrol": ["LOG", "start"],
     "record": ["LOG"],
 }
-OF_NO_LOG = {"demo", "init", "ros-package", "prolog-module", "ask", "call"}
+OF_NO_LOG = {"demo", "init", "ros-package", "prolog-module", "oprs-package", "ask", "call"}
 NEED_ROS = {"serve", "play"}
 """They open the log as `append` and `read` do."""
 CARE = {"recover", "compact"}

@@ -22,6 +22,7 @@ from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant, guard
 from mutation.newer_guards import NEWER
+from mutation.oprs_guards import OPRS
 from mutation.picture_guards import PICTURES
 from mutation.planner_file_guards import PLANNER_FILES
 from mutation.planner_guards import PLANNERS
@@ -382,5 +383,5 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS,
+    *KERNELS, *OPRS,
 )  # fmt: skip

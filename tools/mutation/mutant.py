@@ -46,7 +46,7 @@ class Mutant:
     name: str
     """Which guard is missing, in words."""
     where: str
-    """What it stands in: see `mutation.definitions`; or a file of a page, as `plan.js`."""
+    """What it stands in: see `mutation.definitions`; or a file that is not Python, as `plan.js`."""
     piece: str
     """An expression, or one or more statements one behind the other; it stands there once."""
     replacement: str
@@ -78,7 +78,7 @@ class Mutant:
 
     def _made(self, checkout: Checkout) -> tuple[Path, bytes]:
         """Return the file that is another one without the guard, and its bytes then."""
-        if self.where.endswith(".js"):
+        if self.where.endswith((".js", ".c")):
             return self._made_of_text(checkout.root / PACKAGE)
         definition = checkout.package.named(self.where)
         place = pieces.find(definition, self.piece, self.replacement)

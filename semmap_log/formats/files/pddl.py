@@ -29,6 +29,7 @@ LEAST_P = 0.001
 _FACTS = {DoorState.OPEN: "open", DoorState.CLOSED: "closed"}
 
 
+_EXPORT = command_line("export", "LOG", "problem.pddl")
 _ANNOTATE = command_line("annotate", "LOG", "DOOR", "rooms", "lobby,corridor")
 
 
@@ -142,7 +143,7 @@ class PddlProblem:
     def _head(self, about: Mapping[str, str]) -> list[str]:
         said = {**about, "moment": format_utc(self.door_map.moment_ns)}
         return [
-            f"; The doors of a log, as `{command_line('export', 'LOG', 'problem.pddl')}` writes them.",
+            f"; The doors of a log, as `{_EXPORT}` writes them.",
             *(f"; {key}: {_quoted(text)}" for key, text in said.items() if text),
             f"; event: {self.door_map.event}",
         ]

@@ -1,0 +1,1 @@
+"""OpenPRS: a module that its kernels load, and how it gets to where it is built."""
