@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, print_json, say
+from semmap_log.common.texts import command_line
 
 
 def run(
@@ -40,5 +41,6 @@ def run(
     path = shlex.quote(str(package.absolute()))
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
     say(f"  make -C {path} OPRS=FOLDER    the one in which OpenPRS was built")
-    say("Then, with SEMMAP_ASK set to the address of `semmap-log serve LOG --ask ADDRESS`:")
+    served = command_line("serve", "LOG", "--ask", "ADDRESS")
+    say(f"Then, with SEMMAP_ASK set to the address of `{served}`:")
     say(f"  oprs -n K1 -l none -x {path}/semantic_map.inc")

@@ -143,7 +143,7 @@ def command_ids(kernel: str, words: Sequence[Expression], now_ns: int) -> tuple[
     """
     minute = now_ns // REPEATED_WITHIN_NS
     one, other = (
-        hashlib.sha256(f"semmap-log oprs {(kernel, *words, each)!r}".encode()).digest()[:16]
+        hashlib.sha256(f"semmap-log/oprs {(kernel, *words, each)!r}".encode()).digest()[:16]
         for each in (minute, minute - 1)
     )
     return one, other
