@@ -26,7 +26,7 @@ ORDER = [
     {"messages"},
     {"arrow"},
     {"batches"},
-    {"store", "costmap"},
+    {"store", "costmap_2d"},
     {"folds"},
     {"probabilities"},
     {"replay"},
@@ -105,7 +105,7 @@ def test_imports_point_toward_the_nouns(path: Path) -> None:
     assert [] == wrong
 
 
-PURE = {"costmap", "folds", "probabilities"}
+PURE = {"costmap_2d", "folds", "probabilities"}
 """Rooms that fold what they are given: where it lies on disk is not their concern."""
 
 

@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AsJson, MapServer, print_json, say
 
 if TYPE_CHECKING:
-    from semmap_log.costmap.map_rules import RulesName
+    from semmap_log.costmap_2d.map_rules import RulesName
     from semmap_log.domain.events import FloorMap
     from semmap_log.door_log.door_log import DoorLog
 

@@ -10,12 +10,12 @@ from typing import TypeAlias
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.costmap.costs import static_costs
-from semmap_log.costmap.door_layer import DoorLayer, DoorLine
-from semmap_log.costmap.grid import CellWindow, GridGeometry
-from semmap_log.costmap.inflation import InflationLayer
-from semmap_log.costmap.layered import CostmapLayer, LayeredCostmap
-from semmap_log.costmap.static_layer import StaticLayer
+from semmap_log.costmap_2d.costs import static_costs
+from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry
+from semmap_log.costmap_2d.inflation import InflationLayer
+from semmap_log.costmap_2d.layered import CostmapLayer, LayeredCostmap
+from semmap_log.costmap_2d.static_layer import StaticLayer
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import FloorMap
 from semmap_log.domain.keywords import knows_its_keywords, knows_keywords

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.costmap.grid import CellWindow
+from semmap_log.costmap_2d.grid import CellWindow
 from semmap_log.costmaps.level_costmap import (
     Costmap,
     CostmapOptions,

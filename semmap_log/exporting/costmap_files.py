@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.lazily import computed_once
-from semmap_log.costmap.door_layer import are_on_map
-from semmap_log.costmap.keepout import keepout_mask
+from semmap_log.costmap_2d.door_layer import are_on_map
+from semmap_log.costmap_2d.keepout import keepout_mask
 from semmap_log.costmaps import Costmap
 from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import format_local

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.costmap.door_layer import DoorLayer, DoorLine
-from semmap_log.costmap.grid import CellWindow, GridGeometry
+from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.folds.door_map import DoorMapState
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.costmap.map_rules import RulesName
+from semmap_log.costmap_2d.map_rules import RulesName
 from semmap_log.domain.commits import NO_CONTENT, Note
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, Event, FloorMap

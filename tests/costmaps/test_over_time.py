@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.costmap.door_layer import drawn
-from semmap_log.costmap.grid import GridGeometry
+from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
+from semmap_log.costmap_2d.door_layer import drawn
+from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames, costmap_live
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import Changed, DoorUpdated, FloorMap, LevelAdded, Retracted

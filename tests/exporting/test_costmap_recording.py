@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.costmap.costs import to_occupancy
+from semmap_log.costmap_2d.costs import to_occupancy
 from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames
 from semmap_log.errors import CostmapError, FormatError, OutputError
 from semmap_log.exporting.costmap_recording import Which, record_costmap

@@ -133,7 +133,7 @@ def test_threads_that_write_one_map(tmp_path: Path) -> None:
     """
     import numpy as np
 
-    from semmap_log.costmap.grid import GridGeometry
+    from semmap_log.costmap_2d.grid import GridGeometry
 
     geometry = GridGeometry(width=3, height=2, resolution=0.05, origin_x=0, origin_y=0)
     cells = np.zeros((2, 3), np.int8)

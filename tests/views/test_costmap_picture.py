@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from semmap_log.costmap.grid import GridGeometry
+from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.domain.doors import DoorState
 from semmap_log.errors import CostmapError
 from semmap_log.views.costmap_picture import MARGIN_PX, DoorMark, costmap_png

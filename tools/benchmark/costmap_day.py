@@ -20,8 +20,8 @@ from benchmark.logs import DAY_NS, Workshop
 from benchmark.made_building import Building, made_building
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS
-from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.costmap.door_layer import DoorLine
+from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
+from semmap_log.costmap_2d.door_layer import DoorLine
 from semmap_log.domain.doors import DoorState
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.map_rules import Pixels, RulesName
+from semmap_log.costmap_2d.map_rules import Pixels, RulesName
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -2,8 +2,8 @@
 
 The servers differ, so their rules go by name: `nav2`, the default, is Nav2 as it is today;
 `nav2_humble` Nav2 before 2025; `noetic` the map_server of ROS 1. What each makes of a pixel is in
-`costmap/map_rules.py`, what each sees of a picture in `map_picture.py`. Of the header, noetic knows
-`negate` as a number and `mode` in small letters only; Nav2 also takes true, false and capitals.
+`costmap_2d/map_rules.py`, what each sees of a picture in `map_picture.py`. Of the header, noetic
+knows `negate` as a number and `mode` in small letters only; Nav2 also takes true, false, capitals.
 
 More is refused here than there: thresholds that are not 0 <= free <= occupied <= 1 (the servers
 serve a grid of nonsense), a resolution that is not above 0, a number that is not finite. An
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.map_rules import MODES, MapRules, Mode, RulesName
+from semmap_log.costmap_2d.map_rules import MODES, MapRules, Mode, RulesName
 from semmap_log.domain.events import FloorMap
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.map_picture import DecodedPicture, read_picture

@@ -19,8 +19,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import to_occupancy
-from semmap_log.costmap.grid import GridGeometry
+from semmap_log.costmap_2d.costs import to_occupancy
+from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.errors import CostmapError, OutputError
 from semmap_log.io.disk import (
     name_beside,

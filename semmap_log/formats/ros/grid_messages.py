@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import to_occupancy
-from semmap_log.costmap.door_layer import bounds_of
-from semmap_log.costmap.grid import CellWindow, GridGeometry
+from semmap_log.costmap_2d.costs import to_occupancy
+from semmap_log.costmap_2d.door_layer import bounds_of
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry
 from semmap_log.formats.bags.bag_protocol import BagTopic, NewBag
 from semmap_log.formats.ros.ros_messages import Messages
 from semmap_log.formats.ros.ros_types import GRID, GRID_UPDATE, RosVersion

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from semmap_log.costmap.door_layer import DoorLayer
-from semmap_log.costmap.layered import LayeredCostmap
+from semmap_log.costmap_2d.door_layer import DoorLayer
+from semmap_log.costmap_2d.layered import LayeredCostmap
 from semmap_log.costmaps.level_costmap import CostmapOptions, ends_of, geometry_of, layers_of
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import FloorMap

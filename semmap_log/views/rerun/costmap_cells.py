@@ -15,9 +15,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import NO_INFORMATION
-from semmap_log.costmap.door_layer import DoorLine, cells_of
-from semmap_log.costmap.grid import MOST_CELLS, CellWindow, GridGeometry
+from semmap_log.costmap_2d.costs import NO_INFORMATION
+from semmap_log.costmap_2d.door_layer import DoorLine, cells_of
+from semmap_log.costmap_2d.grid import MOST_CELLS, CellWindow, GridGeometry
 from semmap_log.domain.doors import DoorId
 from semmap_log.folds.door_changes import CHANGE, Changes
 from semmap_log.views.rerun.costmap_doors import DoorRows, Order

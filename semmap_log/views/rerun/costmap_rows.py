@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import NO_INFORMATION
-from semmap_log.costmap.grid import GridGeometry
+from semmap_log.costmap_2d.costs import NO_INFORMATION
+from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.folds.door_layer_fold import cost_of_state
 from semmap_log.views.excerpt.door_rows import NO_STATE

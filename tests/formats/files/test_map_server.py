@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from semmap_log.costmap.grid import GridGeometry
-from semmap_log.costmap.map_rules import RULES
+from semmap_log.costmap_2d.grid import GridGeometry
+from semmap_log.costmap_2d.map_rules import RULES
 from semmap_log.errors import CostmapError, FormatError
 from semmap_log.formats.files import map_picture
 from semmap_log.formats.files.map_server import read_map

@@ -9,9 +9,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from semmap_log.costmap.costs import to_occupancy
-from semmap_log.costmap.grid import GridGeometry
-from semmap_log.costmap.map_rules import RULES
+from semmap_log.costmap_2d.costs import to_occupancy
+from semmap_log.costmap_2d.grid import GridGeometry
+from semmap_log.costmap_2d.map_rules import RULES
 from semmap_log.errors import CostmapError, OutputError
 from semmap_log.formats.files.map_server import read_map
 from semmap_log.formats.files.map_server_out import write_costs, write_map

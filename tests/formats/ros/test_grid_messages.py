@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import to_occupancy
-from semmap_log.costmap.door_layer import DoorLayer, DoorLine
-from semmap_log.costmap.grid import GridGeometry
-from semmap_log.costmap.inflation import InflationLayer
-from semmap_log.costmap.layered import LayeredCostmap
+from semmap_log.costmap_2d.costs import to_occupancy
+from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.costmap_2d.grid import GridGeometry
+from semmap_log.costmap_2d.inflation import InflationLayer
+from semmap_log.costmap_2d.layered import LayeredCostmap
 from semmap_log.errors import OutputError
 from semmap_log.formats.bags.bag_writing import new_bag
 from semmap_log.formats.ros.grid_messages import GRIDS, UPDATES, GridFrame, write_grids

@@ -10,7 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 import semmap_log as sl
-from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION, static_costs, to_occupancy
+from semmap_log.costmap_2d.costs import (
+    FREE_SPACE,
+    LETHAL,
+    NO_INFORMATION,
+    static_costs,
+    to_occupancy,
+)
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.domain.events import FloorMap
 from semmap_log.live.serving.served_costmap import ServedCostmaps

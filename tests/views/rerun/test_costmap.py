@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.costmap.costs import LETHAL, NO_INFORMATION
-from semmap_log.costmap.door_layer import drawn
-from semmap_log.costmap.grid import GridGeometry
+from semmap_log.costmap_2d.costs import LETHAL, NO_INFORMATION
+from semmap_log.costmap_2d.door_layer import drawn
+from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.costmaps import CostmapOptions, costmap_at
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import (

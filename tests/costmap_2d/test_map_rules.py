@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.costmap.map_rules import MODES, RULES, MapRules
+from semmap_log.costmap_2d.map_rules import MODES, RULES, MapRules
 from semmap_log.errors import CostmapError
 
 GREYS = np.arange(256, dtype=np.uint8)[None]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import INSCRIBED, LETHAL, NO_INFORMATION
+from semmap_log.costmap_2d.costs import INSCRIBED, LETHAL, NO_INFORMATION
 
 
 def inflated(

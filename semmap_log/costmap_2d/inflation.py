@@ -13,10 +13,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.brushfire import Brushfire
-from semmap_log.costmap.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.costmap.door_layer import DoorLayer
-from semmap_log.costmap.grid import CellWindow, GridGeometry
+from semmap_log.costmap_2d.brushfire import Brushfire
+from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from semmap_log.costmap_2d.door_layer import DoorLayer
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry
 from semmap_log.errors import CostmapError
 
 MOST_REACH = 1500

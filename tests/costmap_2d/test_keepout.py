@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from semmap_log.costmap.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.costmap.keepout import keepout_mask
+from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
+from semmap_log.costmap_2d.keepout import keepout_mask
 
 
 def filtered(master, mask):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from semmap_log.costmap.costs import LETHAL
-from semmap_log.costmap.door_layer import DoorLine, are_on_map
-from semmap_log.costmap.grid import GridGeometry
+from semmap_log.costmap_2d.costs import LETHAL
+from semmap_log.costmap_2d.door_layer import DoorLine, are_on_map
+from semmap_log.costmap_2d.grid import GridGeometry
 
 
 def test_a_door_is_on_the_map_with_a_single_cell() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.combining import maximum, overwrite_all
-from semmap_log.costmap.grid import CellWindow, GridGeometry, merged
+from semmap_log.costmap_2d.combining import maximum, overwrite_all
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry, merged
 from semmap_log.errors import CostmapError
 
 

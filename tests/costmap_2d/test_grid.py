@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.costmap.grid import CellWindow, GridGeometry, merged
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry, merged
 from semmap_log.errors import CostmapError
 
 GRID = GridGeometry(20, 10, 0.5, -1.0, 2.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import INSCRIBED, NO_INFORMATION
+from semmap_log.costmap_2d.costs import INSCRIBED, NO_INFORMATION
 
 Costs = NDArray[np.uint8]
 

@@ -34,7 +34,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import FREE_SPACE, NO_INFORMATION, to_occupancy
+from semmap_log.costmap_2d.costs import FREE_SPACE, NO_INFORMATION, to_occupancy
 
 
 def keepout_mask(layer: NDArray[np.uint8], *, elsewhere: int = -1) -> NDArray[np.int8]:

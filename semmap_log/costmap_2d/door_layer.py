@@ -20,10 +20,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.combining import overwrite
-from semmap_log.costmap.costs import NO_INFORMATION
-from semmap_log.costmap.grid import CellWindow, GridGeometry, merged, read_only
-from semmap_log.costmap.lines import draw_lines
+from semmap_log.costmap_2d.combining import overwrite
+from semmap_log.costmap_2d.costs import NO_INFORMATION
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry, merged, read_only
+from semmap_log.costmap_2d.lines import draw_lines
 
 Id = TypeVar("Id", bound=int)
 

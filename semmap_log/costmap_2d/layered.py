@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap.costs import FREE_SPACE, NO_INFORMATION
-from semmap_log.costmap.grid import CellWindow, GridGeometry, merged, read_only
+from semmap_log.costmap_2d.costs import FREE_SPACE, NO_INFORMATION
+from semmap_log.costmap_2d.grid import CellWindow, GridGeometry, merged, read_only
 
 
 class CostmapLayer(Protocol):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.costmap.costs import (
+from semmap_log.costmap_2d.costs import (
     FREE_SPACE,
     INSCRIBED,
     LETHAL,
