@@ -1,1 +1,1 @@
-"""Small helps that know no door: words, keywords, lazy names."""
+"""Texts of messages, and what is made when it is first asked for; knows no door."""

@@ -117,7 +117,7 @@ class Event:
 
     changes_nothing: ClassVar[bool] = False
     """Of a kind that was added to the format later: programs that do not know it may leave it out,
-    since no answer about other events depends on it. `log.form` tells what that promises."""
+    since no answer about other events depends on it. `store.form` tells what that promises."""
 
     rules: ClassVar[KindRules] = KindRules(MappingProxyType({}), ())
     """What its values can be; `fits` are among them."""

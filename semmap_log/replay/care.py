@@ -35,7 +35,7 @@ def verify(
 
 
 def plan_recovery(path: Path, progress: Progress | None = None) -> RecoveryPlan:
-    """Read a log and return what a recovery would save and lose; as `salvage.survey`.
+    """Read a log and return what a recovery would save and lose; as `salvage.plan_recovery`.
 
     Raises:
         NewerLogError: It is damaged, and holds what only a later version can take over.

@@ -54,7 +54,7 @@ class Context:
         return resolve_level(text, self._begun)
 
     def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int | None:
-        """Return when what a message tells happened: see `stamps`."""
+        """Return when what a message tells happened; see the function of that name."""
         return happened_ns(stamp, got.received_ns, within_s=self.mapping.stamps_within_s)
 
 

@@ -1,11 +1,11 @@
 """Repair on demand: what is whole in a damaged log becomes a log again; the rest is named.
 
-plan_recovery what would be saved and what is lost
-renumbering   event numbers of the old log -> of the new
-rewriting     a commit in its new place
-writing       the new log
-swap          the new log in the place of the old, which is kept
-run           all of it
+recovery_plan   what would be saved and what is lost
+renumbering     event numbers of the old log -> of the new
+rewriting       a commit in its new place
+recovered_log   the new log
+swap            the new log in the place of the old, which is kept
+recovering      all of it
 """
 
 from semmap_log.store.salvage.recovering import Recovered, StateParts, recover, recover_into

@@ -1,1 +1,1 @@
-"""Plots by matplotlib; `sdk` is the only place that imports it."""
+"""Plots by matplotlib; `matplotlib_sdk` is the only place that imports it."""
