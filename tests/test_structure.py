@@ -31,7 +31,7 @@ ORDER = [
     {"probabilities"},
     {"replay"},
     {"door_log"},
-    {"costmaps", "beliefs"},
+    {"costmaps", "beliefs", "scans"},
     {"formats"},
     {"views", "ros_mapping"},
     {"importing", "exporting"},

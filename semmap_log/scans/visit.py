@@ -1,0 +1,42 @@
+"""What a visit to a door tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from semmap_log.domain.doors import DoorId, DoorState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Visit:
+    """A door was looked at for a while, from one robot, and this is what the scans say."""
+
+    door_id: DoorId
+    first_ns: int
+    """Stamp of the first scan that saw the door."""
+    last_ns: int
+    scans: int
+    state: DoorState
+    """OPEN, CLOSED or UNKNOWN: undecided."""
+    accuracy: float
+    """P(this state is right), for both states alike: accuracy / (1 - accuracy) is the likelihood
+    ratio of open to shut, free of any prior. 0.5 to 1."""
+    opening: float
+    """The clear share of the width that is expected, 0..1; NaN: nothing was seen of it."""
+    ajar: float
+    """P(neither shut nor open)."""
+    looks: float
+    """How many independent looks it is worth."""
+    through: float
+    """Looks that went through the line."""
+    stopped: float
+    """Looks that ended on it."""
+    behind_m: float
+    """Where beams that ended near the line ended, behind (+) or before (-) it, on average, m; NaN:
+    none did."""
+    passed: bool = False
+    """The robot drove through."""
+    why: str = ""
+    """Why it is UNKNOWN, in a few words; empty: it is not."""
+    laser: str = ""
+    robot: str = ""
