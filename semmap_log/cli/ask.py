@@ -14,7 +14,7 @@ from semmap_log.cli.plain_streams import write_line
 from semmap_log.cli.printer import is_for_people
 
 if TYPE_CHECKING:
-    from semmap_log.planners.ask_client import AskClient
+    from semmap_log.planners.line_protocol.ask_client import AskClient
 
 
 def run(
@@ -59,8 +59,8 @@ def run(
     """
     from semmap_log.errors import QuestionError
     from semmap_log.planners.addresses import read_address
-    from semmap_log.planners.ask_client import AskClient
-    from semmap_log.planners.tokens import read_token
+    from semmap_log.planners.line_protocol.ask_client import AskClient
+    from semmap_log.planners.line_protocol.tokens import read_token
 
     token = None if token_file is None else read_token(token_file)
     if not questions and sys.stdin.isatty():

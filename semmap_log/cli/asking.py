@@ -16,7 +16,7 @@ from semmap_log.cli.common import say
 if TYPE_CHECKING:
     from semmap_log.planners.actions import AskedDoors
     from semmap_log.planners.addresses import Address
-    from semmap_log.planners.ask_server import AskServer
+    from semmap_log.planners.line_protocol.ask_server import AskServer
 
 TICK_S = 0.1
 
@@ -75,7 +75,7 @@ class Asking:
         """
         from semmap_log.errors import AddressError
         from semmap_log.planners.addresses import TcpAddress, read_address
-        from semmap_log.planners.tokens import read_token
+        from semmap_log.planners.line_protocol.tokens import read_token
 
         given = {"--ask-any-host": any_host, "--token-file": token_file is not None,
                  "--ask-now": now != Now.clock}  # fmt: skip
@@ -116,7 +116,7 @@ class Asking:
         import time
 
         from semmap_log.planners.addresses import listen
-        from semmap_log.planners.ask_server import AskServer
+        from semmap_log.planners.line_protocol.ask_server import AskServer
         from semmap_log.planners.oracle import Oracle
 
         clock_ns = time.time_ns if self.now == Now.clock else _no_clock

@@ -12,7 +12,7 @@ from semmap_log.cli.common import say
 
 if TYPE_CHECKING:
     from semmap_log.planners.actions import AskedDoors
-    from semmap_log.planners.kernel_service import Kernels, KernelService
+    from semmap_log.planners.kernels.kernel_service import Kernels, KernelService
 
 PORT = 3300
 """Of a message passer that was not told another."""
@@ -48,7 +48,7 @@ def chosen_kernels(
     """
     from semmap_log.errors import AddressError, PasserError
     from semmap_log.planners.addresses import TcpAddress, read_address
-    from semmap_log.planners.kernel_service import Kernels
+    from semmap_log.planners.kernels.kernel_service import Kernels
 
     if address is None:
         for option, given in {"--oprs-name": name, "--oprs-to": told}.items():
@@ -84,7 +84,7 @@ def kernels_served(
         doors: What they are told of.
         changes: Called after each change of the doors.
     """
-    from semmap_log.planners.kernel_service import KernelService
+    from semmap_log.planners.kernels.kernel_service import KernelService
     from semmap_log.planners.oracle import Oracle
 
     oracle = Oracle(doors, say=say)

@@ -39,7 +39,7 @@ from semmap_log.common.texts import counted
 if TYPE_CHECKING:
     from semmap_log.domain.doors import DoorMap
     from semmap_log.domain.events import FloorMap
-    from semmap_log.planners.kernel_service import KernelService
+    from semmap_log.planners.kernels.kernel_service import KernelService
 
 NODE = "lta_semantic_map_server"
 

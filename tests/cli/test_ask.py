@@ -21,7 +21,7 @@ from semmap_log.errors import AddressError
 from semmap_log.live import joining
 from semmap_log.live.action_names import DEFAULTS
 from semmap_log.planners.addresses import UnixAddress
-from semmap_log.planners.ask_client import AskClient
+from semmap_log.planners.line_protocol.ask_client import AskClient
 from tests.live.collecting_node import CollectingNode
 from tests.live.running import DEADLINE_S, Running, wait_until
 from tests.live.serving.goals import goal_of

@@ -25,7 +25,7 @@ NEEDS = {
 }
 """Page -> programs and Python modules."""
 TRIED_IN_A_KERNEL = {"planners_oprs.md", "planners_passer.md"}
-"""By tests/oprs and tests/planners/test_open_prs.py, where OpenPRS was built."""
+"""By tests/oprs and tests/planners/kernels/test_open_prs.py, where OpenPRS was built."""
 _SERVE = re.compile(r"^```bash\nsemmap-log (serve .*)$", re.MULTILINE)
 _PROLOG = re.compile(r"^```prolog\n% (\S+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _SAID = re.compile(r"\n*```text\n(.*?)^```$", re.DOTALL | re.MULTILINE)

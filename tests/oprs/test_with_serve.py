@@ -9,12 +9,11 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.planners import questions
 from tests.live.running import DEADLINE_S, Running, wait_until
 from tests.oprs.conftest import StartServer, StartStub
 from tests.oprs.line_server import Answer
 from tests.oprs.workshop import Workshop, run_in
-
-questions = pytest.importorskip("semmap_log.planners.questions", reason="serve has no --ask yet")
 
 pytestmark = pytest.mark.slow
 

@@ -13,8 +13,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from tests.live.running import Running, wait_until
-from tests.planners.kernel_world import make_log
-from tests.planners.stub_passer import StubPasser
+from tests.planners.kernels.kernel_world import make_log
+from tests.planners.kernels.stub_passer import StubPasser
 
 
 @pytest.fixture

@@ -19,9 +19,10 @@ from functools import partial
 
 from semmap_log.errors import SemmapError
 from semmap_log.planners.addresses import Listener
-from semmap_log.planners.admission import Admission
-from semmap_log.planners.connection import Broken, Connection
-from semmap_log.planners.deadlines import Deadlines
+from semmap_log.planners.line_protocol.admission import Admission
+from semmap_log.planners.line_protocol.connection import Broken, Connection
+from semmap_log.planners.line_protocol.deadlines import Deadlines
+from semmap_log.planners.line_protocol.tokens import TOKEN, is_token
 from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
 from semmap_log.planners.question_lines import (
     Answer,
@@ -32,7 +33,6 @@ from semmap_log.planners.question_lines import (
     write_error,
 )
 from semmap_log.planners.questions import QuestionKind
-from semmap_log.planners.tokens import TOKEN, is_token
 
 MOST_CLIENTS = 1000
 ACTIONS_AT_ONCE = 8

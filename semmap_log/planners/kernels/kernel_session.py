@@ -14,16 +14,16 @@ from dataclasses import dataclass
 from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import ExpressionError, PasserError
 from semmap_log.formats.parsing.problems import shown
-from semmap_log.planners.kernel_questions import (
+from semmap_log.planners.kernels.kernel_questions import (
     MOST_WAITS,
     KernelQuestion,
     KernelQuestions,
     is_ask,
 )
-from semmap_log.planners.message_passer import PasserConnection
-from semmap_log.planners.passer_frames import PASSER, is_name, message, unknown_name
-from semmap_log.planners.s_expressions import Expression, read_expression
-from semmap_log.planners.told_kernels import ECHO, ToldKernels
+from semmap_log.planners.kernels.message_passer import PasserConnection
+from semmap_log.planners.kernels.passer_frames import PASSER, is_name, message, unknown_name
+from semmap_log.planners.kernels.s_expressions import Expression, read_expression
+from semmap_log.planners.kernels.told_kernels import ECHO, ToldKernels
 
 MOST_WAITING_BYTES = 2**20
 """Of messages that the passer has not taken: changes of doors wait until it has."""

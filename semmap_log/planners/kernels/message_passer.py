@@ -14,7 +14,7 @@ import time
 
 from semmap_log.errors import PasserError
 from semmap_log.planners.addresses import TcpAddress
-from semmap_log.planners.passer_frames import (
+from semmap_log.planners.kernels.passer_frames import (
     NAME_TAKEN,
     REGISTERED,
     MessageReader,

@@ -17,8 +17,8 @@ from typing import TypeAlias
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.live.serving.served_topics import ChangedDoors
 from semmap_log.planners.door_view import atom_of
+from semmap_log.planners.kernels.s_expressions import Expression, sendable
 from semmap_log.planners.question_lines import NIL, Atom
-from semmap_log.planners.s_expressions import Expression, sendable
 
 Fact: TypeAlias = tuple[Expression, ...]
 

@@ -19,16 +19,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.planners import ask_server
 from semmap_log.planners.addresses import read_address
-from semmap_log.planners.ask_client import AskClient
-from semmap_log.planners.ask_server import MOST_KNOWN_LINES, AskServer
-from semmap_log.planners.connection import MOST_ANSWERS_BYTES
+from semmap_log.planners.line_protocol import ask_server
+from semmap_log.planners.line_protocol.ask_client import AskClient
+from semmap_log.planners.line_protocol.ask_server import MOST_KNOWN_LINES, AskServer
+from semmap_log.planners.line_protocol.connection import MOST_ANSWERS_BYTES
 from semmap_log.planners.question_lines import MOST_LINE_BYTES
 from semmap_log.planners.state_answers import STATE_QUESTIONS
 from tests.live.running import wait_until
 from tests.planners.asker import Asker
-from tests.planners.running_server import Raw, serving, unix_in
+from tests.planners.line_protocol.running_server import Raw, serving, unix_in
 
 TOKEN = "a-token-of-many-letters"
 

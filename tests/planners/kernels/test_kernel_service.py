@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.errors import PasserError
-from semmap_log.planners import kernel_questions, kernel_session
 from semmap_log.planners.addresses import TcpAddress
-from semmap_log.planners.kernel_service import Kernels
-from semmap_log.planners.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
-from semmap_log.planners.message_passer import PasserConnection
+from semmap_log.planners.kernels import kernel_questions, kernel_session
+from semmap_log.planners.kernels.kernel_service import Kernels
+from semmap_log.planners.kernels.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
+from semmap_log.planners.kernels.message_passer import PasserConnection
 from semmap_log.planners.question_lines import Atom
 from tests.live.running import wait_until
-from tests.planners.kernel_world import KernelWorld, make_log, serving_kernels
-from tests.planners.stub_passer import StubKernel, StubPasser
+from tests.planners.kernels.kernel_world import KernelWorld, make_log, serving_kernels
+from tests.planners.kernels.stub_passer import StubKernel, StubPasser
 
 ALL = [
     "(DOOR_STATE DOOR_1 OPEN)",

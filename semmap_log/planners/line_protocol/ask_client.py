@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from semmap_log.errors import AddressError, QuestionError
 from semmap_log.planners.addresses import Address
-from semmap_log.planners.tokens import TOKEN
+from semmap_log.planners.line_protocol.tokens import TOKEN
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -25,16 +25,16 @@ from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import ExpressionError, QuestionError, SemmapError
 from semmap_log.planners.actions import AskedDoors
 from semmap_log.planners.asked import AskedQuestion, read_words
-from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
-from semmap_log.planners.question_lines import ERROR, NIL, TRUE, Answer, Atom, Value
-from semmap_log.planners.questions import QuestionKind
-from semmap_log.planners.s_expressions import (
+from semmap_log.planners.kernels.s_expressions import (
     Expression,
     Variable,
     flat,
     sendable,
     write_expression,
 )
+from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
+from semmap_log.planners.question_lines import ERROR, NIL, TRUE, Answer, Atom, Value
+from semmap_log.planners.questions import QuestionKind
 
 ASK, ANSWER = Atom("ASK"), Atom("ANSWER")
 

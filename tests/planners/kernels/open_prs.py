@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.live.running import DEADLINE_S, Running, wait_until
-from tests.planners.stub_passer import Client
+from tests.planners.kernels.stub_passer import Client
 
 VARIABLE = "SEMMAP_OPRS"
 

@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import OutputError
-from semmap_log.planners.prolog_module import write_prolog_module
+from semmap_log.planners.prolog.prolog_module import write_prolog_module
 from tests.live.running import Running, wait_until
 from tests.planners.asker import Asker
-from tests.planners.prolog import MODULE, answering, needs_swipl, solutions
-from tests.planners.running_server import serving, unix_in
+from tests.planners.line_protocol.running_server import serving, unix_in
+from tests.planners.prolog.prolog_queries import MODULE, answering, needs_swipl, solutions
 
 Ask = Callable[..., list[str]]
 
