@@ -458,9 +458,9 @@ def test_of_a_process_that_cannot_be_asked_nothing_is_left_over(
     process: int, tmp_path: Path
 ) -> None:
     """
-    Somebody else's, or one with a number that none can have.
+    One that is there, or a number that none can have.
     """
-    (tmp_path / f"checkpoint.{process}.tmp").touch()
+    (tmp_path / f".checkpoint.{process}.tmp").touch()
     assert [] == list(left_by_killed(tmp_path / "checkpoint"))
 
 
