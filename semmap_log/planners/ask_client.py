@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from semmap_log.errors import AddressError, QuestionError
 from semmap_log.planners.addresses import Address
+from semmap_log.planners.question_lines import problem_of
 from semmap_log.planners.tokens import TOKEN
 
 if TYPE_CHECKING:
@@ -36,7 +37,10 @@ class AskClient:
         self._lines = self._socket.makefile("rb")
         if token is not None and (answer := self.ask(f"{TOKEN} {token}")) != "T":
             self.close()
-            raise AddressError(f"{address}: {answer}")
+            raise AddressError(
+                f"{address}: is not asked with this token: it is another, or none is wanted. "
+                f"The server says: {problem_of(answer) or answer}"
+            )
 
     def ask(self, question: str) -> str:
         """Return the line that answers a question.

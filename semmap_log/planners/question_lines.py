@@ -30,7 +30,7 @@ TRUE, NIL, ERROR = "T", "NIL", "ERROR"
 
 
 class Atom(str):
-    """A word that an answer names as it is, such as `DOOR_3`."""
+    """A word that an answer names as it is, such as `DOOR_3` or `OPEN`."""
 
     __slots__ = ()
 

@@ -397,7 +397,7 @@ def test_the_end_answers_what_was_begun(ask: Asker, tmp_path: Path) -> None:
         said = [acting.line(), acting.line()]
 
     assert ["T", ""] == said
-    assert ('"CLOSED"', '"CLOSED"') == (ask("DOOR_STATE DOOR_1"), ask("DOOR_STATE DOOR_2"))
+    assert ("CLOSED", "CLOSED") == (ask("DOOR_STATE DOOR_1"), ask("DOOR_STATE DOOR_2"))
     assert not (tmp_path / "s").exists()
     assert ask.oracle._waits._waiting == set()
     acting.close()
@@ -492,7 +492,7 @@ def test_tcp_with_a_token(ask: Asker) -> None:
         assert "from 127.0.0.1:" in list(ask.doors.log.commits())[-1].note.source
         for first in (f"TOKEN {TOKEN}x", "TOKEN", "", f"token {TOKEN}", "DOOR_OPEN DOOR_1", "{}"):
             with Raw(server.address) as client:
-                assert client.ask(first) == ('ERROR "expected TOKEN and the server\'s token first"')
+                assert client.ask(first).startswith('ERROR "expected TOKEN and the server\'s token')
                 assert client.line() == ""
         with Raw(server.address) as client:
             client.send(b"TOKEN wrong\nSET_DOOR_OPEN DOOR_2\n")
