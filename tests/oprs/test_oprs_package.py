@@ -118,6 +118,11 @@ def test_make_builds_the_module(tmp_path: Path) -> None:
     missing = subprocess.run(["make", "-C", package], capture_output=True, text=True, check=False)
     assert "expected: make OPRS=/path/to/OpenPRS" in missing.stderr
     assert 0 != missing.returncode
+    wrong = subprocess.run(
+        ["make", "-C", package, f"OPRS={tmp_path}"], capture_output=True, text=True, check=False
+    )
+    assert f"OPRS={tmp_path}: has no src/oprs-type_f-pub.h" in wrong.stderr
+    assert 0 != wrong.returncode
     done = subprocess.run(
         ["make", "-C", package, "OPRS=stub", f"HEADERS={STUB}", "CFLAGS=-Wall -Wextra -Werror"],
         capture_output=True, text=True, check=False,
