@@ -492,7 +492,7 @@ def test_tcp_with_a_token(ask: Asker) -> None:
         assert "from 127.0.0.1:" in list(ask.doors.log.commits())[-1].note.source
         for first in (f"TOKEN {TOKEN}x", "TOKEN", "", f"token {TOKEN}", "DOOR_OPEN DOOR_1", "{}"):
             with Raw(server.address) as client:
-                assert client.ask(first).startswith('ERROR "expected TOKEN and the server\'s token')
+                assert client.ask(first).startswith("ERROR \"expected TOKEN and the server's token")
                 assert client.line() == ""
         with Raw(server.address) as client:
             client.send(b"TOKEN wrong\nSET_DOOR_OPEN DOOR_2\n")
