@@ -6,8 +6,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from semmap_log.errors import AddressError, QuestionError
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.planners.addresses import Address
-from semmap_log.planners.question_lines import problem_of
+from semmap_log.planners.question_lines import is_answer, problem_of
 from semmap_log.planners.tokens import TOKEN
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ class AskClient:
 
         Raises:
             QuestionError: It has a line end within, and would be two.
-            AddressError: The server has gone, or does not answer in time; whether an action was
+            AddressError: What listens there is no server of questions. Or the server has gone, or
+                does not answer in time; whether an action was
                 done is not known: sent again with the same command id, it is done once.
         """
         if "\n" in question:
@@ -63,7 +65,13 @@ class AskClient:
             raise self._gone(str(error.strerror or error)) from error
         if not answer.endswith(b"\n"):
             raise self._gone("the connection ended")
-        return answer[:-1].decode()
+        line = answer[:-1].decode(errors="replace")
+        if not is_answer(line):
+            raise AddressError(
+                f"{self._address}: another program listens there: expected an answer such as T or "
+                f"NIL, got {shown(line)}."
+            )
+        return line
 
     def close(self) -> None:
         """Leave."""

@@ -27,7 +27,7 @@ def atom_of(door_id: int) -> Atom:
     return Atom(f"{DOOR}{door_id}")
 
 
-def state_of(door: Door) -> Atom:
+def atom_of_state(door: Door) -> Atom:
     """Return how answers call a door's state: `OPEN`."""
     return Atom(door.state.name)
 

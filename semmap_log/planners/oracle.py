@@ -16,7 +16,7 @@ from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
 from semmap_log.planners.actions import AskedDoors, act
 from semmap_log.planners.asked import AskedQuestion
-from semmap_log.planners.door_view import DoorView, state_of
+from semmap_log.planners.door_view import DoorView, atom_of_state
 from semmap_log.planners.known_doors import KnownDoors
 from semmap_log.planners.likely_answers import LikelyAnswers
 from semmap_log.planners.question_lines import Answer, Value, as_word
@@ -212,5 +212,5 @@ def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, limit: int | None) 
         if is_there and not is_hidden and entry.event.sets() & Changed.STATE:
             when = format_wall(entry.folds_ns, log.info.timezone)
             who: list[Value] = [entry.actor, entry.source, entry.reason]
-            return Answer([entry.number, entry.kind, state_of(door), when, *who])
+            return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])
     return nothing(asked, "the log does not tell.")

@@ -146,6 +146,14 @@ def problem_of(answer: str) -> str | None:
     return None
 
 
+def is_answer(line: str) -> bool:
+    """Tell whether a line can be the answer to a question; else another program has said it."""
+    return _ANSWER.match(line) is not None
+
+
+_ANSWER = re.compile(r'[A-Z_0-9]+$|ERROR "|-?[0-9]|["({]')
+
+
 def as_json_line(text: str) -> str:
     """Return a question in words as one in JSON.
 

@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,9 +25,19 @@ from semmap_log.planners.addresses import read_address
 from semmap_log.planners.ask_client import AskClient
 from semmap_log.planners.ask_server import MOST_KNOWN_LINES, AskServer
 from semmap_log.planners.connection import MOST_ANSWERS_BYTES
-from semmap_log.planners.question_lines import MOST_LINE_BYTES
+from semmap_log.planners.question_lines import (
+    MOST_LINE_BYTES,
+    Answer,
+    Atom,
+    Value,
+    is_answer,
+    read_line,
+    write_answer,
+    write_error,
+)
 from semmap_log.planners.state_answers import STATE_QUESTIONS
 from tests.live.running import wait_until
+from tests.oprs.line_server import LineServer
 from tests.planners.asker import Asker
 from tests.planners.running_server import Raw, serving, unix_in
 
@@ -551,6 +562,32 @@ def test_the_client_of_a_server_that_goes(ask: Asker, tmp_path: Path) -> None:
         AskClient(read_address(address))
     client.close()
     hasty.close()
+
+
+@pytest.mark.parametrize("said", ["<!DOCTYPE HTML>", "SSH-2.0-OpenSSH_9.2\r", "", "-ERR", "\xff"])
+def test_another_program_that_answers(tmp_path: Path, said: str) -> None:
+    """
+    What it says is not taken for an answer.
+    """
+    with LineServer(lambda _: f"{said}\n".encode("latin-1"), tmp_path / "other") as other:
+        client = AskClient(read_address(other.address))
+        with pytest.raises(sl.SemmapError, match=r"other: another program listens there: expected"):
+            client.ask("DOORS")
+        client.close()
+
+
+@pytest.mark.parametrize(
+    "value", [True, None, 0.5, 5e-324, -1, 10**30, "", "a b", [], ["x", 1.0], Atom("DOOR_1")]
+)
+def test_what_is_an_answer(value: Value) -> None:
+    """
+    All that a server can say.
+    """
+    asked = read_line(b"DOORS")
+
+    for line in (asked, replace(asked, is_json=True)):
+        assert is_answer(write_answer(line, Answer(value)).decode()[:-1])
+        assert is_answer(write_error("why", is_json=line.is_json).decode()[:-1])
 
 
 def test_a_client_takes_little_memory(server: AskServer) -> None:

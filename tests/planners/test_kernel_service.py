@@ -465,11 +465,15 @@ def test_a_passer_that_is_not_there_yet_is_tried_again(path: Path) -> None:
         with StubPasser(port) as passer, passer.kernel("K1"):
             passer.wait_for("K1", ALL[-1])
         assert len([text for text in world.said if "no message passer at" in text]) == 1
+        assert not [text for text in world.said if "Errno" in text]
 
 
 @pytest.mark.parametrize(
     ("answer", "text"),
-    [(1, "has another client called SEMMAP"), (2, "does not let SEMMAP in: it answered 2")],
+    [
+        (1, "has another client called SEMMAP: it must leave, or --oprs-name"),
+        (2, "does not let SEMMAP in: it answered 2"),
+    ],
 )
 def test_a_passer_that_refuses_is_tried_again(answer: int, text: str, path: Path) -> None:
     """
