@@ -55,6 +55,36 @@ AskNow = Annotated[
 ]
 
 
+def chosen_address(text: str, option: str) -> Address:
+    """Return the address that a person gave.
+
+    Raises:
+        typer.BadParameter: It is none.
+    """
+    from semmap_log.errors import AddressError
+    from semmap_log.planners.addresses import read_address
+
+    try:
+        return read_address(text)
+    except AddressError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from error
+
+
+def chosen_token(token_file: Path | None) -> str | None:
+    """Return the token in the file that a person named; None: no file.
+
+    Raises:
+        typer.BadParameter: There is none in it.
+    """
+    from semmap_log.errors import AddressError
+    from semmap_log.planners.line_protocol.tokens import read_token
+
+    try:
+        return None if token_file is None else read_token(token_file)
+    except AddressError as error:
+        raise typer.BadParameter(str(error), param_hint="--token-file") from error
+
+
 @dataclass(frozen=True, slots=True)
 class Asking:
     """Where questions are taken, and from whom."""
@@ -73,9 +103,7 @@ class Asking:
         Raises:
             typer.BadParameter: It cannot be.
         """
-        from semmap_log.errors import AddressError
-        from semmap_log.planners.addresses import TcpAddress, read_address
-        from semmap_log.planners.line_protocol.tokens import read_token
+        from semmap_log.planners.addresses import TcpAddress
 
         given = {"--ask-any-host": any_host, "--token-file": token_file is not None,
                  "--ask-now": now != Now.clock}  # fmt: skip
@@ -84,10 +112,7 @@ class Asking:
                 if is_given:
                     raise typer.BadParameter("only with --ask", param_hint=name)
             return None
-        try:
-            where = read_address(address)
-        except AddressError as error:
-            raise typer.BadParameter(str(error), param_hint="--ask") from error
+        where = chosen_address(address, "--ask")
         for name in ("--ask-any-host", "--token-file"):
             if given[name] and not isinstance(where, TcpAddress):
                 raise typer.BadParameter("only with --ask tcp:HOST:PORT", param_hint=name)
@@ -96,11 +121,7 @@ class Asking:
                 "only with --token-file: who reaches the port sets doors",
                 param_hint="--ask-any-host",
             )
-        try:
-            token = None if token_file is None else read_token(token_file)
-        except AddressError as error:
-            raise typer.BadParameter(str(error), param_hint="--token-file") from error
-        return cls(where, token, any_host, now)
+        return cls(where, chosen_token(token_file), any_host, now)
 
     @contextmanager
     def served(self, doors: AskedDoors, changes: list[Callable[[], object]]) -> Iterator[Served]:

@@ -212,7 +212,13 @@ def run(
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host, now=ask_now)
     kernels = chosen_kernels(oprs, oprs_name, oprs_to)
-    is_in_ros = ros1 or ros2 or (asking is None and kernels is None)
+    is_in_ros = ros1 or ros2
+    if not is_in_ros and asking is None and kernels is None:
+        raise typer.BadParameter(
+            "say whom to serve: ROS by --ros1 or --ros2, planners by --ask ADDRESS, kernels of "
+            "OPRS by --oprs HOST",
+            param_hint="--ros1, --ros2, --ask, --oprs",
+        )
     version = chosen_ros(ros1=ros1, ros2=ros2) if is_in_ros else None
     refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
     if yaml_replace and yaml is None:

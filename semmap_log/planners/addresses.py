@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.common.texts import command_line
 from semmap_log.errors import AddressError
 
 LISTENING = 1024
@@ -231,4 +232,7 @@ def _connect_unix(connection: socket.socket, path: Path) -> None:
 
 
 def _nobody(address: Address, error: OSError) -> AddressError:
-    return AddressError(f"{address}: nobody answers there: {error.strerror or error}.")
+    return AddressError(
+        f"{address}: nobody answers there: {error.strerror or error}. To have a log's doors asked "
+        f"about there: {command_line('serve', 'LOG', '--ask', str(address))}"
+    )

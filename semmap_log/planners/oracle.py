@@ -13,10 +13,10 @@ from collections.abc import Callable
 from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.errors import QuestionError, SemmapError, UnknownDoorError
+from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
 from semmap_log.planners.actions import AskedDoors, act
 from semmap_log.planners.asked import AskedQuestion
-from semmap_log.planners.door_view import DoorView
+from semmap_log.planners.door_view import DoorView, atom_of_state
 from semmap_log.planners.known_doors import KnownDoors
 from semmap_log.planners.likely_answers import LikelyAnswers
 from semmap_log.planners.question_lines import Answer, Value, as_word
@@ -119,6 +119,9 @@ class Oracle:
             return self._look_up(asked)
         except UnknownDoorError as error:
             return nothing(asked, str(error))
+        except MomentError as error:
+            problem = f"{error} What has blanks in it stands in quotes."
+            raise QuestionError(f"{asked.question.form}: {problem}") from error
 
     def wait(
         self, asked: AskedQuestion, done: Callable[[Answer], None]
@@ -209,5 +212,5 @@ def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, limit: int | None) 
         if is_there and not is_hidden and entry.event.sets() & Changed.STATE:
             when = format_wall(entry.folds_ns, log.info.timezone)
             who: list[Value] = [entry.actor, entry.source, entry.reason]
-            return Answer([entry.number, entry.kind, door.state.name, when, *who])
+            return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])
     return nothing(asked, "the log does not tell.")

@@ -177,6 +177,12 @@ WHO_MAY_ASK = (
           "test_addresses"),
     guard("planner: other machines with a token", "Asking.of",
           "any_host and token_file is None", "False", "test_ask"),
+    guard("planner: another program is no server", "AskClient.ask",
+          "not is_answer(line)", "False", "planners.line_protocol.test_ask_server"),
+    guard("planner: a time that is none is told with the question's form", "Oracle.answer",
+          'f"{asked.question.form}: {problem}"', "problem", "planners.test_oracle"),
+    guard("planner: a state is an atom", "atom_of_state",
+          "Atom(door.state.name)", "door.state.name", "test_kernel_service"),
 )  # fmt: skip
 
 PLANNERS: tuple[Mutant, ...] = (

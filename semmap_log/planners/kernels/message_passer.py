@@ -45,7 +45,8 @@ class PasserConnection:
         try:
             self.socket = socket.create_connection((address.host, address.port), timeout_s)
         except OSError as error:
-            raise PasserError(f"no message passer at {_said(address)}: {error}.") from error
+            reason = error.strerror or error
+            raise PasserError(f"no message passer at {_said(address)}: {reason}.") from error
         self._received = MessageReader()
         self._out = bytearray()
         try:
@@ -127,7 +128,8 @@ class PasserConnection:
     def _check(self, answer: int, address: TcpAddress, name: str) -> None:
         if answer == NAME_TAKEN:
             raise PasserError(
-                f"the message passer at {_said(address)} has another client called {name}."
+                f"the message passer at {_said(address)} has another client called {name}: it must "
+                "leave, or --oprs-name give another name."
             )
         if answer != REGISTERED:
             raise PasserError(

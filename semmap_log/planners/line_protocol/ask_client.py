@@ -6,8 +6,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from semmap_log.errors import AddressError, QuestionError
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.planners.addresses import Address
 from semmap_log.planners.line_protocol.tokens import TOKEN
+from semmap_log.planners.question_lines import is_answer, problem_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -36,14 +38,18 @@ class AskClient:
         self._lines = self._socket.makefile("rb")
         if token is not None and (answer := self.ask(f"{TOKEN} {token}")) != "T":
             self.close()
-            raise AddressError(f"{address}: {answer}")
+            raise AddressError(
+                f"{address}: is not asked with this token: it is another, or none is wanted. "
+                f"The server says: {problem_of(answer) or answer}"
+            )
 
     def ask(self, question: str) -> str:
         """Return the line that answers a question.
 
         Raises:
             QuestionError: It has a line end within, and would be two.
-            AddressError: The server has gone, or does not answer in time; whether an action was
+            AddressError: What listens there is no server of questions. Or the server has gone, or
+                does not answer in time; whether an action was
                 done is not known: sent again with the same command id, it is done once.
         """
         if "\n" in question:
@@ -59,7 +65,13 @@ class AskClient:
             raise self._gone(str(error.strerror or error)) from error
         if not answer.endswith(b"\n"):
             raise self._gone("the connection ended")
-        return answer[:-1].decode()
+        line = answer[:-1].decode(errors="replace")
+        if not is_answer(line):
+            raise AddressError(
+                f"{self._address}: another program listens there: expected an answer such as T or "
+                f"NIL, got {shown(line)}."
+            )
+        return line
 
     def close(self) -> None:
         """Leave."""

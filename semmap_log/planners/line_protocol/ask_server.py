@@ -46,7 +46,7 @@ TOKEN_WITHIN_S = 10.0
 CLOSE_WITHIN_S = 5.0
 """For clients to take their last answers."""
 
-_NO_TOKEN = f"expected {TOKEN} and the server's token first"
+_NO_TOKEN = f"expected {TOKEN} and the server's token first; `ask --token-file FILE` sends it"
 
 _READ, _WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 

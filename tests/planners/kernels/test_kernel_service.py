@@ -182,7 +182,8 @@ def test_who_asks_for_the_facts_gets_them(
         ("(GET_CLOSED_DOOR @X)", "DOOR_2"),
         ("(DOORS)", "(. DOOR_1 DOOR_2 DOOR_3 .)"),
         ("(DOORS MOVING)", "(. .)"),
-        ("(DOOR_STATE DOOR_1)", '"OPEN"'),
+        ("(DOOR_STATE DOOR_1)", "OPEN"),
+        ('(BELIEVED (DOOR_STATE DOOR_2) AT "event:2")', "CLOSED"),
         ('(BELIEVED (DOOR_OPEN DOOR_1) AT "event:0")', "T"),
         ("(NEXT_DOOR (. DOOR_1 DOOR_9 .))", "DOOR_1"),
         ("(WAIT_UNTIL DOOR_1 OPEN 60)", "T"),
@@ -464,11 +465,15 @@ def test_a_passer_that_is_not_there_yet_is_tried_again(path: Path) -> None:
         with StubPasser(port) as passer, passer.kernel("K1"):
             passer.wait_for("K1", ALL[-1])
         assert len([text for text in world.said if "no message passer at" in text]) == 1
+        assert not [text for text in world.said if "Errno" in text]
 
 
 @pytest.mark.parametrize(
     ("answer", "text"),
-    [(1, "has another client called SEMMAP"), (2, "does not let SEMMAP in: it answered 2")],
+    [
+        (1, "has another client called SEMMAP: it must leave, or --oprs-name"),
+        (2, "does not let SEMMAP in: it answered 2"),
+    ],
 )
 def test_a_passer_that_refuses_is_tried_again(answer: int, text: str, path: Path) -> None:
     """

@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,9 +25,19 @@ from semmap_log.planners.line_protocol import ask_server
 from semmap_log.planners.line_protocol.ask_client import AskClient
 from semmap_log.planners.line_protocol.ask_server import MOST_KNOWN_LINES, AskServer
 from semmap_log.planners.line_protocol.connection import MOST_ANSWERS_BYTES
-from semmap_log.planners.question_lines import MOST_LINE_BYTES
+from semmap_log.planners.question_lines import (
+    MOST_LINE_BYTES,
+    Answer,
+    Atom,
+    Value,
+    is_answer,
+    read_line,
+    write_answer,
+    write_error,
+)
 from semmap_log.planners.state_answers import STATE_QUESTIONS
 from tests.live.running import wait_until
+from tests.oprs.line_server import LineServer
 from tests.planners.asker import Asker
 from tests.planners.line_protocol.running_server import Raw, serving, unix_in
 
@@ -397,7 +408,7 @@ def test_the_end_answers_what_was_begun(ask: Asker, tmp_path: Path) -> None:
         said = [acting.line(), acting.line()]
 
     assert ["T", ""] == said
-    assert ('"CLOSED"', '"CLOSED"') == (ask("DOOR_STATE DOOR_1"), ask("DOOR_STATE DOOR_2"))
+    assert ("CLOSED", "CLOSED") == (ask("DOOR_STATE DOOR_1"), ask("DOOR_STATE DOOR_2"))
     assert not (tmp_path / "s").exists()
     assert ask.oracle._waits._waiting == set()
     acting.close()
@@ -492,7 +503,7 @@ def test_tcp_with_a_token(ask: Asker) -> None:
         assert "from 127.0.0.1:" in list(ask.doors.log.commits())[-1].note.source
         for first in (f"TOKEN {TOKEN}x", "TOKEN", "", f"token {TOKEN}", "DOOR_OPEN DOOR_1", "{}"):
             with Raw(server.address) as client:
-                assert client.ask(first) == ('ERROR "expected TOKEN and the server\'s token first"')
+                assert client.ask(first).startswith("ERROR \"expected TOKEN and the server's token")
                 assert client.line() == ""
         with Raw(server.address) as client:
             client.send(b"TOKEN wrong\nSET_DOOR_OPEN DOOR_2\n")
@@ -551,6 +562,32 @@ def test_the_client_of_a_server_that_goes(ask: Asker, tmp_path: Path) -> None:
         AskClient(read_address(address))
     client.close()
     hasty.close()
+
+
+@pytest.mark.parametrize("said", ["<!DOCTYPE HTML>", "SSH-2.0-OpenSSH_9.2\r", "", "-ERR", "\xff"])
+def test_another_program_that_answers(tmp_path: Path, said: str) -> None:
+    """
+    What it says is not taken for an answer.
+    """
+    with LineServer(lambda _: f"{said}\n".encode("latin-1"), tmp_path / "other") as other:
+        client = AskClient(read_address(other.address))
+        with pytest.raises(sl.SemmapError, match=r"other: another program listens there: expected"):
+            client.ask("DOORS")
+        client.close()
+
+
+@pytest.mark.parametrize(
+    "value", [True, None, 0.5, 5e-324, -1, 10**30, "", "a b", [], ["x", 1.0], Atom("DOOR_1")]
+)
+def test_what_is_an_answer(value: Value) -> None:
+    """
+    All that a server can say.
+    """
+    asked = read_line(b"DOORS")
+
+    for line in (asked, replace(asked, is_json=True)):
+        assert is_answer(write_answer(line, Answer(value)).decode()[:-1])
+        assert is_answer(write_error("why", is_json=line.is_json).decode()[:-1])
 
 
 def test_a_client_takes_little_memory(server: AskServer) -> None:

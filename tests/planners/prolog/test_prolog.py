@@ -188,7 +188,7 @@ def test_what_cannot_be_asked_is_an_error(prolog: Ask) -> None:
     )
 
     assert found[0].startswith("error(door_server_error(\"'NO_SUCH' is no question.")
-    assert found[1].startswith('error(door_server_error("Expected a moment')
+    assert found[1].startswith('error(door_server_error("DOOR_STATE DOOR [TIME]: Expected a moment')
     assert "error(instantiation_error)" == found[2]
     assert "error(type_error(door,f(1)))" == found[3]
     kinds = [line.split("(")[1] for line in found[4:11]]
