@@ -44,7 +44,7 @@ class PasserConnection:
         first = registration(name)
         try:
             self.socket = socket.create_connection((address.host, address.port), timeout_s)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # of a name that no host can have
             raise PasserError(f"no message passer at {_said(address)}: {error}.") from error
         self._received = MessageReader()
         self._out = bytearray()

@@ -130,6 +130,7 @@ class Oracle:
         """
         assert asked.state is not None
         wait = Wait(asked.doors[0], asked.state, done)
+        wait.answer_in(self._now.view)  # what cannot be answered must not wait
         self._waits.add(wait)
         if (found := wait.answer_in(self._now.view)) is not None:  # after adding: nothing is missed
             self._waits.end(wait, found)

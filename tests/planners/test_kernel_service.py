@@ -15,6 +15,7 @@ import semmap_log as sl
 from semmap_log.errors import PasserError
 from semmap_log.planners import kernel_questions, kernel_session
 from semmap_log.planners.addresses import TcpAddress
+from semmap_log.planners.door_view import DoorView
 from semmap_log.planners.kernel_service import Kernels
 from semmap_log.planners.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
 from semmap_log.planners.message_passer import PasserConnection
@@ -610,3 +611,33 @@ def test_many_ask_at_once(passer: StubPasser, world: KernelWorld) -> None:
         thread.join()
 
     assert got == ["T"] * 160
+
+
+@pytest.mark.parametrize("question", ["DOOR_OPEN {}", "WAIT_UNTIL {} OPEN 1"])
+def test_an_error_of_our_own_is_answered(
+    question: str, kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    And the service goes on; nothing of it waits for ever.
+    """
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("of a test")
+
+    monkeypatch.setattr(DoorView, "door", fail)
+    answer = kernel.answer(f"(ASK 1 ({question.format('DOOR_1')}))", "1")
+    monkeypatch.undo()
+
+    assert answer == '(ERROR "RuntimeError: of a test")'
+    assert kernel.answer("(ASK 2 (DOOR_OPEN DOOR_1))", "2") == "T"
+    assert not world.service._questions._waits
+    digits = '"' + "1" * 5000 + '"'
+    assert kernel.answer(f"(ASK 3 ({question.format(digits)}))", "3") == "NIL"
+
+
+def test_a_passer_of_a_name_that_no_host_can_have() -> None:
+    """
+    It is as one that is not there.
+    """
+    with pytest.raises(PasserError, match="no message passer at"):
+        PasserConnection(TcpAddress("a" * 64, 3300), "SEMMAP")
