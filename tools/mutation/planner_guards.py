@@ -179,6 +179,8 @@ WHO_MAY_ASK = (
           "connected.fileno() >= self._most_files", "False", "planners.test_ask_server"),
     guard("planner: a client that asked more and died", "AskServer._check_unheard",
           "self._drop(connection)", "", "planners.test_ask_server"),
+    guard("planner: what was so between two looks", "Oracle.refresh",
+          "self._look_between(before, view)", "", "planners.test_oracle"),
     guard("planner: this machine alone", "_listen_tcp",
           'not (any_host or ipaddress.ip_address(host.partition("%")[0]).is_loopback)', "False",
           "test_addresses"),
