@@ -641,3 +641,30 @@ def test_a_passer_of_a_name_that_no_host_can_have() -> None:
     """
     with pytest.raises(PasserError, match="no message passer at"):
         PasserConnection(TcpAddress("a" * 64, 3300), "SEMMAP")
+
+
+def test_answers_that_nobody_takes_fill_no_memory(
+    kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Those that come at once, and those that are found later; and the passer may come to itself.
+    """
+    session = world.service._session
+    assert session is not None
+    monkeypatch.setattr(kernel_session, "MOST_ANSWER_BYTES", 5000)
+    monkeypatch.setattr(kernel_session, "MOST_WAITING_BYTES", 500)
+    with monkeypatch.context() as silent:
+        silent.setattr(PasserConnection, "send", lambda _: None)
+        for number in range(100):
+            kernel.send(f"(ASK {number} (HELP))")
+            kernel.send(f"(ASK {number} (WHY DOOR_1))")
+        wait_until(lambda: any("is not answered" in each for each in world.said), "the limit")
+        for number in range(1000):
+            session.give("K1", (Atom("ANSWER"), number, "x" * 100))
+        wait_until(lambda: not world.service._questions._queues, "all questions to be looked at")
+        assert session._connection.waiting_bytes + session._answers_bytes < 2 * 5000 + 5000
+    session.wake()
+
+    wait_until(lambda: not session._connection.waiting_bytes, "the passer to take all")
+    assert 0 == session._answers_bytes
+    assert kernel.answer("(ASK x (DOOR_OPEN DOOR_1))", "x") == "T"
