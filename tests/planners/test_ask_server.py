@@ -19,6 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
+from semmap_log.errors import AddressError, QuestionError
 from semmap_log.planners import admission, ask_server
 from semmap_log.planners.addresses import read_address
 from semmap_log.planners.ask_client import AskClient
@@ -648,3 +649,20 @@ def test_a_client_that_asked_more_and_died(
     wait_until(lambda: not server._connections, "its end")
     assert not ask.oracle._waits._waiting
     assert not server._unheard
+
+
+def test_no_late_answer_is_taken_for_the_next(server: AskServer) -> None:
+    """
+    After a time-out the connection is closed: nothing more is asked over it, and nothing done.
+    """
+    with AskClient(read_address(server.address), timeout_s=0.05) as hasty:
+        with pytest.raises(AddressError, match=r"no answer within 0\.05 s"):
+            hasty.ask("WAIT_UNTIL DOOR_1 CLOSED 0.1")
+        with pytest.raises(AddressError, match="the connection is closed; connect again"):
+            hasty.ask("SET_DOOR_CLOSED DOOR_1")
+
+    with AskClient(read_address(server.address)) as client:
+        assert "T" == client.ask("DOOR_OPEN DOOR_1")
+        with pytest.raises(QuestionError, match=r"expected UTF-8 text, got .* at 11"):
+            client.ask("DOOR_OPEN \udcff")
+        assert "T" == client.ask("DOOR_OPEN DOOR_1")

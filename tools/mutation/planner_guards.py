@@ -184,6 +184,8 @@ WHO_MAY_ASK = (
     guard("planner: answers that nobody takes", "KernelSession.give",
           "self._answers_bytes + self._connection.waiting_bytes > 2 * MOST_ANSWER_BYTES", "False",
           "test_kernel_service"),
+    guard("planner: no late answer", "AskClient.ask",
+          "self.close()", "", "planners.test_ask_server"),
     guard("planner: this machine alone", "_listen_tcp",
           'not (any_host or ipaddress.ip_address(host.partition("%")[0]).is_loopback)', "False",
           "test_addresses"),
