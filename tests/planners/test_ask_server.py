@@ -666,3 +666,14 @@ def test_no_late_answer_is_taken_for_the_next(server: AskServer) -> None:
         with pytest.raises(QuestionError, match=r"expected UTF-8 text, got .* at 11"):
             client.ask("DOOR_OPEN \udcff")
         assert "T" == client.ask("DOOR_OPEN DOOR_1")
+
+
+def test_a_machine_that_is_gone_without_a_word(ask: Asker) -> None:
+    """
+    The system asks a silent one whether it is there; else it would keep its place for ever.
+    """
+    with serving(ask, "tcp:127.0.0.1:0") as server, Raw(server.address) as client:
+        assert client.ask("DOOR_OPEN DOOR_1") == "T"
+        (connection,) = server._connections
+
+        assert connection.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
