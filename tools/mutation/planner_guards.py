@@ -173,8 +173,6 @@ WHO_MAY_ASK = (
           "_file_id(self.address.path) == file", "True", "test_addresses"),
     guard("planner: a file of another server, closed twice", "Listener.close",
           "file, self._file = self._file, None", "file = self._file", "test_addresses"),
-    guard("planner: a folder that stays locked", "addresses._lock",
-          "time.monotonic() > end_s", "False", "test_addresses"),
     guard("planner: files for the log", "Admission.admitted",
           "connected.fileno() >= self._most_files", "False", "planners.test_ask_server"),
     guard("planner: a client that asked more and died", "AskServer._check_unheard",
