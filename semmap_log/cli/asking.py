@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from semmap_log.planners.actions import AskedDoors
     from semmap_log.planners.addresses import Address
     from semmap_log.planners.line_protocol.ask_server import AskServer
+    from semmap_log.planners.oracle import Oracle
 
 TICK_S = 0.1
 
@@ -124,26 +125,18 @@ class Asking:
         return cls(where, chosen_token(token_file), any_host, now)
 
     @contextmanager
-    def served(self, doors: AskedDoors, changes: list[Callable[[], object]]) -> Iterator[Served]:
+    def served(self, oracle: Oracle) -> Iterator[Served]:
         """Answer questions within.
 
         Args:
-            doors: What is asked about.
-            changes: Called after each change of the doors.
+            oracle: Knows the answers.
 
         Raises:
             AddressError: Questions cannot be taken there.
         """
-        import time
-
         from semmap_log.planners.addresses import listen
         from semmap_log.planners.line_protocol.ask_server import AskServer
-        from semmap_log.planners.oracle import Oracle
 
-        clock_ns = time.time_ns if self.now == Now.clock else _no_clock
-        oracle = Oracle(doors, say=say, clock_ns=clock_ns)
-        changes.append(oracle.refresh)
-        oracle.refresh()  # what has changed in between
         listener = listen(self.address, any_host=self.any_host)
         server = AskServer(oracle, listener, token=self.token, say=say)
         try:
@@ -159,6 +152,24 @@ class Served:
     server: AskServer
     failure: Callable[[], Exception | None]
     """Why it cannot answer any more; None: it can."""
+
+
+def oracle_of(doors: AskedDoors, changes: list[Callable[[], object]], now: Now) -> Oracle:
+    """Return what knows the answers to all questions, however they come.
+
+    Args:
+        doors: What is asked about.
+        changes: Called after each change of the doors.
+        now: What relative times count from.
+    """
+    import time
+
+    from semmap_log.planners.oracle import Oracle
+
+    oracle = Oracle(doors, say=say, clock_ns=time.time_ns if now == Now.clock else _no_clock)
+    changes.append(oracle.refresh)
+    oracle.refresh()  # what has changed in between
+    return oracle
 
 
 def _no_clock() -> int:

@@ -20,6 +20,7 @@ from semmap_log.cli.asking import (
     Now,
     Served,
     TokenFile,
+    oracle_of,
 )
 from semmap_log.cli.common import (
     MapServer,
@@ -291,14 +292,16 @@ def run(
         with ExitStack() as running:
             asked: Served | None = None
             told: KernelService | None = None
+            if asking is not None or kernels is not None:
+                oracle = oracle_of(doors, changes, ask_now)
             if asking is not None:
-                asked = running.enter_context(asking.served(doors, changes))
+                asked = running.enter_context(asking.served(oracle))
             many = counted(len(doors.door_map()), "door")
             if asked is not None:
                 say(f"{log}: questions are taken at {asked.server.address}: {many}.")
             if kernels is not None:
                 say(f"{log}: kernels of OPRS are served by way of {kernels.where}: {many}.")
-                told = running.enter_context(kernels_served(kernels, doors, changes))
+                told = running.enter_context(kernels_served(kernels, oracle, doors, changes))
 
             def failure() -> Exception | None:
                 """Return why planners cannot be answered any more, if so."""

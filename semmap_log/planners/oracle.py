@@ -10,6 +10,9 @@ import threading
 import time
 from collections.abc import Callable
 
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import Retracted
 from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
@@ -80,9 +83,10 @@ class Oracle:
             except (SemmapError, OSError) as error:
                 self._failure = error
                 return
-            if view.door_map.event < self._now.view.door_map.event:
+            before, self._now = self._now.view, KnownDoors(view)
+            if view.door_map.event < before.door_map.event:
                 self._likely.forget()
-            self._now = KnownDoors(view)
+            self._look_between(before, view)
         self._waits.look(view)
 
     def at_once(self, asked: AskedQuestion) -> Answer | None:
@@ -133,10 +137,32 @@ class Oracle:
         """
         assert asked.state is not None
         wait = Wait(asked.doors[0], asked.state, done)
+        wait.answer_in(self._now.view)  # what cannot be answered must not wait
         self._waits.add(wait)
         if (found := wait.answer_in(self._now.view)) is not None:  # after adding: nothing is missed
             self._waits.end(wait, found)
         return lambda answer: self._waits.end(wait, answer)
+
+    def _look_between(self, before: DoorView, view: DoorView) -> None:
+        """Look at the doors after each commit of several that came at once, if somebody waits.
+
+        A door that was opened and closed meanwhile was open.
+        """
+        words, end = self._waits.doors(), view.door_map.event
+        if not words or end <= before.door_map.event + 1:
+            return
+        log = self._doors.log
+        found = [view.find(word) for word in words]
+        doors = None if None in found else {door.door_id for door in found if door}
+        try:
+            for followed in log.commits_after(before.door_map.event):
+                event = followed.commit.last_event
+                if event >= end:
+                    return
+                if doors is None or _may_change(followed.batch, doors):
+                    self._waits.look(DoorView(log.replay(at=Moment(event=event))))
+        except (SemmapError, OSError) as error:
+            self._say(f"WAIT_UNTIL: what was so for a moment may be missed: {error}")
 
     def _act(self, asked: AskedQuestion, client: str) -> Answer:
         try:
@@ -182,6 +208,11 @@ def time_is_over(asked: AskedQuestion) -> Answer:
     """Return the answer to a question that waited in vain."""
     assert asked.state is not None
     return Answer(value=False, reason=f"it was not {asked.state.name} within {asked.number:g} s.")
+
+
+def _may_change(batch: EventBatch, doors: set[DoorId]) -> bool:
+    """Tell whether a commit may set the state of one of some doors."""
+    return Retracted in batch or bool(batch.of_doors(doors).any())
 
 
 def _help(asked: AskedQuestion) -> Answer:

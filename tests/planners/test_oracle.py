@@ -530,3 +530,52 @@ def test_an_oracle_of_a_log_without_events(tmp_path: Path) -> None:
     assert ["()", "NIL", "NIL", "()", "NIL", "NIL"] == said
     assert isinstance(ask.oracle, Oracle)
     ask.close()
+
+
+def test_a_state_that_passed_between_two_looks(ask: Asker) -> None:
+    """
+    Opened and closed by two who came together: it was open. One that is told late, of a time
+    before, was not so now; and what nobody waits for is not looked up.
+    """
+    answers: list[Answer] = []
+    log = ask.doors.log
+    for door, state in (("DOOR_2", "OPEN"), ("DOOR_gate", "CLOSED")):
+        ask.oracle.wait(read_words(["WAIT_UNTIL", door, state, 100]), answers.append)
+
+    log.observe(2, "open", at=log.entry(0).happened_ns)
+    log.update_door(1, state="closed")
+    ask.oracle.refresh()
+    assert [] == answers
+    log.update_door(1, state="closed")
+    log.update_door(2, state="open")
+    log.update_door(2, state="closed")
+    ask.oracle.refresh()
+    assert [Answer(value=True)] == answers
+    log.update_door(4, state="closed")
+    log.remove_door(4)
+    ask.oracle.refresh()
+    assert [Answer(value=True)] * 2 == answers
+
+
+def test_a_log_that_cannot_be_read_between_two_looks(
+    ask: Asker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The doors are known all the same; that something may be missed is said.
+    """
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError("of a test")
+
+    answers: list[Answer] = []
+    log = ask.doors.log
+    ask.oracle.wait(read_words(["WAIT_UNTIL", "DOOR_2", "OPEN", 100]), answers.append)
+    monkeypatch.setattr(log, "replay", fail)
+    log.update_door(2, state="open")
+    log.update_door(2, state="closed")
+
+    ask.oracle.refresh()
+
+    assert [] == answers
+    assert ["WAIT_UNTIL: what was so for a moment may be missed: of a test"] == ask.said
+    assert ask("DOOR_CLOSED DOOR_2") == "T"

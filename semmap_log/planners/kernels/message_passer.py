@@ -13,7 +13,7 @@ import socket
 import time
 
 from semmap_log.errors import PasserError
-from semmap_log.planners.addresses import TcpAddress
+from semmap_log.planners.addresses import TcpAddress, reason_of
 from semmap_log.planners.kernels.passer_frames import (
     NAME_TAKEN,
     REGISTERED,
@@ -44,8 +44,8 @@ class PasserConnection:
         first = registration(name)
         try:
             self.socket = socket.create_connection((address.host, address.port), timeout_s)
-        except OSError as error:
-            reason = error.strerror or error
+        except (OSError, UnicodeError) as error:
+            reason = reason_of(error)
             raise PasserError(f"no message passer at {_said(address)}: {reason}.") from error
         self._received = MessageReader()
         self._out = bytearray()

@@ -47,15 +47,18 @@ class AskClient:
         """Return the line that answers a question.
 
         Raises:
-            QuestionError: It has a line end within, and would be two.
+            QuestionError: It has a line end within, and would be two; or is no UTF-8 text.
             AddressError: What listens there is no server of questions. Or the server has gone, or
-                does not answer in time; whether an action was
-                done is not known: sent again with the same command id, it is done once.
+                does not answer in time; whether an action was done is not known: sent again with
+                the same command id, it is done once. This connection is closed: what still came
+                on it would be another question's answer.
         """
-        if "\n" in question:
-            raise QuestionError(f"expected a question on one line, got {question!r}.")
+        line = _line_of(question)
+        if self._socket.fileno() < 0:
+            raise AddressError(f"{self._address}: the connection is closed; connect again.")
+        answer = b""
         try:
-            self._socket.sendall(f"{question}\n".encode())
+            self._socket.sendall(line)
             answer = self._lines.readline()
         except TimeoutError:
             raise AddressError(
@@ -63,15 +66,18 @@ class AskClient:
             ) from None
         except OSError as error:
             raise self._gone(str(error.strerror or error)) from error
+        finally:
+            if not answer.endswith(b"\n"):
+                self.close()
         if not answer.endswith(b"\n"):
             raise self._gone("the connection ended")
-        line = answer[:-1].decode(errors="replace")
-        if not is_answer(line):
+        said = answer[:-1].decode(errors="replace")
+        if not is_answer(said):
             raise AddressError(
                 f"{self._address}: another program listens there: expected an answer such as T or "
-                f"NIL, got {shown(line)}."
+                f"NIL, got {shown(said)}."
             )
-        return line
+        return said
 
     def close(self) -> None:
         """Leave."""
@@ -91,3 +97,14 @@ class AskClient:
 
     def _gone(self, why: str) -> AddressError:
         return AddressError(f"{self._address}: the server has gone: {why}.")
+
+
+def _line_of(question: str) -> bytes:
+    if "\n" in question:
+        raise QuestionError(f"expected a question on one line, got {question!r}.")
+    try:
+        return f"{question}\n".encode()
+    except UnicodeEncodeError as error:
+        raise QuestionError(
+            f"expected UTF-8 text, got {question[error.start]!r} at {error.start + 1}"
+        ) from None

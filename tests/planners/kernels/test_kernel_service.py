@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.errors import PasserError
 from semmap_log.planners.addresses import TcpAddress
+from semmap_log.planners.door_view import DoorView
 from semmap_log.planners.kernels import kernel_questions, kernel_session
 from semmap_log.planners.kernels.kernel_service import Kernels
 from semmap_log.planners.kernels.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
@@ -615,3 +616,60 @@ def test_many_ask_at_once(passer: StubPasser, world: KernelWorld) -> None:
         thread.join()
 
     assert got == ["T"] * 160
+
+
+@pytest.mark.parametrize("question", ["DOOR_OPEN {}", "WAIT_UNTIL {} OPEN 1"])
+def test_an_error_of_our_own_is_answered(
+    question: str, kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    And the service goes on; nothing of it waits for ever.
+    """
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("of a test")
+
+    monkeypatch.setattr(DoorView, "door", fail)
+    answer = kernel.answer(f"(ASK 1 ({question.format('DOOR_1')}))", "1")
+    monkeypatch.undo()
+
+    assert answer == '(ERROR "RuntimeError: of a test")'
+    assert kernel.answer("(ASK 2 (DOOR_OPEN DOOR_1))", "2") == "T"
+    assert not world.service._questions._waits
+    digits = '"' + "1" * 5000 + '"'
+    assert kernel.answer(f"(ASK 3 ({question.format(digits)}))", "3") == "NIL"
+
+
+def test_a_passer_of_a_name_that_no_host_can_have() -> None:
+    """
+    It is as one that is not there.
+    """
+    with pytest.raises(PasserError, match="no message passer at"):
+        PasserConnection(TcpAddress("a" * 64, 3300), "SEMMAP")
+
+
+def test_answers_that_nobody_takes_fill_no_memory(
+    kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Those that come at once, and those that are found later; and the passer may come to itself.
+    """
+    session = world.service._session
+    assert session is not None
+    monkeypatch.setattr(kernel_session, "MOST_ANSWER_BYTES", 5000)
+    monkeypatch.setattr(kernel_session, "MOST_WAITING_BYTES", 500)
+    with monkeypatch.context() as silent:
+        silent.setattr(PasserConnection, "send", lambda _: None)
+        for number in range(100):
+            kernel.send(f"(ASK {number} (HELP))")
+            kernel.send(f"(ASK {number} (WHY DOOR_1))")
+        wait_until(lambda: any("is not answered" in each for each in world.said), "the limit")
+        for number in range(1000):
+            session.give("K1", (Atom("ANSWER"), number, "x" * 100))
+        wait_until(lambda: not world.service._questions._queues, "all questions to be looked at")
+        assert session._connection.waiting_bytes + session._answers_bytes < 2 * 5000 + 5000
+    session.wake()
+
+    wait_until(lambda: not session._connection.waiting_bytes, "the passer to take all")
+    assert 0 == session._answers_bytes
+    assert kernel.answer("(ASK x (DOOR_OPEN DOOR_1))", "x") == "T"

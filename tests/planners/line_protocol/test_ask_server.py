@@ -20,8 +20,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
+from semmap_log.errors import AddressError, QuestionError
 from semmap_log.planners.addresses import read_address
-from semmap_log.planners.line_protocol import ask_server
+from semmap_log.planners.line_protocol import admission, ask_server
 from semmap_log.planners.line_protocol.ask_client import AskClient
 from semmap_log.planners.line_protocol.ask_server import MOST_KNOWN_LINES, AskServer
 from semmap_log.planners.line_protocol.connection import MOST_ANSWERS_BYTES
@@ -36,6 +37,7 @@ from semmap_log.planners.question_lines import (
     write_error,
 )
 from semmap_log.planners.state_answers import STATE_QUESTIONS
+from semmap_log.planners.waits import Wait
 from tests.live.running import wait_until
 from tests.oprs.line_server import LineServer
 from tests.planners.asker import Asker
@@ -604,3 +606,111 @@ def test_a_client_takes_little_memory(server: AskServer) -> None:
     gc.collect()
 
     assert 2 == len(server._selector.get_map())
+
+
+DIGITS = "1" * 5000
+"""More than Python makes a number of."""
+
+
+@pytest.mark.parametrize("question", ["DOOR_OPEN", "WAIT_UNTIL", "WHY", "SET_DOOR_OPEN"])
+def test_a_door_of_too_many_digits(question: str, client: Raw) -> None:
+    """
+    There is none, and the server goes on.
+    """
+    more = " OPEN 1" if question == "WAIT_UNTIL" else ""
+
+    assert client.ask(f"{question} {DIGITS}{more}") == "NIL"
+    assert client.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_a_wait_that_fails_harms_nobody(
+    client: Raw, ask: Asker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    By an error of our own: who asked is told, the others are served, and nothing waits on.
+    """
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("of a test")
+
+    monkeypatch.setattr(Wait, "answer_in", fail)
+    assert client.ask("WAIT_UNTIL DOOR_1 CLOSED 5") == 'ERROR "RuntimeError: of a test"'
+    monkeypatch.undo()
+
+    assert client.ask("SET_DOOR_CLOSED DOOR_1") == "T"
+    assert client.ask("WAIT_UNTIL DOOR_1 CLOSED 5") == "T"
+    assert not ask.oracle._waits._waiting
+
+
+def test_clients_leave_files_for_the_log(
+    ask: Asker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Some numbers of files no client gets: an action, and what reads the log, need them.
+    """
+    with Path(os.devnull).open() as file:
+        most = file.fileno() + 20
+    monkeypatch.setattr(admission, "_allow_files", lambda _: most)
+    with serving(ask, unix_in(tmp_path)) as server, contextlib.ExitStack() as clients:
+        told = []
+        for _ in range(30):
+            client = clients.enter_context(Raw(server.address))
+            with contextlib.suppress(ConnectionError):
+                told.append(client.ask("DOOR_OPEN DOOR_1"))
+
+    assert "T" == told[0]
+    assert 'ERROR "the server cannot open more files; come later"' == told[-1]
+
+
+def test_some_files_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Of few, a quarter; of many, so many as the log wants at most.
+    """
+    for limit, most in (((64, 64), 48), ((256, 1000), 936), ((5000, 9000), 4936)):
+        monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: limit)
+        monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
+        assert most == admission._allow_files(1200)
+
+
+def test_a_client_that_asked_more_and_died(
+    ask: Asker, server: AskServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    While it waited for a door: nobody reads what it has sent, and it is let go of all the same.
+    """
+    monkeypatch.setattr(ask_server, "UNHEARD_S", 0.01)
+    with Raw(server.address) as leaving:
+        leaving.send(b"WAIT_UNTIL DOOR_1 CLOSED 80000\nDOORS\n")
+        wait_until(lambda: server._unheard, "both lines")
+
+    wait_until(lambda: not server._connections, "its end")
+    assert not ask.oracle._waits._waiting
+    assert not server._unheard
+
+
+def test_no_late_answer_is_taken_for_the_next(server: AskServer) -> None:
+    """
+    After a time-out the connection is closed: nothing more is asked over it, and nothing done.
+    """
+    with AskClient(read_address(server.address), timeout_s=0.05) as hasty:
+        with pytest.raises(AddressError, match=r"no answer within 0\.05 s"):
+            hasty.ask("WAIT_UNTIL DOOR_1 CLOSED 0.1")
+        with pytest.raises(AddressError, match="the connection is closed; connect again"):
+            hasty.ask("SET_DOOR_CLOSED DOOR_1")
+
+    with AskClient(read_address(server.address)) as client:
+        assert "T" == client.ask("DOOR_OPEN DOOR_1")
+        with pytest.raises(QuestionError, match=r"expected UTF-8 text, got .* at 11"):
+            client.ask("DOOR_OPEN \udcff")
+        assert "T" == client.ask("DOOR_OPEN DOOR_1")
+
+
+def test_a_machine_that_is_gone_without_a_word(ask: Asker) -> None:
+    """
+    The system asks a silent one whether it is there; else it would keep its place for ever.
+    """
+    with serving(ask, "tcp:127.0.0.1:0") as server, Raw(server.address) as client:
+        assert client.ask("DOOR_OPEN DOOR_1") == "T"
+        (connection,) = server._connections
+
+        assert connection.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
