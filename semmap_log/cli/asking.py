@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -14,12 +14,9 @@ import typer
 from semmap_log.cli.common import say
 
 if TYPE_CHECKING:
-    from semmap_log.planners.actions import AskedDoors
     from semmap_log.planners.addresses import Address
     from semmap_log.planners.line_protocol.ask_server import AskServer
     from semmap_log.planners.oracle import Oracle
-
-TICK_S = 0.1
 
 ASKED_S = 0.01
 """How often a log that another process writes is looked at: somebody may wait for a door."""
@@ -93,12 +90,9 @@ class Asking:
     address: Address
     token: str | None
     any_host: bool
-    now: Now
 
     @classmethod
-    def of(
-        cls, address: str | None, token_file: Path | None, *, any_host: bool, now: Now
-    ) -> Asking | None:
+    def of(cls, address: str | None, token_file: Path | None, *, any_host: bool) -> Asking | None:
         """Return what was asked for; None: nothing.
 
         Raises:
@@ -106,26 +100,25 @@ class Asking:
         """
         from semmap_log.planners.addresses import TcpAddress
 
-        given = {"--ask-any-host": any_host, "--token-file": token_file is not None,
-                 "--ask-now": now != Now.clock}  # fmt: skip
+        given = {"--ask-any-host": any_host, "--token-file": token_file is not None}
         if address is None:
             for name, is_given in given.items():
                 if is_given:
                     raise typer.BadParameter("only with --ask", param_hint=name)
             return None
         where = chosen_address(address, "--ask")
-        for name in ("--ask-any-host", "--token-file"):
-            if given[name] and not isinstance(where, TcpAddress):
+        for name, is_given in given.items():
+            if is_given and not isinstance(where, TcpAddress):
                 raise typer.BadParameter("only with --ask tcp:HOST:PORT", param_hint=name)
         if any_host and token_file is None:
             raise typer.BadParameter(
                 "only with --token-file: who reaches the port sets doors",
                 param_hint="--ask-any-host",
             )
-        return cls(where, chosen_token(token_file), any_host, now)
+        return cls(where, chosen_token(token_file), any_host)
 
     @contextmanager
-    def served(self, oracle: Oracle) -> Iterator[Served]:
+    def served(self, oracle: Oracle) -> Iterator[AskServer]:
         """Answer questions within.
 
         Args:
@@ -140,38 +133,6 @@ class Asking:
         listener = listen(self.address, any_host=self.any_host)
         server = AskServer(oracle, listener, token=self.token, say=say)
         try:
-            yield Served(server, lambda: oracle.failure or server.failure)
+            yield server
         finally:
             server.close()
-
-
-@dataclass(frozen=True, slots=True)
-class Served:
-    """A server of questions that runs."""
-
-    server: AskServer
-    failure: Callable[[], Exception | None]
-    """Why it cannot answer any more; None: it can."""
-
-
-def oracle_of(doors: AskedDoors, changes: list[Callable[[], object]], now: Now) -> Oracle:
-    """Return what knows the answers to all questions, however they come.
-
-    Args:
-        doors: What is asked about.
-        changes: Called after each change of the doors.
-        now: What relative times count from.
-    """
-    import time
-
-    from semmap_log.planners.oracle import Oracle
-
-    oracle = Oracle(doors, say=say, clock_ns=time.time_ns if now == Now.clock else _no_clock)
-    changes.append(oracle.refresh)
-    oracle.refresh()  # what has changed in between
-    return oracle
-
-
-def _no_clock() -> int:
-    """Return a time before any log's: then the log's end is what counts."""
-    return 0

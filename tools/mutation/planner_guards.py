@@ -195,7 +195,7 @@ WHO_MAY_ASK = (
     guard("planner: other machines with a token", "Asking.of",
           "any_host and token_file is None", "False", "test_ask"),
     guard("planner: another program is no server", "AskClient.ask",
-          "not is_answer(line)", "False", "planners.line_protocol.test_ask_server"),
+          "not is_answer(said)", "False", "planners.line_protocol.test_ask_server"),
     guard("planner: a time that is none is told with the question's form", "Oracle.answer",
           'f"{asked.question.form}: {problem}"', "problem", "planners.test_oracle"),
     guard("planner: a state is an atom", "atom_of_state",
