@@ -35,11 +35,17 @@ MEASURED = (
 )
 TESTS = (
     "tests/store/writing",
+    "tests/store/test_whole_files.py",
+    "tests/store/test_folder.py",
+    "tests/store/test_closing.py",
+    "tests/store/test_elsewhere.py",
     "tests/io/test_disk.py",
     "tests/store/test_guards.py",
     "tests/messages",
     "tests/test_command_content.py",
     "tests/test_appending_batches.py",
+    "tests/exporting/test_lines_round_trip.py",
+    "tests/exporting/test_log_files.py",
 )
 """Enough for all of them, in a minute; others take the same ways, and longer."""
 SETTINGS = """
@@ -57,6 +63,7 @@ skip_covered = false
 exclude_also =
     if TYPE_CHECKING:
     assert_never
+    if os.name == .nt.:
     ^\\s*\\.\\.\\.$
 """
 

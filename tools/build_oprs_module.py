@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (NoOprsError, SemmapError) as error:
         print(f"build_oprs_module: {error}", file=sys.stderr)
         return 1
-    print(f"{oprs / KERNEL} -n K1 -l none -x {include}")
+    print(f"{oprs / KERNEL} -a -A -n K1 -l none -x {include}")
     return 0
 
 

@@ -123,14 +123,14 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("costmap", costmap.run, "Draw the doors into a costmap."),
         ("export", export.run, "Write a file for other programs."),
     ),
-    "Live": (
+    "Live in ROS, and for planners": (
         ("serve", serve.run, "Serve the doors in ROS, and to planners."),
-        ("ask", ask.run, "Ask a server what planners ask."),
         ("play", play.run, "Publish a log's history."),
+        ("ask", ask.run, "Ask a server what planners ask."),
         ("ros-package", ros_package.run, "Copy the ROS package into a workspace."),
-        ("prolog-module", prolog_module.run, "Copy the module for SWI-Prolog into a folder."),
+        ("oprs-package", oprs_package.run, "Copy the module for kernels of OpenPRS."),
+        ("prolog-module", prolog_module.run, "Copy the module for SWI-Prolog."),
     ),
-    "For planners": (("oprs-package", oprs_package.run, "Copy the module for OpenPRS kernels."),),
     "Care of the log": (
         ("info", info.run, "Show what a log holds."),
         ("verify", verify.run, "Check that a log is as it was written."),
@@ -156,7 +156,7 @@ app.add_typer(
     call.app,
     name="call",
     short_help="Call an action of a running server.",
-    rich_help_panel="Live",
+    rich_help_panel="Live in ROS, and for planners",
 )
 app.command("state", cls=Verb, hidden=True)(replay.run)
 app.command("log", cls=Verb, hidden=True)(history.run)

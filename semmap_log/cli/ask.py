@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semmap_log.cli.asking import chosen_address, chosen_token
 from semmap_log.cli.common import say
 from semmap_log.cli.plain_streams import write_line
 from semmap_log.cli.printer import is_for_people
+from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.planners.ask_client import AskClient
+    from semmap_log.planners.line_protocol.ask_client import AskClient
 
 
 def run(
@@ -31,12 +33,12 @@ def run(
     ] = False,
     token_file: Annotated[
         Path | None,
-        typer.Option("--token-file", metavar="FILE", help="The server's token."),
+        typer.Option("--token-file", metavar="FILE", help="The server's token, if it wants one."),
     ] = None,
     timeout: Annotated[
         float | None,
         typer.Option(
-            "--timeout", metavar="S", min=0.001, help="How long to wait for an answer; for ever."
+            "--timeout", metavar="S", min=0.001, help="Longest wait for an answer; else for ever."
         ),
     ] = None,
 ) -> None:
@@ -48,7 +50,7 @@ def run(
     begin with { are JSON.
 
     Exit code 0: all were answered, be it by NIL; 1: one could not be understood or answered, or
-    the server is not there.
+    the server is not there; 2: a wrong address or option.
 
     \b
     Examples:
@@ -58,21 +60,22 @@ def run(
       semmap-log ask tcp:robot1:5300 HELP --token-file ~/doors.token
     """
     from semmap_log.errors import QuestionError
-    from semmap_log.planners.addresses import read_address
-    from semmap_log.planners.ask_client import AskClient
-    from semmap_log.planners.tokens import read_token
+    from semmap_log.planners.line_protocol.ask_client import AskClient
 
-    token = None if token_file is None else read_token(token_file)
+    where, token = chosen_address(address, "ADDRESS"), chosen_token(token_file)
     if not questions and sys.stdin.isatty():
         say("Reading questions, one a line; HELP names them. Ctrl-D ends.")
     lines = questions or (line.rstrip("\r\n") for line in sys.stdin)
     failed = 0
-    with AskClient(read_address(address), token=token, timeout_s=timeout) as client:
+    with AskClient(where, token=token, timeout_s=timeout) as client:
         for answer, problem in _answers(client, lines, as_json=as_json):
             if problem is not None and questions and len(questions) == 1:
                 raise QuestionError(problem)
             failed += problem is not None
             _print(answer, questions)
+    if failed and questions:
+        said = f"{failed} of {counted(len(questions), 'question')} failed"
+        say(f"{said}. On a command line each question stands in quotes.")
     if failed:
         raise typer.Exit(1)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -14,11 +14,9 @@ import typer
 from semmap_log.cli.common import say
 
 if TYPE_CHECKING:
-    from semmap_log.planners.actions import AskedDoors
     from semmap_log.planners.addresses import Address
-    from semmap_log.planners.ask_server import AskServer
-
-TICK_S = 0.1
+    from semmap_log.planners.line_protocol.ask_server import AskServer
+    from semmap_log.planners.oracle import Oracle
 
 ASKED_S = 0.01
 """How often a log that another process writes is looked at: somebody may wait for a door."""
@@ -55,6 +53,36 @@ AskNow = Annotated[
 ]
 
 
+def chosen_address(text: str, option: str) -> Address:
+    """Return the address that a person gave.
+
+    Raises:
+        typer.BadParameter: It is none.
+    """
+    from semmap_log.errors import AddressError
+    from semmap_log.planners.addresses import read_address
+
+    try:
+        return read_address(text)
+    except AddressError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from error
+
+
+def chosen_token(token_file: Path | None) -> str | None:
+    """Return the token in the file that a person named; None: no file.
+
+    Raises:
+        typer.BadParameter: There is none in it.
+    """
+    from semmap_log.errors import AddressError
+    from semmap_log.planners.line_protocol.tokens import read_token
+
+    try:
+        return None if token_file is None else read_token(token_file)
+    except AddressError as error:
+        raise typer.BadParameter(str(error), param_hint="--token-file") from error
+
+
 @dataclass(frozen=True, slots=True)
 class Asking:
     """Where questions are taken, and from whom."""
@@ -62,84 +90,49 @@ class Asking:
     address: Address
     token: str | None
     any_host: bool
-    now: Now
 
     @classmethod
-    def of(
-        cls, address: str | None, token_file: Path | None, *, any_host: bool, now: Now
-    ) -> Asking | None:
+    def of(cls, address: str | None, token_file: Path | None, *, any_host: bool) -> Asking | None:
         """Return what was asked for; None: nothing.
 
         Raises:
             typer.BadParameter: It cannot be.
         """
-        from semmap_log.errors import AddressError
-        from semmap_log.planners.addresses import TcpAddress, read_address
-        from semmap_log.planners.tokens import read_token
+        from semmap_log.planners.addresses import TcpAddress
 
-        given = {"--ask-any-host": any_host, "--token-file": token_file is not None,
-                 "--ask-now": now != Now.clock}  # fmt: skip
+        given = {"--ask-any-host": any_host, "--token-file": token_file is not None}
         if address is None:
             for name, is_given in given.items():
                 if is_given:
                     raise typer.BadParameter("only with --ask", param_hint=name)
             return None
-        try:
-            where = read_address(address)
-        except AddressError as error:
-            raise typer.BadParameter(str(error), param_hint="--ask") from error
-        for name in ("--ask-any-host", "--token-file"):
-            if given[name] and not isinstance(where, TcpAddress):
+        where = chosen_address(address, "--ask")
+        for name, is_given in given.items():
+            if is_given and not isinstance(where, TcpAddress):
                 raise typer.BadParameter("only with --ask tcp:HOST:PORT", param_hint=name)
         if any_host and token_file is None:
             raise typer.BadParameter(
                 "only with --token-file: who reaches the port sets doors",
                 param_hint="--ask-any-host",
             )
-        try:
-            token = None if token_file is None else read_token(token_file)
-        except AddressError as error:
-            raise typer.BadParameter(str(error), param_hint="--token-file") from error
-        return cls(where, token, any_host, now)
+        return cls(where, chosen_token(token_file), any_host)
 
     @contextmanager
-    def served(self, doors: AskedDoors, changes: list[Callable[[], object]]) -> Iterator[Served]:
+    def served(self, oracle: Oracle) -> Iterator[AskServer]:
         """Answer questions within.
 
         Args:
-            doors: What is asked about.
-            changes: Called after each change of the doors.
+            oracle: Knows the answers.
 
         Raises:
             AddressError: Questions cannot be taken there.
         """
-        import time
-
         from semmap_log.planners.addresses import listen
-        from semmap_log.planners.ask_server import AskServer
-        from semmap_log.planners.oracle import Oracle
+        from semmap_log.planners.line_protocol.ask_server import AskServer
 
-        clock_ns = time.time_ns if self.now == Now.clock else _no_clock
-        oracle = Oracle(doors, say=say, clock_ns=clock_ns)
-        changes.append(oracle.refresh)
-        oracle.refresh()  # what has changed in between
         listener = listen(self.address, any_host=self.any_host)
         server = AskServer(oracle, listener, token=self.token, say=say)
         try:
-            yield Served(server, lambda: oracle.failure or server.failure)
+            yield server
         finally:
             server.close()
-
-
-@dataclass(frozen=True, slots=True)
-class Served:
-    """A server of questions that runs."""
-
-    server: AskServer
-    failure: Callable[[], Exception | None]
-    """Why it cannot answer any more; None: it can."""
-
-
-def _no_clock() -> int:
-    """Return a time before any log's: then the log's end is what counts."""
-    return 0

@@ -175,7 +175,8 @@ def run(
             progress=told,
         )
     if as_json:
-        print_json({"file": str(out), "wrote": done.what, "left_out": list(done.left_out)})
+        lists = {"left_out": list(done.left_out), "notes": list(done.notes)}
+        print_json({"file": str(out), "wrote": done.what, **lists})
         return
     for text in told_once(done.left_out):
         say(f"left out: {text}")

@@ -12,7 +12,8 @@ from semmap_log.cli.common import say
 
 if TYPE_CHECKING:
     from semmap_log.planners.actions import AskedDoors
-    from semmap_log.planners.kernel_service import Kernels, KernelService
+    from semmap_log.planners.kernels.kernel_service import Kernels, KernelService
+    from semmap_log.planners.oracle import Oracle
 
 PORT = 3300
 """Of a message passer that was not told another."""
@@ -48,7 +49,7 @@ def chosen_kernels(
     """
     from semmap_log.errors import AddressError, PasserError
     from semmap_log.planners.addresses import TcpAddress, read_address
-    from semmap_log.planners.kernel_service import Kernels
+    from semmap_log.planners.kernels.kernel_service import Kernels
 
     if address is None:
         for option, given in {"--oprs-name": name, "--oprs-to": told}.items():
@@ -75,21 +76,18 @@ def _has_port(address: str) -> bool:
 
 @contextmanager
 def kernels_served(
-    kernels: Kernels, doors: AskedDoors, changes: list[Callable[[], object]]
+    kernels: Kernels, oracle: Oracle, doors: AskedDoors, changes: list[Callable[[], object]]
 ) -> Iterator[KernelService]:
     """Tell kernels of the doors, and answer them, within.
 
     Args:
         kernels: Who, and where.
+        oracle: Knows the answers.
         doors: What they are told of.
         changes: Called after each change of the doors.
     """
-    from semmap_log.planners.kernel_service import KernelService
-    from semmap_log.planners.oracle import Oracle
+    from semmap_log.planners.kernels.kernel_service import KernelService
 
-    oracle = Oracle(doors, say=say)
-    changes.append(oracle.refresh)
-    oracle.refresh()  # what has changed in between
     service = KernelService(oracle, doors, kernels, say=say)
     changes.append(service.wake)
     try:

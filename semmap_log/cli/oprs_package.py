@@ -42,5 +42,5 @@ def run(
     say(f"{package}: {'written' if is_new else 'there already, the same'}. To build it:")
     say(f"  make -C {path} OPRS=FOLDER    the one in which OpenPRS was built")
     served = command_line("serve", "LOG", "--ask", "ADDRESS")
-    say(f"Then, with SEMMAP_ASK set to the address of `{served}`:")
-    say(f"  oprs -n K1 -l none -x {path}/semantic_map.inc")
+    say(f"Then, with SEMMAP_ASK set to the address of `{served}`, a kernel by itself:")
+    say(f"  oprs -a -A -n K1 -l none -x {path}/semantic_map.inc")

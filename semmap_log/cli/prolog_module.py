@@ -30,7 +30,7 @@ def run(
       semmap-log prolog-module .
       swipl -g "use_module(semmap_log), door_server('unix:doors.sock')"
     """
-    from semmap_log.planners.prolog_module import write_prolog_module
+    from semmap_log.planners.prolog.prolog_module import write_prolog_module
 
     module, is_new = write_prolog_module(folder)
     if as_json:

@@ -12,13 +12,11 @@ import typer
 
 from semmap_log.cli.asking import (
     ASKED_S,
-    TICK_S,
     AnyHost,
     AskAt,
     Asking,
     AskNow,
     Now,
-    Served,
     TokenFile,
 )
 from semmap_log.cli.common import (
@@ -31,7 +29,8 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
-from semmap_log.cli.oprs import OprsAt, OprsName, OprsTo, chosen_kernels, kernels_served
+from semmap_log.cli.oprs import OprsAt, OprsName, OprsTo, chosen_kernels
+from semmap_log.cli.planners import TICK_S, Planners
 from semmap_log.cli.record import Level
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.common.texts import counted
@@ -39,7 +38,6 @@ from semmap_log.common.texts import counted
 if TYPE_CHECKING:
     from semmap_log.domain.doors import DoorMap
     from semmap_log.domain.events import FloorMap
-    from semmap_log.planners.kernel_service import KernelService
 
 NODE = "lta_semantic_map_server"
 
@@ -210,9 +208,15 @@ def run(
     from semmap_log.live.serving.server import ServeOptions, Server
     from semmap_log.live.serving.yaml_start import start_with_yaml
 
-    asking = Asking.of(ask, token_file, any_host=ask_any_host, now=ask_now)
-    kernels = chosen_kernels(oprs, oprs_name, oprs_to)
-    is_in_ros = ros1 or ros2 or (asking is None and kernels is None)
+    asking = Asking.of(ask, token_file, any_host=ask_any_host)
+    planners = Planners.of(asking, chosen_kernels(oprs, oprs_name, oprs_to), ask_now)
+    is_in_ros = ros1 or ros2
+    if not is_in_ros and planners is None:
+        raise typer.BadParameter(
+            "say whom to serve: ROS by --ros1 or --ros2, planners by --ask ADDRESS, kernels of "
+            "OPRS by --oprs HOST",
+            param_hint="--ros1, --ros2, --ask, --oprs",
+        )
     version = chosen_ros(ros1=ros1, ros2=ros2) if is_in_ros else None
     refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
     if yaml_replace and yaml is None:
@@ -254,7 +258,7 @@ def run(
                 "nothing is written with --read-only", param_hint="--yaml, --save-root"
             )
         with stopped_for_good():
-            poll_s = ASKED_S if asking or kernels else POLL_S
+            poll_s = ASKED_S if planners else POLL_S
             doors = DoorFollower(log, changed=changed, poll_s=poll_s)
     else:
         root = save_root or (None if yaml is None else yaml.absolute().parent)
@@ -283,30 +287,17 @@ def run(
             floors = _floors(doors.door_map(), floor_map, map_rules, level)
         options = ServeOptions(costmap, floors, palette.colours, default_prob, costs)
         with ExitStack() as running:
-            asked: Served | None = None
-            told: KernelService | None = None
-            if asking is not None:
-                asked = running.enter_context(asking.served(doors, changes))
-            many = counted(len(doors.door_map()), "door")
-            if asked is not None:
-                say(f"{log}: questions are taken at {asked.server.address}: {many}.")
-            if kernels is not None:
-                say(f"{log}: kernels of OPRS are served by way of {kernels.where}: {many}.")
-                told = running.enter_context(kernels_served(kernels, doors, changes))
-
-            def failure() -> Exception | None:
-                """Return why planners cannot be answered any more, if so."""
-                of_asked = None if asked is None else asked.failure()
-                return of_asked or (None if told is None else told.failure)
-
+            failure: Callable[[], Exception | None] = lambda: None  # noqa: E731
+            if planners is not None:
+                failure = running.enter_context(planners.served(log, doors, changes))
             if version is None:
                 while failure() is None and not stopping.wait(TICK_S):
                     pass
             else:
                 node = open_node(context, version, NODE)
                 running.callback(node.close)
-                server = Server(node, doors, wake, options)
-                server.run(
+                many = counted(len(doors.door_map()), "door")
+                Server(node, doors, wake, options).run(
                     lambda: stopping.is_set() or failure() is not None,
                     lambda: say(f"{node.name} serves {log}: {many}."),
                 )

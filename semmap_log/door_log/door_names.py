@@ -48,7 +48,7 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
         raise UnknownDoorError(
             f"{text!r} can mean {len(doors)} doors: {which}; say which by {ids}."
         )
-    if str(text).isdecimal():
+    if not isinstance(text, str) or _is_door_id(text):
         raise UnknownDoorError(told_absent(int(text)))
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
 

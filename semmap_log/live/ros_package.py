@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
 
 from semmap_log.errors import OutputError
 from semmap_log.io.disk import whole_folder
+from semmap_log.io.shipped_files import copy_folder
 from semmap_log.live.ros1_messages import generate
 
 NAME = "lta_semantic_map"
@@ -25,24 +25,16 @@ def write_ros_package(workspace_src: Path) -> tuple[Path, bool]:
         Where it is, and whether it was written now: the same files are left as they are.
 
     Raises:
-        OutputError: There is no such folder, or something else bears the package's name in it.
+        OutputError: There is no such folder, something else bears the package's name in it, or it
+            cannot be written.
     """
     target = workspace_src / NAME
     if not workspace_src.is_dir():
         raise OutputError(f"{workspace_src}: no such folder; expected a workspace's src.")
     with as_file(files("semmap_log") / "ros" / NAME) as package:
-        if target.exists():
-            if differing := _differing(package, target):
-                raise OutputError(
-                    f"{target}: is there already, and is not this package as it is now "
-                    f"({differing} differs). Remove it first, if nobody needs it."
-                )
-            return target, False
-        with whole_folder(target) as temporary:
-            shutil.copytree(package, temporary, ignore=shutil.ignore_patterns(COMPILED))
-            for script in (temporary / "scripts").iterdir():
-                script.chmod(0o755)  # an installer may have dropped it
-    return target, True
+        return target, copy_folder(
+            package, target, kind="package", made=(COMPILED,), finish=_let_run_scripts
+        )
 
 
 def write_ros1_messages(folder: Path) -> tuple[Path, bool]:
@@ -69,13 +61,7 @@ def write_ros1_messages(folder: Path) -> tuple[Path, bool]:
     return target, True
 
 
-def _differing(package: Path, target: Path) -> str:
-    """Return a file of the package that another folder has not, or not alike; "": there is none."""
-    for path in sorted(package.rglob("*")):
-        name = path.relative_to(package)
-        other = target / name
-        if path.is_dir() or COMPILED in name.parts:
-            continue
-        if not (other.is_file() and other.read_bytes() == path.read_bytes()):
-            return str(name)
-    return ""
+def _let_run_scripts(package: Path) -> None:
+    """Make the scripts programs: an installer may have dropped that they are."""
+    for script in (package / "scripts").iterdir():
+        script.chmod(0o755)

@@ -1,1 +1,1 @@
-"""What a planner asks of a log, and how: questions as lines of words, over a socket."""
+"""What a planner asks of a log: the questions, the oracle that answers them, and the ways to it."""

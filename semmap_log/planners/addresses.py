@@ -13,12 +13,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.common.texts import command_line
 from semmap_log.errors import AddressError
 
 LISTENING = 1024
 """Clients that may wait until they are let in."""
 
 CONNECT_S = 10.0
+
+LOCKED_S = 2.0
+"""So long at most a folder is waited for in which a socket is to be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,7 @@ class TcpAddress:
         """
         try:
             connection = socket.create_connection((self.host, self.port), CONNECT_S)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # of a name that no host can have
             raise _nobody(self, error) from error
         connection.settimeout(None)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -108,9 +112,12 @@ class Listener:
 
     def close(self) -> None:
         """Take no more; remove the file, unless another has taken its place."""
-        self.socket.close()
-        if isinstance(self.address, UnixAddress) and _file_id(self.address.path) == self._file:
-            self.address.path.unlink(missing_ok=True)
+        file, self._file = self._file, None  # closed again, it must not take another's for ours
+        with self.socket:  # closed last: until then no other file gets the same number
+            if file is None or not isinstance(self.address, UnixAddress):
+                return
+            if _file_id(self.address.path) == file:
+                self.address.path.unlink(missing_ok=True)
 
 
 def listen(address: Address, *, any_host: bool = False) -> Listener:
@@ -128,12 +135,10 @@ def listen(address: Address, *, any_host: bool = False) -> Listener:
         if isinstance(address, UnixAddress):
             return _listen_unix(address)
         return _listen_tcp(address, any_host=any_host)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
         if isinstance(error, AddressError):
             raise
-        raise AddressError(
-            f"{address}: cannot be listened at: {error.strerror or error}."
-        ) from error
+        raise AddressError(f"{address}: cannot be listened at: {reason_of(error)}.") from error
 
 
 def _listen_unix(address: UnixAddress) -> Listener:
@@ -157,10 +162,34 @@ def _alone_in(folder: Path) -> Iterator[None]:
     """Let no other server replace a file of the folder meanwhile: it might be ours."""
     held = os.open(folder, os.O_RDONLY)
     try:
-        fcntl.flock(held, fcntl.LOCK_EX)
+        _lock(held, folder)
         yield
     finally:
         os.close(held)
+
+
+def _lock(held: int, folder: Path) -> None:
+    """Lock a folder; it is held for a moment by other servers, and for ever by a log's writer.
+
+    Raises:
+        AddressError: It stays locked.
+    """
+    end_s = time.monotonic() + LOCKED_S
+    while not _takes_lock(held):
+        if time.monotonic() > end_s:
+            raise AddressError(
+                f"{folder}: another program has locked this folder, as who writes a log locks "
+                "the log's; give a path in another folder."
+            )
+        time.sleep(0.01)
+
+
+def _takes_lock(held: int) -> bool:
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _make_room(path: Path) -> None:
@@ -230,5 +259,15 @@ def _connect_unix(connection: socket.socket, path: Path) -> None:
     connection.setblocking(True)
 
 
-def _nobody(address: Address, error: OSError) -> AddressError:
-    return AddressError(f"{address}: nobody answers there: {error.strerror or error}.")
+def _nobody(address: Address, error: OSError | UnicodeError) -> AddressError:
+    return AddressError(
+        f"{address}: nobody answers there: {reason_of(error)}. To have a log's doors asked about "
+        f"there: {command_line('serve', 'LOG', '--ask', str(address))}"
+    )
+
+
+def reason_of(error: OSError | UnicodeError) -> str:
+    """Return why an address cannot be reached or listened at, in words."""
+    if isinstance(error, UnicodeError):
+        return "no host can have such a name"
+    return str(error.strerror or error)

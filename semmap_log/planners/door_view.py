@@ -27,6 +27,11 @@ def atom_of(door_id: int) -> Atom:
     return Atom(f"{DOOR}{door_id}")
 
 
+def atom_of_state(door: Door) -> Atom:
+    """Return how answers call a door's state: `OPEN`."""
+    return Atom(door.state.name)
+
+
 class DoorView:
     """The doors of one moment; does not change."""
 

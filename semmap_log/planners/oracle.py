@@ -10,13 +10,16 @@ import threading
 import time
 from collections.abc import Callable
 
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import Retracted
 from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.errors import QuestionError, SemmapError, UnknownDoorError
+from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
 from semmap_log.planners.actions import AskedDoors, act
 from semmap_log.planners.asked import AskedQuestion
-from semmap_log.planners.door_view import DoorView
+from semmap_log.planners.door_view import DoorView, atom_of_state
 from semmap_log.planners.known_doors import KnownDoors
 from semmap_log.planners.likely_answers import LikelyAnswers
 from semmap_log.planners.question_lines import Answer, Value, as_word
@@ -80,9 +83,10 @@ class Oracle:
             except (SemmapError, OSError) as error:
                 self._failure = error
                 return
-            if view.door_map.event < self._now.view.door_map.event:
+            before, self._now = self._now.view, KnownDoors(view)
+            if view.door_map.event < before.door_map.event:
                 self._likely.forget()
-            self._now = KnownDoors(view)
+            self._look_between(before, view)
         self._waits.look(view)
 
     def at_once(self, asked: AskedQuestion) -> Answer | None:
@@ -119,6 +123,9 @@ class Oracle:
             return self._look_up(asked)
         except UnknownDoorError as error:
             return nothing(asked, str(error))
+        except MomentError as error:
+            problem = f"{error} What has blanks in it stands in quotes."
+            raise QuestionError(f"{asked.question.form}: {problem}") from error
 
     def wait(
         self, asked: AskedQuestion, done: Callable[[Answer], None]
@@ -130,10 +137,32 @@ class Oracle:
         """
         assert asked.state is not None
         wait = Wait(asked.doors[0], asked.state, done)
+        wait.answer_in(self._now.view)  # what cannot be answered must not wait
         self._waits.add(wait)
         if (found := wait.answer_in(self._now.view)) is not None:  # after adding: nothing is missed
             self._waits.end(wait, found)
         return lambda answer: self._waits.end(wait, answer)
+
+    def _look_between(self, before: DoorView, view: DoorView) -> None:
+        """Look at the doors after each commit of several that came at once, if somebody waits.
+
+        A door that was opened and closed meanwhile was open.
+        """
+        words, end = self._waits.doors(), view.door_map.event
+        if not words or end <= before.door_map.event + 1:
+            return
+        log = self._doors.log
+        found = [view.find(word) for word in words]
+        doors = None if None in found else {door.door_id for door in found if door}
+        try:
+            for followed in log.commits_after(before.door_map.event):
+                event = followed.commit.last_event
+                if event >= end:
+                    return
+                if doors is None or _may_change(followed.batch, doors):
+                    self._waits.look(DoorView(log.replay(at=Moment(event=event))))
+        except (SemmapError, OSError) as error:
+            self._say(f"WAIT_UNTIL: what was so for a moment may be missed: {error}")
 
     def _act(self, asked: AskedQuestion, client: str) -> Answer:
         try:
@@ -181,6 +210,11 @@ def time_is_over(asked: AskedQuestion) -> Answer:
     return Answer(value=False, reason=f"it was not {asked.state.name} within {asked.number:g} s.")
 
 
+def _may_change(batch: EventBatch, doors: set[DoorId]) -> bool:
+    """Tell whether a commit may set the state of one of some doors."""
+    return Retracted in batch or bool(batch.of_doors(doors).any())
+
+
 def _help(asked: AskedQuestion) -> Answer:
     if asked.name is None:
         return Answer([question.help for question in QUESTIONS])
@@ -209,5 +243,5 @@ def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, limit: int | None) 
         if is_there and not is_hidden and entry.event.sets() & Changed.STATE:
             when = format_wall(entry.folds_ns, log.info.timezone)
             who: list[Value] = [entry.actor, entry.source, entry.reason]
-            return Answer([entry.number, entry.kind, door.state.name, when, *who])
+            return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])
     return nothing(asked, "the log does not tell.")

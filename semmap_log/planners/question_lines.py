@@ -30,7 +30,7 @@ TRUE, NIL, ERROR = "T", "NIL", "ERROR"
 
 
 class Atom(str):
-    """A word that an answer names as it is, such as `DOOR_3`."""
+    """A word that an answer names as it is, such as `DOOR_3` or `OPEN`."""
 
     __slots__ = ()
 
@@ -144,6 +144,14 @@ def problem_of(answer: str) -> str | None:
     if answer.startswith(f"{ERROR} "):
         return str(json.loads(answer.removeprefix(f"{ERROR} ")))
     return None
+
+
+def is_answer(line: str) -> bool:
+    """Tell whether a line can be the answer to a question; else another program has said it."""
+    return _ANSWER.match(line) is not None
+
+
+_ANSWER = re.compile(r'[A-Z_0-9]+$|ERROR "|-?[0-9]|["({]')
 
 
 def as_json_line(text: str) -> str:

@@ -9,7 +9,7 @@ from functools import partial
 from semmap_log.domain.doors import Door, DoorState
 from semmap_log.errors import UnknownDoorError
 from semmap_log.planners.asked import AskedQuestion
-from semmap_log.planners.door_view import DoorView, atom_of
+from semmap_log.planners.door_view import DoorView, atom_of, atom_of_state
 from semmap_log.planners.question_lines import Answer
 from semmap_log.planners.questions import QuestionKind
 
@@ -57,7 +57,7 @@ def _doors(view: DoorView, asked: AskedQuestion) -> Answer:
 
 
 def _state(view: DoorView, asked: AskedQuestion) -> Answer:
-    return Answer(view.door(asked.doors[0]).state.name)
+    return Answer(atom_of_state(view.door(asked.doors[0])))
 
 
 STATE_QUESTIONS: Mapping[str, Callable[[DoorView, AskedQuestion], Answer]] = {

@@ -41,6 +41,11 @@ class Waits:
         with self._mutex:
             self._waiting.add(wait)
 
+    def doors(self) -> set[str]:
+        """Return the doors that are waited for, as they were called."""
+        with self._mutex:
+            return {wait.door for wait in self._waiting}
+
     def look(self, view: DoorView) -> None:
         """Answer those that need to wait no longer."""
         with self._mutex:

@@ -21,7 +21,7 @@ from semmap_log.errors import AddressError
 from semmap_log.live import joining
 from semmap_log.live.action_names import DEFAULTS
 from semmap_log.planners.addresses import UnixAddress
-from semmap_log.planners.ask_client import AskClient
+from semmap_log.planners.line_protocol.ask_client import AskClient
 from tests.live.collecting_node import CollectingNode
 from tests.live.running import DEADLINE_S, Running, wait_until
 from tests.live.serving.goals import goal_of
@@ -88,13 +88,14 @@ def test_a_server_and_its_client(
     assert ask(address, "DOOR_OPEN DOOR_1") == (0, "T\n", "")
     assert ask(address, "DOOR_OPEN DOOR_2") == (0, "NIL\n", "")
     assert ask(address, 'DOOR_STATE "back door"', "DOORS")[:2] == (
-        0, '"CLOSED"\n(DOOR_1 DOOR_2)\n',
+        0, "CLOSED\n(DOOR_1 DOOR_2)\n",
     )  # fmt: skip
     assert ask(address, "SET_DOOR_OPEN DOOR_2") == (0, "T\n", "")
     code, out, err = ask(address, "DOOR_AJAR DOOR_2")
     assert (1, "") == (code, out)
     assert err.startswith("semmap-log: 'DOOR_AJAR' is no question. Did you mean DOOR_")
-    code, out, _ = ask(address, "DOOR_AJAR DOOR_2", "DOOR_OPEN DOOR_2")
+    code, out, err = ask(address, "DOOR_AJAR DOOR_2", "DOOR_OPEN DOOR_2")
+    assert "1 of 2 questions failed. On a command line each question stands in quotes." in err
     assert (1, 'ERROR "', "\nT\n") == (code, out[:7], out[-3:])
     assert ask(address, "DOOR_OPEN DOOR_9", "--json")[1] == (
         '{"answer": false, "reason": "no door DOOR_9 is in the map."}\n'
@@ -302,7 +303,28 @@ def test_a_port_with_a_token(
     token.write_text("another-token-than-that\n")
     code, _, err = ask(f"tcp:localhost:{port}", "DOORS", "--token-file", token)
     assert 1 == code
-    assert "the server's token first" in err
+    assert "is not asked with this token: it is another, or none is wanted." in err
+    assert 'ERROR "' not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (("doors.sock", "DOORS"), 2, "for ADDRESS: expected an address such as unix:/run/doors"),
+        (("unix:doors.sock", "DOORS", "--token-file", "nowhere"), 2, "the token cannot be read"),
+        (("unix:no.sock", "DOORS"), 1, "about there: semmap-log serve LOG --ask unix:no.sock"),
+    ],
+)
+def test_a_wrong_address(
+    ask: Callable[..., tuple[int, str, str]], arguments: tuple[str, ...], code: int, text: str
+) -> None:
+    """
+    What is no address is wrong usage; where nobody answers, it is told how somebody would.
+    """
+    got, out, err = ask(*arguments)
+
+    assert (code, "") == (got, out)
+    assert text in " ".join(err.replace("│", " ").split())
 
 
 @pytest.mark.slow
@@ -381,7 +403,7 @@ def test_now_is_the_clock_or_the_logs_end(
     for now, state in (("clock", "OPEN"), ("end", "CLOSED")):
         address = f"unix:{tmp_path / now}"
         server = start(tmp_path / "old", "--read-only", "--ask", address, "--ask-now", now)
-        assert ask(address, 'DOOR_STATE DOOR_1 "1h ago"')[1] == f'"{state}"\n'
+        assert ask(address, 'DOOR_STATE DOOR_1 "1h ago"')[1] == f"{state}\n"
         server.stop()
 
 

@@ -135,7 +135,8 @@ def test_what_was_made_is_told_as_json(run: Run) -> None:
     _, page, _ = run("report", "log", "x.html", "--json")
     _, made, _ = run("init", "new", "--tz", "Europe/Oslo", "--json")
 
-    assert {"file": "x.jsonl", "wrote": "2 events", "left_out": []} == json.loads(exported)
+    told = {"file": "x.jsonl", "wrote": "2 events", "left_out": [], "notes": []}
+    assert told == json.loads(exported)
     assert 0 < json.loads(bag)["messages"]["/lta_semantic_map_door_db"]
     assert Path("x.html").stat().st_size == json.loads(page)["bytes"]
     assert ("new", "Europe/Oslo", None) == tuple(

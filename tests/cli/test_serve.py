@@ -46,7 +46,7 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ((), "say which ROS: --ros1 or --ros2"),
+        ((), "planners by --ask ADDRESS"),
         (("--ros1", "--ros2"), "say which ROS: --ros1 or --ros2"),
         (("--ros1", "--yaml-replace"), "only with --yaml"),
         (("--ros1", "--map", "map.yaml"), "only with --costmap"),

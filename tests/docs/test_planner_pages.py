@@ -1,7 +1,11 @@
-"""The pages about planners that are not ours, each run with what it is about, and its server."""
+"""The pages about planners that are not ours, each run with what it is about, and its server.
+
+That of OPRS needs an OpenPRS that was built: SEMMAP_OPRS names its folder.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import shutil
@@ -22,10 +26,13 @@ NEEDS = {
     "planners_pddl.md": ("pyperplan", "unified_planning", "up_fast_downward"),
     "planners_prolog.md": ("swipl",),
     "planners_behaviour_trees.md": ("py_trees",),
+    "planners_oprs.md": ("oprs",),
 }
 """Page -> programs and Python modules."""
+ELSEWHERE = {"planners_passer.md"}
+"""Its passer wants a port: `test_open_prs` runs it."""
 _SERVE = re.compile(r"^```bash\nsemmap-log (serve .*)$", re.MULTILINE)
-_PROLOG = re.compile(r"^```prolog\n% (\S+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_FILE = re.compile(r"^```\w+\n(?:%|;;;) (\S+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _SAID = re.compile(r"\n*```text\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
@@ -36,14 +43,19 @@ def _missing(page: str) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("page", NEEDS)
-def test_what_the_page_runs_does_what_it_says(page: str, tmp_path: Path) -> None:
+def test_what_the_page_runs_does_what_it_says(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """
     From nothing to the answers; a part that needs what is not installed is left out, by name.
     """
     text = (GUIDES / page).read_text(encoding="utf-8")
+    if oprs := os.environ.get("SEMMAP_OPRS"):
+        monkeypatch.setenv("OPRS", oprs)
+        monkeypatch.setenv("PATH", f"{os.environ['PATH']}{os.pathsep}{oprs}/src")
     missing = _missing(page)
     runner = Runner(tmp_path)
-    for name, program in _PROLOG.findall(text):
+    for name, program in _FILE.findall(text):
         (tmp_path / name).write_text(program, encoding="utf-8")
     served = _SERVE.search(text)
     line = text.count("\n", 0, served.start()) if served else 0
@@ -83,7 +95,7 @@ def test_the_pages_are_all_that_there_are() -> None:
     """
     One that comes has to be put into the table here.
     """
-    assert NEEDS.keys() == {path.name for path in GUIDES.glob("planners_*.md")}
+    assert NEEDS.keys() | ELSEWHERE == {path.name for path in GUIDES.glob("planners_*.md")}
 
 
 def _running(runner: Runner, command: str) -> Running:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import math
 import subprocess
 import sys
@@ -200,6 +201,16 @@ def test_the_command_says_what_it_wrote_and_what_to_know(
     assert "no start: --start ROOM" in done[2]
     assert "rests on too little" not in done[2]  # nothing is made of it
     assert "pass-cost" not in problem.read_text() + (tmp_path / "domain.pddl").read_text()
+
+
+def test_a_machine_gets_the_notes_too(office: DoorLog, run: Run, tmp_path: Path) -> None:
+    """
+    In the one JSON document, and nowhere else.
+    """
+    code, out, err = run("export", office.path, tmp_path / "problem.pddl", "--strips", "--json")
+
+    assert (0, "") == (code, err)
+    assert ["no goal", "no start"] == [note.split(":")[0] for note in json.loads(out)["notes"]]
 
 
 @pytest.mark.parametrize(

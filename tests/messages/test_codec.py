@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from typing import Any
 
 import numpy as np
@@ -162,3 +163,21 @@ def test_the_angle_of_a_floor_map_does_not_creep(theta: float) -> None:
     again = decode(FloorMap.kind, data, 0, level=0)
 
     assert data == encode(again, 0)
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(0.9, 1.1))
+def test_an_angle_of_no_exact_quaternion(theta: float, length: float) -> None:
+    """
+    Another program's, rounded as it likes: the nearest angle is taken.
+    """
+    cells = np.zeros((1, 1), np.int8)
+    ours = FloorMap(resolution=0.05, origin_x=0, origin_y=0, origin_theta=theta, cells=cells)
+    data = encode(ours, 0)
+    turn = struct.pack("<2d", math.sin(theta / 2), math.cos(theta / 2))
+    assert 1 == data.count(turn)
+    theirs = struct.pack("<2d", length * math.sin(theta / 2), length * math.cos(theta / 2))
+
+    read = decode(FloorMap.kind, data.replace(turn, theirs), 0, level=0)
+
+    assert isinstance(read, FloorMap)
+    assert math.isclose(math.cos(read.origin_theta - theta), 1, abs_tol=1e-12)

@@ -40,7 +40,7 @@ def test_a_folder_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert _files(MODULE) == _files(tmp_path / MODULE.name)
     said = capsys.readouterr().err
     assert f"make -C {tmp_path}/semantic_map_oprs OPRS=FOLDER" in said
-    assert f"oprs -n K1 -l none -x {tmp_path}/semantic_map_oprs/semantic_map.inc" in said
+    assert f"oprs -a -A -n K1 -l none -x {tmp_path}/semantic_map_oprs/semantic_map.inc" in said
 
 
 def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -118,6 +118,11 @@ def test_make_builds_the_module(tmp_path: Path) -> None:
     missing = subprocess.run(["make", "-C", package], capture_output=True, text=True, check=False)
     assert "expected: make OPRS=/path/to/OpenPRS" in missing.stderr
     assert 0 != missing.returncode
+    wrong = subprocess.run(
+        ["make", "-C", package, f"OPRS={tmp_path}"], capture_output=True, text=True, check=False
+    )
+    assert f"OPRS={tmp_path}: has no src/oprs-type_f-pub.h" in wrong.stderr
+    assert 0 != wrong.returncode
     done = subprocess.run(
         ["make", "-C", package, "OPRS=stub", f"HEADERS={STUB}", "CFLAGS=-Wall -Wextra -Werror"],
         capture_output=True, text=True, check=False,
@@ -161,6 +166,19 @@ def test_the_guide_names_all_that_is_declared() -> None:
     assert 25 == len(declared)
     assert {"DOOR_MAP_LOADED"} == {name for name in declared if f"({name}" not in guide}
     assert "loaded: 7 predicates, 12 functions, 6 actions" in guide
+
+
+def test_facts_are_declared_as_in_the_guide() -> None:
+    """
+    A kernel that includes the file keeps of each fact what the guide's kernel keeps.
+    """
+    guide = (ROOT / "docs" / "guides" / "planners_passer.md").read_text(encoding="utf-8")
+    declared = re.compile(r"^declare ff .*$", re.MULTILINE)
+
+    found = declared.findall((MODULE / "door_facts.inc").read_text(encoding="utf-8"))
+
+    assert 5 == len(found)
+    assert declared.findall(guide) == found
 
 
 def test_the_tool_says_what_is_missing(

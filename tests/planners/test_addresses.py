@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+import semmap_log as sl
 from semmap_log.errors import AddressError
+from semmap_log.planners import addresses
 from semmap_log.planners.addresses import TcpAddress, UnixAddress, listen, read_address
 
 
@@ -185,3 +187,48 @@ def test_a_port_that_is_taken() -> None:
     with pytest.raises(AddressError, match="Address already in use"):
         listen(first.address)
     first.close()
+
+
+def test_a_file_that_has_taken_its_place_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Closed twice: meanwhile another listens, and its file has the number that ours had.
+    """
+    monkeypatch.setattr(addresses, "_file_id", lambda _: (1, 1))
+    first = listen(UnixAddress(tmp_path / "s"))
+    first.close()
+    second = listen(UnixAddress(tmp_path / "s"))
+
+    first.close()
+
+    assert (tmp_path / "s").exists()
+    second.close()
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_folder_that_stays_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Such as the log's own, which its writer locks: refused, not waited for without end.
+    """
+    monkeypatch.setattr(addresses, "LOCKED_S", 0.05)
+    with (
+        sl.create(tmp_path / "log", tz="UTC"),
+        pytest.raises(AddressError, match=r"locked this folder.*another folder"),
+    ):
+        listen(UnixAddress(tmp_path / "log" / "s"))
+
+    listen(UnixAddress(tmp_path / "log" / "s")).close()
+
+
+@pytest.mark.parametrize("host", ["a" * 64, ".x", "x..y"])
+def test_a_name_that_no_host_can_have(host: str) -> None:
+    """
+    Neither to ask nor to listen at.
+    """
+    address = TcpAddress(host, 1)
+
+    with pytest.raises(AddressError, match="nobody answers there: no host can have such a name"):
+        address.connect()
+    with pytest.raises(AddressError, match="listened at: no host can have such a name"):
+        listen(address, any_host=True)

@@ -16,6 +16,7 @@ from semmap_log.planners.asked import read_words
 from semmap_log.planners.known_doors import MOST_REMEMBERED
 from semmap_log.planners.oracle import Oracle
 from semmap_log.planners.question_lines import Answer
+from semmap_log.planners.questions import BY_NAME
 from tests.live.running import wait_until
 from tests.planners.asker import CLIENT, Asker
 
@@ -116,7 +117,7 @@ def test_what_a_door_is_called(ask: Asker, word: str, door: int | None) -> None:
     """
     expected = {1: "OPEN", 2: "CLOSED", 3: "UNKNOWN", 4: "MOVING", 5: "OFFLINE"}
 
-    assert ("NIL" if door is None else f'"{expected[door]}"') == ask(f"DOOR_STATE {word}")
+    assert ("NIL" if door is None else expected[door]) == ask(f"DOOR_STATE {word}")
 
 
 def test_a_name_that_looks_like_an_id_means_the_id(path: Path, clock: SteadyClock) -> None:
@@ -128,8 +129,8 @@ def test_a_name_that_looks_like_an_id_means_the_id(path: Path, clock: SteadyCloc
         log.annotate(4, "name", "DOOR_5")
     ask = Asker(path, clock=clock)
 
-    assert ('"CLOSED"', '"OFFLINE"') == (ask("DOOR_STATE DOOR_2"), ask("DOOR_STATE DOOR_5"))
-    assert ask("DOOR_STATE DOOR_DOOR_5") == '"MOVING"'
+    assert ("CLOSED", "OFFLINE") == (ask("DOOR_STATE DOOR_2"), ask("DOOR_STATE DOOR_5"))
+    assert ask("DOOR_STATE DOOR_DOOR_5") == "MOVING"
     assert "can mean 2 doors" in ask.json("DOOR_STATE", "2")["reason"]
     ask.close()
 
@@ -149,7 +150,7 @@ def test_a_name_that_two_doors_share_means_neither(path: Path, clock: SteadyCloc
         "answer": False,
         "reason": "2 doors are called 'main_door'; say which by DOOR_1 or DOOR_6.",
     } == said
-    assert ('"OPEN"', '"CLOSED"') == (
+    assert ("OPEN", "CLOSED") == (
         ask("DOOR_STATE DOOR_ground/main_door"), ask("DOOR_STATE first/main_door"),
     )  # fmt: skip
     assert ask("SET_DOOR_OPEN DOOR_main_door") == "NIL"
@@ -248,7 +249,7 @@ def test_a_command_sent_again_is_answered_as_the_first_time_and_done_once(
     restarted = Asker(path, clock=clock)
 
     assert ["T"] * 3 == [first, again, restarted(line)]
-    assert restarted("DOOR_STATE DOOR_1") == '"CLOSED"'
+    assert restarted("DOOR_STATE DOOR_1") == "CLOSED"
     stored = [each for each in restarted.doors.log.commits() if each.command_id == bytes(range(16))]
     assert [bytes(range(16)).hex()] == [each.note.correlation for each in stored]
     restarted.close()
@@ -307,6 +308,17 @@ def test_a_moment_or_a_name_that_is_none_is_an_error(ask: Asker, line: str) -> N
     It is not NIL: the question was wrong.
     """
     assert ask(line).startswith('ERROR "')
+
+
+def test_a_time_that_is_none(ask: Asker) -> None:
+    """
+    The error tells the question's form: what was no time may have been meant as something else.
+    """
+    for question in ("DOORS OPN", "DOOR_CLOSED DOOR_main door", "PROBABILITY_DOOR_OPEN 1 AT noon"):
+        said = ask(question)
+
+        assert said.startswith(f'ERROR "{BY_NAME[question.split()[0]].form}: Expected a moment')
+        assert said.endswith('What has blanks in it stands in quotes."')
 
 
 def test_why_names_what_set_the_state(ask: Asker, clock: SteadyClock) -> None:
@@ -518,3 +530,52 @@ def test_an_oracle_of_a_log_without_events(tmp_path: Path) -> None:
     assert ["()", "NIL", "NIL", "()", "NIL", "NIL"] == said
     assert isinstance(ask.oracle, Oracle)
     ask.close()
+
+
+def test_a_state_that_passed_between_two_looks(ask: Asker) -> None:
+    """
+    Opened and closed by two who came together: it was open. One that is told late, of a time
+    before, was not so now; and what nobody waits for is not looked up.
+    """
+    answers: list[Answer] = []
+    log = ask.doors.log
+    for door, state in (("DOOR_2", "OPEN"), ("DOOR_gate", "CLOSED")):
+        ask.oracle.wait(read_words(["WAIT_UNTIL", door, state, 100]), answers.append)
+
+    log.observe(2, "open", at=log.entry(0).happened_ns)
+    log.update_door(1, state="closed")
+    ask.oracle.refresh()
+    assert [] == answers
+    log.update_door(1, state="closed")
+    log.update_door(2, state="open")
+    log.update_door(2, state="closed")
+    ask.oracle.refresh()
+    assert [Answer(value=True)] == answers
+    log.update_door(4, state="closed")
+    log.remove_door(4)
+    ask.oracle.refresh()
+    assert [Answer(value=True)] * 2 == answers
+
+
+def test_a_log_that_cannot_be_read_between_two_looks(
+    ask: Asker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The doors are known all the same; that something may be missed is said.
+    """
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError("of a test")
+
+    answers: list[Answer] = []
+    log = ask.doors.log
+    ask.oracle.wait(read_words(["WAIT_UNTIL", "DOOR_2", "OPEN", 100]), answers.append)
+    monkeypatch.setattr(log, "replay", fail)
+    log.update_door(2, state="open")
+    log.update_door(2, state="closed")
+
+    ask.oracle.refresh()
+
+    assert [] == answers
+    assert ["WAIT_UNTIL: what was so for a moment may be missed: of a test"] == ask.said
+    assert ask("DOOR_CLOSED DOOR_2") == "T"

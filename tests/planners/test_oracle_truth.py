@@ -58,7 +58,7 @@ def _questions(doors: dict[int, tuple[str, float | None, float | None]]) -> dict
         found[f"DOOR_STATE_KNOWN {word}"] = "T" if known else "NIL"
         found[f"DOOR_OPEN {word}"] = "T" if state == "OPEN" else "NIL"
         found[f"DOOR_CLOSED {word}"] = "T" if state == "CLOSED" else "NIL"
-        found[f"DOOR_STATE {word}"] = "NIL" if state == "GONE" else f'"{state}"'
+        found[f"DOOR_STATE {word}"] = "NIL" if state == "GONE" else state
         for which, share in zip(("OPEN", "CLOSED"), shares, strict=True):
             found[f"PROBABILITY_DOOR_{which} {word}"] = "NIL" if share is None else repr(share)
     for state in ("OPEN", "CLOSED"):

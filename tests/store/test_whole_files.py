@@ -24,6 +24,7 @@ from semmap_log.io.disk import (
     left_by_killed,
     output_errors,
     read_own,
+    refuse_own_folder,
     replace_file,
     whole_file,
     whole_folder,
@@ -450,3 +451,44 @@ def test_a_metadata_file_that_is_no_file(tmp_path: Path, what: str) -> None:
     assert ["['metadata']", "[]"] == ended.stdout.splitlines()
     assert path.is_file()
     assert not path.is_symlink()
+
+
+@pytest.mark.parametrize("process", [1, 2**40])
+def test_of_a_process_that_cannot_be_asked_nothing_is_left_over(
+    process: int, tmp_path: Path
+) -> None:
+    """
+    One that is there, or a number that none can have.
+    """
+    (tmp_path / f".checkpoint.{process}.tmp").touch()
+    assert [] == list(left_by_killed(tmp_path / "checkpoint"))
+
+
+def test_a_file_that_becomes_a_pipe_while_it_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    It was a file when it was looked at; reading the pipe would never end.
+    """
+    path, opened = tmp_path / "closed.json", os.open
+    path.write_bytes(b"{}")
+
+    def exchanged(name: Path, flags: int) -> int:
+        path.unlink()
+        os.mkfifo(path)
+        return opened(name, flags)
+
+    monkeypatch.setattr(os, "open", exchanged)
+    with pytest.raises(OSError, match="expected a regular file, got a named pipe"):
+        read_own(path)
+
+
+@pytest.mark.parametrize("name", ["log", "log/picture.png", "log/../log/picture.png"])
+def test_nothing_is_put_into_a_logs_own_folder(name: str, tmp_path: Path) -> None:
+    """
+    However it is written; beside it is free.
+    """
+    (tmp_path / "log").mkdir()
+    refuse_own_folder(tmp_path / "log", tmp_path / "picture.png")
+    with pytest.raises(OutputError, match="lies in the log's own folder"):
+        refuse_own_folder(tmp_path / "log", tmp_path / name)

@@ -400,3 +400,28 @@ def test_a_timer_is_closed_at_any_moment_of_its_round() -> None:
     closing.join(100)
 
     assert not closing.is_alive()
+
+
+def test_an_interrupt_between_two_segments_leaves_a_writer_that_refuses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    One was closed, the next is not there: nothing can be synced, and so nothing is promised.
+    """
+    path = tmp_path / "log"
+    log = sl.create(path, tz="UTC", durability="flush")
+    door = log.add_door()
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 1)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(log._writer._chain, "_tell_closed", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            log.observe(door, "open")
+    with pytest.raises(LogPoisonedError):
+        log.sync()
+    log.close()
+
+    assert 1 <= _events(path)

@@ -13,9 +13,10 @@ import semmap_log as sl
 from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, Retracted
-from semmap_log.errors import CorruptLogError
+from semmap_log.errors import CorruptLogError, LogError, LogPoisonedError
 from semmap_log.store.reading import segment_folder
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.segment import SegmentWriter
 from tests.replay.test_state import START_NS, sightings, tiny_steps
 
 
@@ -140,3 +141,50 @@ def test_a_log_that_cannot_be_read_back_is_let_go_of(
     assert all(segment.closed for segment in LogReader(path).segments)
     with sl.append(path) as log:
         log.add_door()
+
+
+@pytest.mark.parametrize("name", ["log.zip", "log.mcap", "-"])
+def test_a_name_that_would_be_taken_for_something_else(name: str, tmp_path: Path) -> None:
+    """
+    Of a file, or of the standard output: no log is called so, and nothing is made.
+    """
+    with pytest.raises(LogError, match="name of a f"):
+        sl.create(tmp_path / name, tz="UTC")
+    assert [] == list(tmp_path.iterdir())
+
+
+def test_a_log_with_events_does_not_begin_anew(tmp_path: Path) -> None:
+    """
+    Recorded time only grows.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door()
+        with pytest.raises(LogError, match="cannot begin anew"):
+            log._writer.begin_at(START_NS)
+
+        assert not log.begin_at(START_NS)
+        assert 1 == len(log.door_map())
+
+
+def test_a_disk_that_is_full_when_a_log_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The one segment or the other is there, and the writer writes nothing more.
+    """
+
+    def full(_: SegmentWriter, *, replacing: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    log = sl.create(tmp_path / "log", tz="UTC")
+    with monkeypatch.context() as patch:
+        patch.setattr(SegmentWriter, "install", full)
+        with pytest.raises(LogPoisonedError, match="No space left"):
+            log.begin_at(START_NS)
+    with pytest.raises(LogPoisonedError):
+        log.add_door()
+    log.close()
+
+    with sl.append(tmp_path / "log") as again:
+        again.add_door()
+    assert [] == list((tmp_path / "log").glob("*.tmp"))

@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,16 +20,28 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.planners import ask_server
+from semmap_log.errors import AddressError, QuestionError
 from semmap_log.planners.addresses import read_address
-from semmap_log.planners.ask_client import AskClient
-from semmap_log.planners.ask_server import MOST_KNOWN_LINES, AskServer
-from semmap_log.planners.connection import MOST_ANSWERS_BYTES
-from semmap_log.planners.question_lines import MOST_LINE_BYTES
+from semmap_log.planners.line_protocol import admission, ask_server
+from semmap_log.planners.line_protocol.ask_client import AskClient
+from semmap_log.planners.line_protocol.ask_server import MOST_KNOWN_LINES, AskServer
+from semmap_log.planners.line_protocol.connection import MOST_ANSWERS_BYTES
+from semmap_log.planners.question_lines import (
+    MOST_LINE_BYTES,
+    Answer,
+    Atom,
+    Value,
+    is_answer,
+    read_line,
+    write_answer,
+    write_error,
+)
 from semmap_log.planners.state_answers import STATE_QUESTIONS
+from semmap_log.planners.waits import Wait
 from tests.live.running import wait_until
+from tests.oprs.line_server import LineServer
 from tests.planners.asker import Asker
-from tests.planners.running_server import Raw, serving, unix_in
+from tests.planners.line_protocol.running_server import Raw, serving, unix_in
 
 TOKEN = "a-token-of-many-letters"
 
@@ -397,7 +410,7 @@ def test_the_end_answers_what_was_begun(ask: Asker, tmp_path: Path) -> None:
         said = [acting.line(), acting.line()]
 
     assert ["T", ""] == said
-    assert ('"CLOSED"', '"CLOSED"') == (ask("DOOR_STATE DOOR_1"), ask("DOOR_STATE DOOR_2"))
+    assert ("CLOSED", "CLOSED") == (ask("DOOR_STATE DOOR_1"), ask("DOOR_STATE DOOR_2"))
     assert not (tmp_path / "s").exists()
     assert ask.oracle._waits._waiting == set()
     acting.close()
@@ -492,7 +505,7 @@ def test_tcp_with_a_token(ask: Asker) -> None:
         assert "from 127.0.0.1:" in list(ask.doors.log.commits())[-1].note.source
         for first in (f"TOKEN {TOKEN}x", "TOKEN", "", f"token {TOKEN}", "DOOR_OPEN DOOR_1", "{}"):
             with Raw(server.address) as client:
-                assert client.ask(first) == ('ERROR "expected TOKEN and the server\'s token first"')
+                assert client.ask(first).startswith("ERROR \"expected TOKEN and the server's token")
                 assert client.line() == ""
         with Raw(server.address) as client:
             client.send(b"TOKEN wrong\nSET_DOOR_OPEN DOOR_2\n")
@@ -553,6 +566,32 @@ def test_the_client_of_a_server_that_goes(ask: Asker, tmp_path: Path) -> None:
     hasty.close()
 
 
+@pytest.mark.parametrize("said", ["<!DOCTYPE HTML>", "SSH-2.0-OpenSSH_9.2\r", "", "-ERR", "\xff"])
+def test_another_program_that_answers(tmp_path: Path, said: str) -> None:
+    """
+    What it says is not taken for an answer.
+    """
+    with LineServer(lambda _: f"{said}\n".encode("latin-1"), tmp_path / "other") as other:
+        client = AskClient(read_address(other.address))
+        with pytest.raises(sl.SemmapError, match=r"other: another program listens there: expected"):
+            client.ask("DOORS")
+        client.close()
+
+
+@pytest.mark.parametrize(
+    "value", [True, None, 0.5, 5e-324, -1, 10**30, "", "a b", [], ["x", 1.0], Atom("DOOR_1")]
+)
+def test_what_is_an_answer(value: Value) -> None:
+    """
+    All that a server can say.
+    """
+    asked = read_line(b"DOORS")
+
+    for line in (asked, replace(asked, is_json=True)):
+        assert is_answer(write_answer(line, Answer(value)).decode()[:-1])
+        assert is_answer(write_error("why", is_json=line.is_json).decode()[:-1])
+
+
 def test_a_client_takes_little_memory(server: AskServer) -> None:
     """
     Counted in objects of ours: one connection each, and nothing when it has left.
@@ -567,3 +606,111 @@ def test_a_client_takes_little_memory(server: AskServer) -> None:
     gc.collect()
 
     assert 2 == len(server._selector.get_map())
+
+
+DIGITS = "1" * 5000
+"""More than Python makes a number of."""
+
+
+@pytest.mark.parametrize("question", ["DOOR_OPEN", "WAIT_UNTIL", "WHY", "SET_DOOR_OPEN"])
+def test_a_door_of_too_many_digits(question: str, client: Raw) -> None:
+    """
+    There is none, and the server goes on.
+    """
+    more = " OPEN 1" if question == "WAIT_UNTIL" else ""
+
+    assert client.ask(f"{question} {DIGITS}{more}") == "NIL"
+    assert client.ask("DOOR_OPEN DOOR_1") == "T"
+
+
+def test_a_wait_that_fails_harms_nobody(
+    client: Raw, ask: Asker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    By an error of our own: who asked is told, the others are served, and nothing waits on.
+    """
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("of a test")
+
+    monkeypatch.setattr(Wait, "answer_in", fail)
+    assert client.ask("WAIT_UNTIL DOOR_1 CLOSED 5") == 'ERROR "RuntimeError: of a test"'
+    monkeypatch.undo()
+
+    assert client.ask("SET_DOOR_CLOSED DOOR_1") == "T"
+    assert client.ask("WAIT_UNTIL DOOR_1 CLOSED 5") == "T"
+    assert not ask.oracle._waits._waiting
+
+
+def test_clients_leave_files_for_the_log(
+    ask: Asker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Some numbers of files no client gets: an action, and what reads the log, need them.
+    """
+    with Path(os.devnull).open() as file:
+        most = file.fileno() + 20
+    monkeypatch.setattr(admission, "_allow_files", lambda _: most)
+    with serving(ask, unix_in(tmp_path)) as server, contextlib.ExitStack() as clients:
+        told = []
+        for _ in range(30):
+            client = clients.enter_context(Raw(server.address))
+            with contextlib.suppress(ConnectionError):
+                told.append(client.ask("DOOR_OPEN DOOR_1"))
+
+    assert "T" == told[0]
+    assert 'ERROR "the server cannot open more files; come later"' == told[-1]
+
+
+def test_some_files_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Of few, a quarter; of many, so many as the log wants at most.
+    """
+    for limit, most in (((64, 64), 48), ((256, 1000), 936), ((5000, 9000), 4936)):
+        monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: limit)
+        monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
+        assert most == admission._allow_files(1200)
+
+
+def test_a_client_that_asked_more_and_died(
+    ask: Asker, server: AskServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    While it waited for a door: nobody reads what it has sent, and it is let go of all the same.
+    """
+    monkeypatch.setattr(ask_server, "UNHEARD_S", 0.01)
+    with Raw(server.address) as leaving:
+        leaving.send(b"WAIT_UNTIL DOOR_1 CLOSED 80000\nDOORS\n")
+        wait_until(lambda: server._unheard, "both lines")
+
+    wait_until(lambda: not server._connections, "its end")
+    assert not ask.oracle._waits._waiting
+    assert not server._unheard
+
+
+def test_no_late_answer_is_taken_for_the_next(server: AskServer) -> None:
+    """
+    After a time-out the connection is closed: nothing more is asked over it, and nothing done.
+    """
+    with AskClient(read_address(server.address), timeout_s=0.05) as hasty:
+        with pytest.raises(AddressError, match=r"no answer within 0\.05 s"):
+            hasty.ask("WAIT_UNTIL DOOR_1 CLOSED 0.1")
+        with pytest.raises(AddressError, match="the connection is closed; connect again"):
+            hasty.ask("SET_DOOR_CLOSED DOOR_1")
+
+    with AskClient(read_address(server.address)) as client:
+        assert "T" == client.ask("DOOR_OPEN DOOR_1")
+        with pytest.raises(QuestionError, match=r"expected UTF-8 text, got .* at 11"):
+            client.ask("DOOR_OPEN \udcff")
+        assert "T" == client.ask("DOOR_OPEN DOOR_1")
+
+
+def test_a_machine_that_is_gone_without_a_word(ask: Asker) -> None:
+    """
+    The system asks a silent one whether it is there; else it would keep its place for ever.
+    """
+    with serving(ask, "tcp:127.0.0.1:0") as server, Raw(server.address) as client:
+        assert client.ask("DOOR_OPEN DOOR_1") == "T"
+        (connection,) = server._connections
+
+        assert connection.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)

@@ -13,8 +13,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from tests.live.running import Running, wait_until
-from tests.planners.kernel_world import make_log
-from tests.planners.stub_passer import StubPasser
+from tests.planners.kernels.kernel_world import make_log
+from tests.planners.kernels.stub_passer import StubPasser
 
 
 @pytest.fixture
@@ -65,6 +65,24 @@ def test_tells_and_answers_until_it_is_interrupted(path: Path, is_beside_ask: bo
 def _ask(address: str, question: str) -> None:
     command = [sys.executable, "-m", "semmap_log", "ask", address, question]
     subprocess.run(command, check=True, capture_output=True)
+
+
+def test_now_is_the_same_for_all_who_ask(tmp_path: Path) -> None:
+    """
+    Kernels as well: `--ask-now end` counts from the log's end.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        door = log.add_door(state="closed", at="2026-01-01T00:00")
+        log.observe(door, "open", at="2026-01-01T10:00")
+    options = ("--ask", f"unix:{tmp_path / 's'}", "--ask-now", "end", "--oprs-to", "K1")
+    with (
+        StubPasser() as passer,
+        passer.kernel("K1") as kernel,
+        _serve(tmp_path / "log", "--oprs", f"127.0.0.1:{passer.port}", *options) as server,
+    ):
+        passer.wait_for("K1", "(DOOR_FACTS SEMMAP 1)")
+        assert kernel.answer('(ASK 1 (DOOR_CLOSED DOOR_1 "2h ago"))', "1") == "T"
+        assert server.stop() == 0, str(server)
 
 
 @pytest.mark.slow

@@ -5,8 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from semmap_log.errors import OutputError
-from semmap_log.io.disk import output_errors, replace_file
+from semmap_log.io.shipped_files import copy_file
 
 NAME = "semmap_log.pl"
 
@@ -25,14 +24,4 @@ def write_prolog_module(folder: Path) -> tuple[Path, bool]:
     """
     module = (files("semmap_log") / "planners" / "prolog" / NAME).read_bytes()
     target = folder / NAME
-    with output_errors(target):
-        folder.mkdir(parents=True, exist_ok=True)
-        if target.exists():
-            if target.read_bytes() != module:
-                raise OutputError(
-                    f"{target}: is there already, and is not this module as it is now. Remove it "
-                    "first, if nobody needs it."
-                )
-            return target, False
-        replace_file(target, module)
-    return target, True
+    return target, copy_file(module, target, kind="module")

@@ -15,7 +15,7 @@ import struct
 from collections.abc import Sequence
 
 from semmap_log.errors import ExpressionError, PasserError
-from semmap_log.planners.s_expressions import Expression, is_atom, write_expression
+from semmap_log.planners.kernels.s_expressions import Expression, is_atom, write_expression
 
 STRINGS = 1
 MESSAGE, MULTICAST, DISCONNECT = 1, 3, 4

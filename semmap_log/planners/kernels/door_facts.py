@@ -16,9 +16,9 @@ from typing import TypeAlias
 
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.live.serving.served_topics import ChangedDoors
-from semmap_log.planners.door_view import atom_of
+from semmap_log.planners.door_view import atom_of, atom_of_state
+from semmap_log.planners.kernels.s_expressions import Expression, sendable
 from semmap_log.planners.question_lines import NIL, Atom
-from semmap_log.planners.s_expressions import Expression, sendable
 
 Fact: TypeAlias = tuple[Expression, ...]
 
@@ -67,7 +67,7 @@ class DoorFacts:
 
 
 def _facts(door: Door) -> dict[Atom, Expression]:
-    facts: dict[Atom, Expression] = {STATE: Atom(door.state.name)}
+    facts: dict[Atom, Expression] = {STATE: atom_of_state(door)}
     if not math.isnan(door.prob_open):
         facts[PROBABILITY] = door.prob_open
     if door.name:

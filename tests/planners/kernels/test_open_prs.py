@@ -15,12 +15,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.planners.passer_frames import message
+from semmap_log.planners.kernels.passer_frames import message
+from semmap_log.planners.kernels.s_expressions import sendable, write_expression
 from semmap_log.planners.question_lines import Atom
-from semmap_log.planners.s_expressions import sendable, write_expression
 from tests.live.running import Running, wait_until
-from tests.planners.kernel_world import make_log, serving_kernels
-from tests.planners.open_prs import OpenPrs, PasserClient, open_prs
+from tests.planners.kernels.kernel_world import make_log, serving_kernels
+from tests.planners.kernels.open_prs import OpenPrs, PasserClient, open_prs
 
 pytestmark = pytest.mark.slow
 

@@ -13,8 +13,8 @@ import socket
 import time
 
 from semmap_log.errors import PasserError
-from semmap_log.planners.addresses import TcpAddress
-from semmap_log.planners.passer_frames import (
+from semmap_log.planners.addresses import TcpAddress, reason_of
+from semmap_log.planners.kernels.passer_frames import (
     NAME_TAKEN,
     REGISTERED,
     MessageReader,
@@ -44,8 +44,9 @@ class PasserConnection:
         first = registration(name)
         try:
             self.socket = socket.create_connection((address.host, address.port), timeout_s)
-        except OSError as error:
-            raise PasserError(f"no message passer at {_said(address)}: {error}.") from error
+        except (OSError, UnicodeError) as error:
+            reason = reason_of(error)
+            raise PasserError(f"no message passer at {_said(address)}: {reason}.") from error
         self._received = MessageReader()
         self._out = bytearray()
         try:
@@ -127,7 +128,8 @@ class PasserConnection:
     def _check(self, answer: int, address: TcpAddress, name: str) -> None:
         if answer == NAME_TAKEN:
             raise PasserError(
-                f"the message passer at {_said(address)} has another client called {name}."
+                f"the message passer at {_said(address)} has another client called {name}: it must "
+                "leave, or --oprs-name give another name."
             )
         if answer != REGISTERED:
             raise PasserError(

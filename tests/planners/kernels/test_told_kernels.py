@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.planners.s_expressions import read_expression
-from semmap_log.planners.told_kernels import FIRST_PAUSE_S, LONGEST_PAUSE_S, ToldKernels
-from tests.planners.kernel_world import make_log
-from tests.planners.test_passer_frames import parts_of
+from semmap_log.planners.kernels.s_expressions import read_expression
+from semmap_log.planners.kernels.told_kernels import FIRST_PAUSE_S, LONGEST_PAUSE_S, ToldKernels
+from tests.planners.kernels.kernel_world import make_log
+from tests.planners.kernels.test_passer_frames import parts_of
 
 
 class Told:

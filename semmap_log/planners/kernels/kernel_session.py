@@ -6,6 +6,7 @@ import contextlib
 import heapq
 import selectors
 import socket
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -14,21 +15,24 @@ from dataclasses import dataclass
 from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import ExpressionError, PasserError
 from semmap_log.formats.parsing.problems import shown
-from semmap_log.planners.kernel_questions import (
+from semmap_log.planners.kernels.kernel_questions import (
     MOST_WAITS,
     KernelQuestion,
     KernelQuestions,
     is_ask,
 )
-from semmap_log.planners.message_passer import PasserConnection
-from semmap_log.planners.passer_frames import PASSER, is_name, message, unknown_name
-from semmap_log.planners.s_expressions import Expression, read_expression
-from semmap_log.planners.told_kernels import ECHO, ToldKernels
+from semmap_log.planners.kernels.message_passer import PasserConnection
+from semmap_log.planners.kernels.passer_frames import PASSER, is_name, message, unknown_name
+from semmap_log.planners.kernels.s_expressions import Expression, read_expression
+from semmap_log.planners.kernels.told_kernels import ECHO, ToldKernels
 
 MOST_WAITING_BYTES = 2**20
 """Of messages that the passer has not taken: changes of doors wait until it has."""
 MOST_ANSWER_BYTES = 2**24
-"""Of messages that the passer has not taken: who asks on is not answered."""
+"""Of messages that the passer has not taken: who asks on is not answered.
+
+Answers that take time are found later: of these, and all others, twice as much at most is kept.
+"""
 ANSWER_FIRST_S = 0.05
 """So long at most, while actions are worked on, facts wait for their answers.
 
@@ -82,6 +86,8 @@ class KernelSession:
         self._told = ToldKernels(name, kernels, connection.put)
         self._answers: deque[bytes] = deque()
         """Found by other threads."""
+        self._answers_bytes = 0
+        self._counting = threading.Lock()
         self._ends: list[tuple[float, int, KernelQuestion]] = []
         self._end_count = 0
         self._is_held = False
@@ -112,8 +118,7 @@ class KernelSession:
         """
         while not stop():
             now_s = time.monotonic()
-            while self._answers:
-                self._connection.put(self._answers.popleft())
+            self._put_answers()
             if self._may_tell(now_s):
                 if (doors := changed()) is not None:
                     self._told.take(doors)
@@ -124,8 +129,14 @@ class KernelSession:
             self._await(now_s)
 
     def give(self, kernel: str, answer: tuple[Expression, ...]) -> None:
-        """Send an answer; any thread may."""
-        self._answers.append(message([kernel], answer))
+        """Send an answer, unless too many wait already; any thread may."""
+        frame = message([kernel], answer)
+        if self._answers_bytes + self._connection.waiting_bytes > 2 * MOST_ANSWER_BYTES:
+            self._complain(f"{kernel} is not answered, as the passer does not take our messages.")
+            return
+        with self._counting:
+            self._answers_bytes += len(frame)
+        self._answers.append(frame)
         self.wake()
 
     def later(self, question: KernelQuestion) -> None:
@@ -140,13 +151,19 @@ class KernelSession:
     def close(self) -> None:
         """Leave the passer; answers that are found now go to nobody."""
         self._questions.forget(self)
-        with contextlib.suppress(PasserError):
-            while self._answers:
-                self._connection.put(self._answers.popleft())
+        self._put_answers()
         self._selector.close()
         self._connection.close()
         self._waker.close()
         self._woken.close()
+
+    def _put_answers(self) -> None:
+        """Have the answers sent that were found."""
+        while self._answers:
+            frame = self._answers.popleft()
+            with self._counting:
+                self._answers_bytes -= len(frame)
+            self._connection.put(frame)
 
     def _await(self, now_s: float) -> None:
         """Wait for what is to be done next, and take what has come."""
@@ -191,6 +208,9 @@ class KernelSession:
             return
         if not is_name(name):
             raise PasserError(f"to {shown(name)} nothing can be sent.")
+        if self._answers_bytes > MOST_WAITING_BYTES:
+            self._put_answers()
+            self._connection.send()
         if self._connection.waiting_bytes > MOST_ANSWER_BYTES:
             raise PasserError("it is not answered, as the passer does not take our messages.")
         self._told.is_there(name)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from semmap_log.planners.addresses import listen, read_address
-from semmap_log.planners.ask_server import AskServer
+from semmap_log.planners.line_protocol.ask_server import AskServer
 from tests.live.running import DEADLINE_S
 from tests.planners.asker import Asker
 

@@ -13,15 +13,16 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.errors import PasserError
-from semmap_log.planners import kernel_questions, kernel_session
 from semmap_log.planners.addresses import TcpAddress
-from semmap_log.planners.kernel_service import Kernels
-from semmap_log.planners.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
-from semmap_log.planners.message_passer import PasserConnection
+from semmap_log.planners.door_view import DoorView
+from semmap_log.planners.kernels import kernel_questions, kernel_session
+from semmap_log.planners.kernels.kernel_service import Kernels
+from semmap_log.planners.kernels.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
+from semmap_log.planners.kernels.message_passer import PasserConnection
 from semmap_log.planners.question_lines import Atom
 from tests.live.running import wait_until
-from tests.planners.kernel_world import KernelWorld, make_log, serving_kernels
-from tests.planners.stub_passer import StubKernel, StubPasser
+from tests.planners.kernels.kernel_world import KernelWorld, make_log, serving_kernels
+from tests.planners.kernels.stub_passer import StubKernel, StubPasser
 
 ALL = [
     "(DOOR_STATE DOOR_1 OPEN)",
@@ -182,7 +183,8 @@ def test_who_asks_for_the_facts_gets_them(
         ("(GET_CLOSED_DOOR @X)", "DOOR_2"),
         ("(DOORS)", "(. DOOR_1 DOOR_2 DOOR_3 .)"),
         ("(DOORS MOVING)", "(. .)"),
-        ("(DOOR_STATE DOOR_1)", '"OPEN"'),
+        ("(DOOR_STATE DOOR_1)", "OPEN"),
+        ('(BELIEVED (DOOR_STATE DOOR_2) AT "event:2")', "CLOSED"),
         ('(BELIEVED (DOOR_OPEN DOOR_1) AT "event:0")', "T"),
         ("(NEXT_DOOR (. DOOR_1 DOOR_9 .))", "DOOR_1"),
         ("(WAIT_UNTIL DOOR_1 OPEN 60)", "T"),
@@ -464,11 +466,15 @@ def test_a_passer_that_is_not_there_yet_is_tried_again(path: Path) -> None:
         with StubPasser(port) as passer, passer.kernel("K1"):
             passer.wait_for("K1", ALL[-1])
         assert len([text for text in world.said if "no message passer at" in text]) == 1
+        assert not [text for text in world.said if "Errno" in text]
 
 
 @pytest.mark.parametrize(
     ("answer", "text"),
-    [(1, "has another client called SEMMAP"), (2, "does not let SEMMAP in: it answered 2")],
+    [
+        (1, "has another client called SEMMAP: it must leave, or --oprs-name"),
+        (2, "does not let SEMMAP in: it answered 2"),
+    ],
 )
 def test_a_passer_that_refuses_is_tried_again(answer: int, text: str, path: Path) -> None:
     """
@@ -610,3 +616,60 @@ def test_many_ask_at_once(passer: StubPasser, world: KernelWorld) -> None:
         thread.join()
 
     assert got == ["T"] * 160
+
+
+@pytest.mark.parametrize("question", ["DOOR_OPEN {}", "WAIT_UNTIL {} OPEN 1"])
+def test_an_error_of_our_own_is_answered(
+    question: str, kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    And the service goes on; nothing of it waits for ever.
+    """
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("of a test")
+
+    monkeypatch.setattr(DoorView, "door", fail)
+    answer = kernel.answer(f"(ASK 1 ({question.format('DOOR_1')}))", "1")
+    monkeypatch.undo()
+
+    assert answer == '(ERROR "RuntimeError: of a test")'
+    assert kernel.answer("(ASK 2 (DOOR_OPEN DOOR_1))", "2") == "T"
+    assert not world.service._questions._waits
+    digits = '"' + "1" * 5000 + '"'
+    assert kernel.answer(f"(ASK 3 ({question.format(digits)}))", "3") == "NIL"
+
+
+def test_a_passer_of_a_name_that_no_host_can_have() -> None:
+    """
+    It is as one that is not there.
+    """
+    with pytest.raises(PasserError, match="no message passer at"):
+        PasserConnection(TcpAddress("a" * 64, 3300), "SEMMAP")
+
+
+def test_answers_that_nobody_takes_fill_no_memory(
+    kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Those that come at once, and those that are found later; and the passer may come to itself.
+    """
+    session = world.service._session
+    assert session is not None
+    monkeypatch.setattr(kernel_session, "MOST_ANSWER_BYTES", 5000)
+    monkeypatch.setattr(kernel_session, "MOST_WAITING_BYTES", 500)
+    with monkeypatch.context() as silent:
+        silent.setattr(PasserConnection, "send", lambda _: None)
+        for number in range(100):
+            kernel.send(f"(ASK {number} (HELP))")
+            kernel.send(f"(ASK {number} (WHY DOOR_1))")
+        wait_until(lambda: any("is not answered" in each for each in world.said), "the limit")
+        for number in range(1000):
+            session.give("K1", (Atom("ANSWER"), number, "x" * 100))
+        wait_until(lambda: not world.service._questions._queues, "all questions to be looked at")
+        assert session._connection.waiting_bytes + session._answers_bytes < 2 * 5000 + 5000
+    session.wake()
+
+    wait_until(lambda: not session._connection.waiting_bytes, "the passer to take all")
+    assert 0 == session._answers_bytes
+    assert kernel.answer("(ASK x (DOOR_OPEN DOOR_1))", "x") == "T"

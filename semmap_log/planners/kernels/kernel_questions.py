@@ -25,16 +25,16 @@ from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import ExpressionError, QuestionError, SemmapError
 from semmap_log.planners.actions import AskedDoors
 from semmap_log.planners.asked import AskedQuestion, read_words
-from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
-from semmap_log.planners.question_lines import ERROR, NIL, TRUE, Answer, Atom, Value
-from semmap_log.planners.questions import QuestionKind
-from semmap_log.planners.s_expressions import (
+from semmap_log.planners.kernels.s_expressions import (
     Expression,
     Variable,
     flat,
     sendable,
     write_expression,
 )
+from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
+from semmap_log.planners.question_lines import ERROR, NIL, TRUE, Answer, Atom, Value
+from semmap_log.planners.questions import QuestionKind
 
 ASK, ANSWER = Atom("ASK"), Atom("ANSWER")
 
@@ -198,10 +198,13 @@ class KernelQuestions:
             asker.give(kernel, refusal(ask_id, str(error)))
             return
         question = KernelQuestion(asker, kernel, ask_id, asked, ids)
-        if is_wait(asked):
-            self._wait(question)
-        else:
-            self._take(question)
+        try:
+            if is_wait(asked):
+                self._wait(question)
+            else:
+                self._take(question)
+        except Exception as error:  # noqa: BLE001  the others are still to be answered
+            self._own_problem(question, error)
 
     def forget(self, asker: Asker) -> None:
         """Drop what one has asked that was not begun: nobody hears the answer."""
@@ -276,11 +279,15 @@ class KernelQuestions:
         except (SemmapError, OSError) as error:
             question.refuse(str(error))
         except Exception as error:  # noqa: BLE001  the kernel waits for an answer, whatever it is
-            self._say(f"{question.asked.question.name}: {traceback.format_exc()}")
-            question.refuse(f"{type(error).__name__}: {error}")
+            self._own_problem(question, error)
         finally:
             self._count(-is_action)
             question.asker.wake()  # what waited for the answer may go
+
+    def _own_problem(self, question: KernelQuestion, error: Exception) -> None:
+        """Answer that we have failed, and tell who runs the server how."""
+        self._say(f"{question.asked.question.name}: {traceback.format_exc()}")
+        question.refuse(f"{type(error).__name__}: {error}")
 
     def _wait(self, question: KernelQuestion) -> None:
         """Let a question wait for its door."""
@@ -297,7 +304,12 @@ class KernelQuestions:
                 self._waits.pop(question, None)
             question.give(answer)
 
-        end = self._oracle.wait(question.asked, done)
+        try:
+            end = self._oracle.wait(question.asked, done)
+        except Exception:
+            with self._mutex:
+                del self._waits[question]
+            raise
         with self._mutex:
             if question not in self._waits:  # it is answered already
                 return

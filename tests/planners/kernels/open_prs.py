@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.live.running import DEADLINE_S, Running, wait_until
-from tests.planners.stub_passer import Client
+from tests.planners.kernels.stub_passer import Client
 
 VARIABLE = "SEMMAP_OPRS"
 
@@ -65,6 +65,7 @@ class OpenPrs:
         """Start a message passer."""
         passer = self.run("mp-oprs", "-j", str(self.port))
         passer.wait_for("Message passer running")
+        wait_until(lambda: _is_listened_at(self.port), "the passer, which says so before it is so")
         return passer
 
     def kernel(self, name: str, include: str | None = None, folder: Path | None = None) -> Running:
@@ -92,6 +93,15 @@ class OpenPrs:
     def client(self, name: str = "PY") -> PasserClient:
         """Let a client of the test come."""
         return self._stack.enter_context(contextlib.closing(PasserClient(self.port, name)))
+
+
+def _is_listened_at(port: int) -> bool:
+    """Tell whether connections are taken; none is made, which the passer would wait for."""
+    rows = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
+    return any(row.split()[1:4:2] == [f"00000000:{port:04X}", _TCP_LISTEN] for row in rows)
+
+
+_TCP_LISTEN = "0A"
 
 
 class PasserClient:

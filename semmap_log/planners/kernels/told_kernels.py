@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from semmap_log.domain.doors import DoorMap
-from semmap_log.planners.door_facts import DoorFacts, Fact
-from semmap_log.planners.passer_frames import message
+from semmap_log.planners.kernels.door_facts import DoorFacts, Fact
+from semmap_log.planners.kernels.passer_frames import message
+from semmap_log.planners.kernels.s_expressions import Expression
 from semmap_log.planners.question_lines import Atom
-from semmap_log.planners.s_expressions import Expression
 
 FIRST_PAUSE_S = 0.5
 LONGEST_PAUSE_S = 5.0

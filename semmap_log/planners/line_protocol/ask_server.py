@@ -19,9 +19,10 @@ from functools import partial
 
 from semmap_log.errors import SemmapError
 from semmap_log.planners.addresses import Listener
-from semmap_log.planners.admission import Admission
-from semmap_log.planners.connection import Broken, Connection
-from semmap_log.planners.deadlines import Deadlines
+from semmap_log.planners.line_protocol.admission import Admission
+from semmap_log.planners.line_protocol.connection import Broken, Connection
+from semmap_log.planners.line_protocol.deadlines import Deadlines
+from semmap_log.planners.line_protocol.tokens import TOKEN, is_token
 from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
 from semmap_log.planners.question_lines import (
     Answer,
@@ -32,7 +33,6 @@ from semmap_log.planners.question_lines import (
     write_error,
 )
 from semmap_log.planners.questions import QuestionKind
-from semmap_log.planners.tokens import TOKEN, is_token
 
 MOST_CLIENTS = 1000
 ACTIONS_AT_ONCE = 8
@@ -45,8 +45,10 @@ MOST_KNOWN_BYTES = 200
 TOKEN_WITHIN_S = 10.0
 CLOSE_WITHIN_S = 5.0
 """For clients to take their last answers."""
+UNHEARD_S = 5.0
+"""How often it is looked whether clients are there that nothing is heard of meanwhile."""
 
-_NO_TOKEN = f"expected {TOKEN} and the server's token first"
+_NO_TOKEN = f"expected {TOKEN} and the server's token first; `ask --token-file FILE` sends it"
 
 _READ, _WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
@@ -80,6 +82,9 @@ class AskServer:
         self._connections: set[Connection] = set()
         self._ready: dict[Connection, None] = {}
         """Clients with lines that were not looked at yet, though they could be."""
+        self._unheard: set[Connection] = set()
+        """Clients that wait for an answer, and have asked more: none of their events is watched."""
+        self._check_unheard_s = 0.0
         self._deadlines = Deadlines()
         self._answers: deque[tuple[Connection, bytes]] = deque()
         """What other threads have found."""
@@ -133,7 +138,7 @@ class AskServer:
         self._selector.register(self._listener.socket, _READ, self._accept)
         self._selector.register(self._woken, _READ, self._sleep_again)
         while not self._ending:
-            self._turn(self._deadlines.next_s())
+            self._turn(self._next_s())
         self._finish()
 
     def _turn(self, timeout_s: float | None) -> None:
@@ -149,6 +154,23 @@ class AskServer:
         for connection in ready:
             self._serve(connection, 0)
         self._deadlines.meet()
+        self._check_unheard()
+
+    def _next_s(self) -> float | None:
+        """Return for how many seconds there is nothing to do; None: for ever."""
+        next_s = self._deadlines.next_s()
+        if not self._unheard:
+            return next_s
+        check_s = max(self._check_unheard_s - time.monotonic(), 0.0)
+        return check_s if next_s is None else min(check_s, next_s)
+
+    def _check_unheard(self) -> None:
+        """Let go of clients that have gone in a way that nobody hears: what they wait for too."""
+        if not self._unheard or time.monotonic() < self._check_unheard_s:
+            return
+        for connection in [each for each in self._unheard if each.is_abandoned()]:
+            self._drop(connection)
+        self._check_unheard_s = time.monotonic() + UNHEARD_S
 
     def _serve(self, connection: Connection, events: int) -> None:
         """Take what a client sends, answer its next lines, and give it what it takes."""
@@ -183,10 +205,12 @@ class AskServer:
             return
         if not wanted:
             self._selector.unregister(connection.socket)
+            self._unheard.add(connection)
         elif connection.watched:
             self._selector.modify(connection.socket, wanted, connection)
         else:
             self._selector.register(connection.socket, wanted, connection)
+            self._unheard.discard(connection)
         connection.watched = wanted
 
     def _take(self, connection: Connection, data: bytes | Broken) -> None:
@@ -203,17 +227,14 @@ class AskServer:
         try:
             line = self._known_lines.get(data) or self._read(data)
             answer = self._oracle.at_once(line.asked)
+            if answer is not None:
+                connection.answer(write_answer(line, answer))
+            else:
+                self._begin(connection, line)
         except (SemmapError, OSError) as error:
             connection.answer(_problem(line or error, str(error)))
-            return
         except Exception as error:  # noqa: BLE001  the others are still to be answered
             connection.answer(self._own_problem(line or error, error))
-            return
-        if answer is not None:
-            connection.answer(write_answer(line, answer))
-        else:
-            connection.is_busy = True
-            self._begin(connection, line)
 
     def _read(self, data: bytes) -> Line:
         """Return the question on a line; those without a command id are likely to come again."""
@@ -246,11 +267,13 @@ class AskServer:
             end = self._oracle.wait(
                 asked, lambda answer: self._post(connection, write_answer(line, answer))
             )
+            connection.is_busy = True
             connection.end_wait = lambda: end(ENDS)
             self._deadlines.set(connection, asked.number, lambda: end(time_is_over(asked)))
             return
         pool = self._actions if asked.question.kind is QuestionKind.ACTION else self._look_ups
         pool.submit(self._answer, connection, line)
+        connection.is_busy = True
 
     def _answer(self, connection: Connection, line: Line) -> None:
         """Answer a question, in a thread of its own."""
@@ -310,6 +333,7 @@ class AskServer:
             self._selector.unregister(connection.socket)
         connection.socket.close()
         self._connections.discard(connection)
+        self._unheard.discard(connection)
 
     def _finish(self) -> None:
         """Give the answers to what was begun, as long as clients take them, and let all go."""

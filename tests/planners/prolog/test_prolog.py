@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import OutputError
-from semmap_log.planners.prolog_module import write_prolog_module
+from semmap_log.planners.prolog.prolog_module import write_prolog_module
 from tests.live.running import Running, wait_until
 from tests.planners.asker import Asker
-from tests.planners.prolog import MODULE, answering, needs_swipl, solutions
-from tests.planners.running_server import serving, unix_in
+from tests.planners.line_protocol.running_server import serving, unix_in
+from tests.planners.prolog.prolog_queries import MODULE, answering, needs_swipl, solutions
 
 Ask = Callable[..., list[str]]
 
@@ -188,7 +188,7 @@ def test_what_cannot_be_asked_is_an_error(prolog: Ask) -> None:
     )
 
     assert found[0].startswith("error(door_server_error(\"'NO_SUCH' is no question.")
-    assert found[1].startswith('error(door_server_error("Expected a moment')
+    assert found[1].startswith('error(door_server_error("DOOR_STATE DOOR [TIME]: Expected a moment')
     assert "error(instantiation_error)" == found[2]
     assert "error(type_error(door,f(1)))" == found[3]
     kinds = [line.split("(")[1] for line in found[4:11]]

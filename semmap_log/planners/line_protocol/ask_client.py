@@ -6,8 +6,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from semmap_log.errors import AddressError, QuestionError
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.planners.addresses import Address
-from semmap_log.planners.tokens import TOKEN
+from semmap_log.planners.line_protocol.tokens import TOKEN
+from semmap_log.planners.question_lines import is_answer, problem_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -36,20 +38,27 @@ class AskClient:
         self._lines = self._socket.makefile("rb")
         if token is not None and (answer := self.ask(f"{TOKEN} {token}")) != "T":
             self.close()
-            raise AddressError(f"{address}: {answer}")
+            raise AddressError(
+                f"{address}: is not asked with this token: it is another, or none is wanted. "
+                f"The server says: {problem_of(answer) or answer}"
+            )
 
     def ask(self, question: str) -> str:
         """Return the line that answers a question.
 
         Raises:
-            QuestionError: It has a line end within, and would be two.
-            AddressError: The server has gone, or does not answer in time; whether an action was
-                done is not known: sent again with the same command id, it is done once.
+            QuestionError: It has a line end within, and would be two; or is no UTF-8 text.
+            AddressError: What listens there is no server of questions. Or the server has gone, or
+                does not answer in time; whether an action was done is not known: sent again with
+                the same command id, it is done once. This connection is closed: what still came
+                on it would be another question's answer.
         """
-        if "\n" in question:
-            raise QuestionError(f"expected a question on one line, got {question!r}.")
+        line = _line_of(question)
+        if self._socket.fileno() < 0:
+            raise AddressError(f"{self._address}: the connection is closed; connect again.")
+        answer = b""
         try:
-            self._socket.sendall(f"{question}\n".encode())
+            self._socket.sendall(line)
             answer = self._lines.readline()
         except TimeoutError:
             raise AddressError(
@@ -57,9 +66,18 @@ class AskClient:
             ) from None
         except OSError as error:
             raise self._gone(str(error.strerror or error)) from error
+        finally:
+            if not answer.endswith(b"\n"):
+                self.close()
         if not answer.endswith(b"\n"):
             raise self._gone("the connection ended")
-        return answer[:-1].decode()
+        said = answer[:-1].decode(errors="replace")
+        if not is_answer(said):
+            raise AddressError(
+                f"{self._address}: another program listens there: expected an answer such as T or "
+                f"NIL, got {shown(said)}."
+            )
+        return said
 
     def close(self) -> None:
         """Leave."""
@@ -79,3 +97,14 @@ class AskClient:
 
     def _gone(self, why: str) -> AddressError:
         return AddressError(f"{self._address}: the server has gone: {why}.")
+
+
+def _line_of(question: str) -> bytes:
+    if "\n" in question:
+        raise QuestionError(f"expected a question on one line, got {question!r}.")
+    try:
+        return f"{question}\n".encode()
+    except UnicodeEncodeError as error:
+        raise QuestionError(
+            f"expected UTF-8 text, got {question[error.start]!r} at {error.start + 1}"
+        ) from None

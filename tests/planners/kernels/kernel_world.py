@@ -12,8 +12,8 @@ import semmap_log as sl
 from semmap_log.live.serving.door_server import DoorServer
 from semmap_log.live.serving.saving import DoorSaver
 from semmap_log.planners.addresses import TcpAddress
-from semmap_log.planners.kernel_service import Kernels, KernelService
-from semmap_log.planners.kernel_session import Patience
+from semmap_log.planners.kernels.kernel_service import Kernels, KernelService
+from semmap_log.planners.kernels.kernel_session import Patience
 from semmap_log.planners.oracle import Oracle
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from semmap_log.errors import AddressError
-from semmap_log.planners.tokens import is_token, read_token
+from semmap_log.planners.line_protocol.tokens import is_token, read_token
 
 TOKEN = "0123456789abcdef"
 

@@ -11,8 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from semmap_log.errors import ExpressionError
-from semmap_log.planners.question_lines import Atom
-from semmap_log.planners.s_expressions import (
+from semmap_log.planners.kernels.s_expressions import (
     MOST_DEPTH,
     MOST_TEXT,
     Variable,
@@ -22,6 +21,7 @@ from semmap_log.planners.s_expressions import (
     sendable,
     write_expression,
 )
+from semmap_log.planners.question_lines import Atom
 
 
 def typed(value: Any) -> Any:

@@ -6,7 +6,7 @@ import heapq
 import time
 from collections.abc import Callable
 
-from semmap_log.planners.connection import Connection
+from semmap_log.planners.line_protocol.connection import Connection
 
 FEW = 64
 

@@ -12,12 +12,12 @@ from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import PasserError, SemmapError
 from semmap_log.planners.actions import AskedDoors
 from semmap_log.planners.addresses import TcpAddress
-from semmap_log.planners.kernel_questions import KernelQuestions
-from semmap_log.planners.kernel_session import KernelSession, Patience
-from semmap_log.planners.message_passer import CONNECT_S, PasserConnection
+from semmap_log.planners.kernels.kernel_questions import KernelQuestions
+from semmap_log.planners.kernels.kernel_session import KernelSession, Patience
+from semmap_log.planners.kernels.message_passer import CONNECT_S, PasserConnection
+from semmap_log.planners.kernels.passer_frames import MOST_NAME_BYTES, check_own_name, is_name
+from semmap_log.planners.kernels.s_expressions import is_atom
 from semmap_log.planners.oracle import Oracle
-from semmap_log.planners.passer_frames import MOST_NAME_BYTES, check_own_name, is_name
-from semmap_log.planners.s_expressions import is_atom
 
 FIRST_PAUSE_S = 0.2
 LONGEST_PAUSE_S = 5.0

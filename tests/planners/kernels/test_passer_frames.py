@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from semmap_log.errors import ExpressionError, PasserError
-from semmap_log.planners.passer_frames import (
+from semmap_log.planners.kernels.passer_frames import (
     MOST_MESSAGE_BYTES,
     MessageReader,
     goodbye,

@@ -42,6 +42,8 @@ class Connection:
             is_known: Whether it may ask; else it gives a token first.
         """
         connected.setblocking(False)
+        if connected.family != socket.AF_UNIX:
+            _notice_silence(connected)
         self.socket = connected
         self.client = peer_of(connected)
         self.is_known = is_known
@@ -169,6 +171,14 @@ def peer_of(connected: socket.socket) -> str:
     except OSError:  # it has gone already
         pass
     return ""
+
+
+def _notice_silence(connected: socket.socket) -> None:
+    """Have the system find out when a machine is gone that said no good-bye: in some minutes."""
+    connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 20, "TCP_KEEPCNT": 6}.items():
+        if (option := getattr(socket, name, None)) is not None:  # macOS has others
+            connected.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
 def _nothing() -> None:

@@ -7,6 +7,7 @@ import errno
 import os
 import resource
 import socket
+import sys
 from collections.abc import Iterator
 
 from semmap_log.planners.question_lines import write_error
@@ -15,6 +16,10 @@ AT_ONCE = 64
 """Before those that are there have their turn."""
 OTHER_FILES = 200
 """Open files that are no clients: the log's, and what else the process has."""
+KEPT_FILES = 64
+"""No client gets these, however few the system allows: without files no question is answered."""
+
+_NO_FILES = "the server cannot open more files; come later"
 
 
 class Admission:
@@ -25,7 +30,7 @@ class Admission:
         listening.setblocking(False)
         self._listening = listening
         self._most_clients = most_clients
-        _allow_files(most_clients + OTHER_FILES)
+        self._most_files = _allow_files(most_clients + OTHER_FILES)
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
         """Given up where no more can be opened, to tell who waits."""
 
@@ -45,6 +50,9 @@ class Admission:
                     self._refuse_by_spare()
                     return
                 continue  # that one has gone again
+            if connected.fileno() >= self._most_files:  # a new file has the lowest number there is
+                _refuse(connected, _NO_FILES)
+                continue
             if present >= self._most_clients:
                 _refuse(connected, f"{self._most_clients:,} clients are here; come later")
                 continue
@@ -62,7 +70,7 @@ class Admission:
         self.close()
         with contextlib.suppress(OSError):
             connected, _ = self._listening.accept()
-            _refuse(connected, "the server cannot open more files; come later")
+            _refuse(connected, _NO_FILES)
         with contextlib.suppress(OSError):
             self._spare = os.open(os.devnull, os.O_RDONLY)
 
@@ -74,10 +82,18 @@ def _refuse(connected: socket.socket, problem: str) -> None:
         connected.send(write_error(problem))
 
 
-def _allow_files(count: int) -> None:
-    """Let the process have so many files open, as far as the system lets it."""
+def _allow_files(count: int) -> int:
+    """Let the process have so many files open, as far as the system lets it.
+
+    Returns:
+        How many may be open while clients are let in.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY:
+        return sys.maxsize
     wanted = count if hard == resource.RLIM_INFINITY else min(count, hard)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
+    if soft < wanted:
         with contextlib.suppress(ValueError, OSError):
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            soft = wanted
+    return soft - min(KEPT_FILES, soft // 4)

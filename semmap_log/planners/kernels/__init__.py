@@ -1,0 +1,1 @@
+"""Kernels of OPRS, reached by their message passer: facts for them, answers to their questions."""

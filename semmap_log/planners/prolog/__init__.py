@@ -1,0 +1,1 @@
+"""SWI-Prolog: a module that asks a server of questions."""
