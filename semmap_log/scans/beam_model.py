@@ -172,13 +172,14 @@ def wall_log_likelihoods(beams: DoorBeams, model: ScanModel) -> Floats:
     stray = model.stray / beams.max_range[:, None]
     short = model.short / np.maximum(beams.plane, 0.1)[:, None]
 
-    def chance(past: Floats, spread: Floats | float) -> Floats:
+    def chance(past: Floats, spread: Floats) -> Floats:
         noise = np.exp(-0.5 * (past / spread) ** 2) / (spread * sqrt(2 * pi))
         depth = np.where(past > 0, np.exp(-np.clip(past, 0, None) / model.room) / model.room, 0)
         ends = model.wall_there * noise + (1 - model.wall_there) * depth
         return np.asarray(hit * ends + np.where(past < 0, short, 0) + stray)
 
-    return np.log(np.concatenate([chance(past, spread), chance(past[:, :1], 0.4)], axis=1))
+    anywhere = chance(past[:, :1], np.full_like(spread, 0.4))
+    return np.asarray(np.log(np.concatenate([chance(past, spread), anywhere], axis=1)))
 
 
 def _spread(beams: DoorBeams, model: ScanModel) -> Floats:

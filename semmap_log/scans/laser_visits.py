@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.scans.door_beams import sights_of
-from semmap_log.scans.known_doors import KnownDoors
+from semmap_log.scans.watched_doors import WatchedDoors
 from semmap_log.scans.passages import Passage, Track
 from semmap_log.scans.placed_scan import PlacedScan
 from semmap_log.scans.scan_model import ScanModel
@@ -38,7 +38,7 @@ class LaserVisits:
         self._last_ns: int | None = None
         self._newness = _Newness(model)
 
-    def take(self, scans: Iterable[PlacedScan], doors: KnownDoors) -> list[Visit]:
+    def take(self, scans: Iterable[PlacedScan], doors: WatchedDoors) -> list[Visit]:
         """Look at scans; return the visits that ended, and passages."""
         done: list[Visit] = []
         wait: list[PlacedScan] = []
@@ -57,12 +57,12 @@ class LaserVisits:
                 wait = []
         return done + self._look(wait, doors)
 
-    def end(self, doors: KnownDoors, ids: Iterable[int] | None = None) -> list[Visit]:
+    def end(self, doors: WatchedDoors, ids: Iterable[int] | None = None) -> list[Visit]:
         """End the visits to these doors, or to all; return those that there were."""
         chosen = [i for i in (list(self._going) if ids is None else ids) if i in self._going]
         return [self._judged(door_id, doors) for door_id in chosen]
 
-    def restart(self, doors: KnownDoors) -> list[Visit]:
+    def restart(self, doors: WatchedDoors) -> list[Visit]:
         """End all visits, since the laser's clock went back far; return them."""
         self._track.forget()
         self._newness = _Newness(self._model)
@@ -78,7 +78,7 @@ class LaserVisits:
         is_late = self._last_ns - stamp_ns <= self._model.pause_s * SECOND_NS
         return "its stamp is before that of the scan before" if is_late else ""
 
-    def _look(self, scans: Sequence[PlacedScan], doors: KnownDoors) -> list[Visit]:
+    def _look(self, scans: Sequence[PlacedScan], doors: WatchedDoors) -> list[Visit]:
         if not scans:
             return []
         stack = ScanStack.of(scans, self._model)
@@ -88,7 +88,9 @@ class LaserVisits:
         now_ns = int(stack.stamps_ns[-1])
         return done + self.end(doors, [i for i in self._going if self._is_over(i, now_ns)])
 
-    def _fold(self, stack: ScanStack, fresh: NDArray[np.float64], doors: KnownDoors) -> list[Visit]:
+    def _fold(
+        self, stack: ScanStack, fresh: NDArray[np.float64], doors: WatchedDoors
+    ) -> list[Visit]:
         """Take the sights of these scans into visits; return those that ended before."""
         scan, door = doors.grid.near(stack.levels, stack.places)
         new = fresh[scan] > 0
@@ -118,7 +120,7 @@ class LaserVisits:
         long_ns = now_ns - self._going[door_id].first_ns
         return self._was_away(door_id, now_ns) or long_ns > self._model.longest_s * SECOND_NS
 
-    def _judged(self, door_id: int, doors: KnownDoors) -> Visit:
+    def _judged(self, door_id: int, doors: WatchedDoors) -> Visit:
         """End a visit; return what it says."""
         sums, at = self._going.pop(door_id), doors.row_of[door_id]
         leaves = doors.leaves[at]
@@ -143,7 +145,7 @@ class LaserVisits:
             robot=self._robot,
         )
 
-    def _passed(self, passage: Passage, doors: KnownDoors) -> Visit:
+    def _passed(self, passage: Passage, doors: WatchedDoors) -> Visit:
         """Return that the robot drove through."""
         return Visit(
             door_id=DoorId(int(doors.ids[passage.door])),

@@ -9,7 +9,7 @@ from math import cos, hypot, sin
 import numpy as np
 
 from semmap_log.domain.moments import SECOND_NS
-from semmap_log.scans.known_doors import KnownDoors
+from semmap_log.scans.watched_doors import WatchedDoors
 from semmap_log.scans.scan_stack import ScanStack
 
 SIDE_M = 0.35
@@ -66,7 +66,7 @@ class Track:
         self._crossings: list[_Crossing] = []
         self._last: _Place | None = None
 
-    def go(self, stack: ScanStack, doors: KnownDoors) -> list[Passage]:
+    def go(self, stack: ScanStack, doors: WatchedDoors) -> list[Passage]:
         """Follow the laser; return the doors that it has driven through now."""
         near = _doors_near(stack, doors)
         found: list[Passage] = []
@@ -96,7 +96,7 @@ class Track:
         if latest is None or hypot(now.x - latest.x, now.y - latest.y) >= SPACING_M:
             self._places.append(now)
 
-    def _went_on(self, now: _Place, doors: KnownDoors) -> list[Passage]:
+    def _went_on(self, now: _Place, doors: WatchedDoors) -> list[Passage]:
         """Return the passages that end here; drop the crossings that were taken back."""
         passed, still = [], []
         for crossing in self._crossings:
@@ -138,7 +138,7 @@ class Track:
         return None
 
 
-def _doors_near(stack: ScanStack, doors: KnownDoors) -> dict[int, list[int]]:
+def _doors_near(stack: ScanStack, doors: WatchedDoors) -> dict[int, list[int]]:
     """Return the doors that each scan's last step may have crossed, by their rows."""
     scan, door = doors.grid.near(stack.levels, stack.places)
     apart = np.hypot(*(stack.places[scan] - doors.grid.middles[door]).T)
@@ -157,7 +157,7 @@ def _is_driven(before: _Place, now: _Place) -> bool:
     return now.level == before.level and 0 < waited_s <= GAP_S and hop <= farthest
 
 
-def _line(doors: KnownDoors, row: int) -> Line:
+def _line(doors: WatchedDoors, row: int) -> Line:
     x, y, theta, width = doors.lines[row].tolist()
     return x, y, theta, width
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.scans.beam_model import log_likelihoods, wall_log_likelihoods
 from semmap_log.scans.door_beams import Sights
-from semmap_log.scans.known_doors import KnownDoors
+from semmap_log.scans.watched_doors import WatchedDoors
 from semmap_log.scans.scan_model import ScanModel
 from semmap_log.scans.shifts import shifted_planes
 
@@ -41,7 +41,7 @@ class SightSums:
     """(p,) beams beside the door."""
 
     @classmethod
-    def of(cls, sights: Sights, doors: KnownDoors, model: ScanModel) -> SightSums:
+    def of(cls, sights: Sights, doors: WatchedDoors, model: ScanModel) -> SightSums:
         """Return the sums of all sights."""
         beams, count = sights.beams, len(sights.scan)
         back = beams.came_back
@@ -62,7 +62,9 @@ class SightSums:
         )
 
 
-def _tables(sights: Sights, doors: KnownDoors, model: ScanModel) -> dict[int, NDArray[np.float32]]:
+def _tables(
+    sights: Sights, doors: WatchedDoors, model: ScanModel
+) -> dict[int, NDArray[np.float32]]:
     """Return of each sight the sum (s, h) of its beams' log-likelihoods, by its door's kind."""
     glass = np.where(doors.glass, model.through_glass, model.through_leaf)
     door = sights.door[sights.beams.sight]
