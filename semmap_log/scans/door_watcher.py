@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 
-from semmap_log.scans.watched_doors import WatchedDoors
 from semmap_log.scans.laser_visits import LaserVisits
 from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
 from semmap_log.scans.scan_model import DEFAULT, ScanModel
 from semmap_log.scans.visit import Visit
+from semmap_log.scans.watched_doors import WatchedDoors
 
 
 class DoorWatcher:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.scans.door_beams import sights_of
-from semmap_log.scans.watched_doors import WatchedDoors
 from semmap_log.scans.passages import Passage, Track
 from semmap_log.scans.placed_scan import PlacedScan
 from semmap_log.scans.scan_model import ScanModel
@@ -21,6 +20,7 @@ from semmap_log.scans.sight_sums import SightSums
 from semmap_log.scans.verdict import Verdict, behind_m
 from semmap_log.scans.visit import Visit
 from semmap_log.scans.visit_sums import VisitSums
+from semmap_log.scans.watched_doors import WatchedDoors
 
 AT_ONCE = 32
 """Scans whose beams are worked on together: about what a processor's cache holds."""

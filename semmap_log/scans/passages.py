@@ -9,8 +9,8 @@ from math import cos, hypot, sin
 import numpy as np
 
 from semmap_log.domain.moments import SECOND_NS
-from semmap_log.scans.watched_doors import WatchedDoors
 from semmap_log.scans.scan_stack import ScanStack
+from semmap_log.scans.watched_doors import WatchedDoors
 
 SIDE_M = 0.35
 """The track must come from so far on one side of the line and go on to so far on the other."""

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from semmap_log.scans.beam_model import log_likelihoods, wall_log_likelihoods
 from semmap_log.scans.door_beams import Sights
-from semmap_log.scans.watched_doors import WatchedDoors
 from semmap_log.scans.scan_model import ScanModel
 from semmap_log.scans.shifts import shifted_planes
+from semmap_log.scans.watched_doors import WatchedDoors
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
