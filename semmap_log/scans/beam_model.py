@@ -51,7 +51,7 @@ def log_likelihoods(beams: DoorBeams, leaves: Leaves, glass: Floats, model: Scan
     table = np.repeat(view.free[:, :, None], len(leaves.clear), axis=2)
     nearest = np.broadcast_to(view.wall_at[:, :, None], table.shape)
     for k in range(leaves.most):
-        far, along = _met(beams, view, leaves, k, x, y)
+        far, along = _met(beams, view, leaves, k, (x, y))
         met = np.abs(along, out=along) <= 0.5
         met &= far > view.blind[:, None, None]
         met &= far < nearest
@@ -142,12 +142,13 @@ def _chance(far: Table, view: _View) -> Table:
 
 
 def _met(
-    beams: DoorBeams, view: _View, leaves: Leaves, k: int, x: Table, y: Table
+    beams: DoorBeams, view: _View, leaves: Leaves, k: int, origins: tuple[Table, Table]
 ) -> tuple[Table, Table]:
     """Return (m, s, h) how far a leaf lies beyond where the beam ended, and where on it: -0.5..0.5.
 
-    Both are linear in where the beam begins: `x` and `y` (m, s, 1).
+    Both are linear in where the beam begins: `origins`, x and y (m, s, 1).
     """
+    x, y = origins
     ex, ey = np.cos(leaves.turns[:, k], dtype=float), np.sin(leaves.turns[:, k], dtype=float)
     ux, uy = beams.ux[:, None], beams.uy[:, None]
     ax, ay = (leaves.starts[:, k, i] * beams.width[:, None] for i in (0, 1))

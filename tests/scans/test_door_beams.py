@@ -140,6 +140,7 @@ def test_what_ended_well_before_the_door_says_nothing_unless_a_leaf_may_be_there
     far, near = np.array([[-0.6, 4.0, 0.0, 1.2]]), np.array([[-0.6, 1.6, 0.0, 1.2]])
 
     assert 0 == len(sights(scan, far).beams.range)
+    assert sights(scan, far).hidden[0] > 50
     swept = sights(scan, near).beams
     assert len(swept.range)
     assert not swept.reaches.any()
