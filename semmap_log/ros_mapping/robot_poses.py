@@ -71,7 +71,7 @@ class Poses:
             return
         covered = hasattr(got.message.pose, "covariance")
         pose = got.message.pose.pose if covered else got.message.pose
-        sd_xy, sd_theta = _deviations(got.message.pose.covariance) if covered else (math.nan,) * 2
+        sd_xy, sd_theta = deviations(got.message.pose.covariance) if covered else (math.nan,) * 2
         yield from self._track.take(
             RobotPose(
                 level=self._level,
@@ -133,7 +133,7 @@ MOST_LATE_S = 10.0
 """A link of the chain that came so long before the others is one that nobody sends any more."""
 
 
-def _deviations(covariance: Any) -> tuple[float, float]:
+def deviations(covariance: Any) -> tuple[float, float]:
     """Return the standard deviations in the plane and around z; NaN where none is given.
 
     The covariance is of x, y, z and rotations about X, Y, Z, row by row: 6 x 6. All zeros are what
