@@ -1,4 +1,4 @@
-"""What TF told of one link, over the last seconds: as it came, and as it was at any moment between."""
+"""What TF told of one link over the last seconds, and how it was at any moment in between."""
 
 from __future__ import annotations
 

@@ -48,6 +48,10 @@ class TransformTree:
         self.keep_ns = keep_ns
         self.placed_by_hand: str | None = None
         """A frame whose children another source places: what TF says of them is passed over."""
+        self.strays = 0
+        """Transforms whose stamps are far from the one before of their link."""
+        self.stray = ""
+        """The last of them, in words."""
         self._links: dict[str, _Link] = {}
 
     def take(self, transform: Any, received_ns: int, *, is_static: bool) -> str:
@@ -72,14 +76,23 @@ class TransformTree:
     def put(
         self, child: str, parent: str, pose: LinkPose, stamp: Any, received_ns: int, *,
         is_static: bool = False, holds: bool = False,
-    ) -> bool:  # fmt: skip
-        """Take in where a frame stands in its parent; return whether its stamp fits."""
+    ) -> None:  # fmt: skip
+        """Take in where a frame stands in its parent."""
         link = self._links.get(child)
         if link is None or (link.parent, link.is_static) != (parent, is_static):
             history = LinkHistory(0 if is_static else self.keep_ns, holds)
             self._links[child] = link = _Link(parent, pose, stamp, received_ns, is_static, history)
         link.pose, link.stamp, link.received_ns = pose, stamp, received_ns
-        return self.keep_ns == 0 or is_static or link.history.add(stamp_ns(stamp), pose)
+        if not link.history.keep_ns:
+            return
+        newest = link.history.stamps[-1] if link.history.stamps else 0
+        if not link.history.add(stamp_ns(stamp), pose):
+            self.strays += 1
+            self.stray = f"{parent} -> {child}: by {(stamp_ns(stamp) - newest) / 1e9:.1f} s"
+
+    def has(self, frame: str) -> bool:
+        """Tell whether a frame stands in another, or another in it."""
+        return frame in self._links or any(link.parent == frame for link in self._links.values())
 
     def chain(self, top: str, frame: str) -> tuple[str, ...] | None:
         """Return the children on the way from a frame up to another; None: there is no way."""

@@ -58,7 +58,7 @@ def sweep_of(message: Any) -> Sweep | Unusable:
     return Sweep(
         frame=str(message.header.frame_id).removeprefix("/"),
         stamp_ns=stamp_ns(message.header.stamp),
-        angles=float(message.angle_min) + float(message.angle_increment) * numbers,
+        angles=float(message.angle_min) + float(message.angle_increment) * numbers.astype(float),
         after_ns=np.rint(float(message.time_increment) * 1e9 * numbers).astype(np.int64),
         ranges=meant(ranges[numbers], float(message.range_min), most),
         max_range=most,

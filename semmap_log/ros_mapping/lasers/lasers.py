@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 from semmap_log.domain.events import RobotPose
 from semmap_log.formats.ros.ros_types import LASER_SCAN
@@ -135,7 +134,6 @@ class _Laser:
     _stamp_ns: int = 0
     """Of the last scan that was taken."""
     _happened_ns: int = 0
-    _had_way: bool = False
 
     @property
     def robot(self) -> str:
@@ -185,28 +183,26 @@ class _Laser:
         while self.waiting:
             scan, received_ns = self.waiting[0]
             found = self._placed(scan)
-            if isinstance(found, str):
+            if isinstance(found, _Waits):
                 late = len(self.waiting) > MOST_WAITING or self._stamp_ns - scan.stamp_ns > WAIT_NS
                 if not (late or is_end):
                     return
-                self.all.why_not[self.topic] = found
-                kind = "a scan for whose moment TF has no place; dropped"
-                self.drop(Unusable(kind, found))
+                self.drop(self._without_place(found.on))
             elif isinstance(found, Unusable):
                 self.drop(found)
-            elif found is not None:
+            else:
                 robot_scan = self._on_level(scan, found, received_ns)
                 if robot_scan is not None:
                     self.counts.placed += 1
                     yield robot_scan
             self.waiting.popleft()
 
-    def _placed(self, scan: Sweep | Cloud) -> Placed | Unusable | str | None:
-        """Return a scan on the map; in words what it waits for; None: dropped, and told."""
+    def _placed(self, scan: Sweep | Cloud) -> Placed | Unusable | _Waits:
+        """Return a scan on the map, or why it is not there, or not yet."""
         tree, top = self.all.tree(self.robot), self.all.mapping.map_frame
         chain = tree.chain(top, scan.frame)
         if chain is None:
-            return tree.no_way(top, scan.frame)
+            return _Waits(tree.no_way(top, scan.frame))
         last_ns = scan.stamp_ns
         first_ns = last_ns
         if isinstance(scan, Sweep):
@@ -214,10 +210,7 @@ class _Laser:
             last_ns += int(scan.after_ns.max())
         missing = uncovered(tree, chain, first_ns, last_ns)
         if missing is not None:
-            if missing.may_come:
-                return str(missing)
-            self.all.why_not[self.topic] = str(missing)
-            return Unusable("a scan for whose moment TF has no place; dropped", str(missing))
+            return _Waits(str(missing)) if missing.may_come else self._without_place(str(missing))
         jump = jump_in(tree, chain, first_ns, last_ns)
         if jump is not None:
             self.counts.jumps.append(jump)
@@ -257,18 +250,23 @@ class _Laser:
         found = happened_ns(_Stamp(*divmod(stamp_ns, 10**9)), received_ns, within_s=within_s)
         return stamp_ns if found is None else found
 
+    def _without_place(self, why: str) -> Unusable:
+        self.all.why_not[self.topic] = why
+        return Unusable("a scan for whose moment TF tells no place; dropped", why)
+
     def drop(self, why: Unusable) -> None:
         self.all.complaints.add(self.topic, why.kind, why.example)
+
+
+@dataclass(frozen=True, slots=True)
+class _Waits:
+    """A scan has no place yet."""
+
+    on: str
+    """For what."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Stamp:
     sec: int
     nanosec: int
-
-
-__all__ = ["Lasers", "RobotScan", "ScanCounts"]
-
-
-def _any(value: Any) -> Any:
-    return value

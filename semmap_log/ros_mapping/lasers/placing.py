@@ -102,7 +102,7 @@ def place_cloud(cloud: Cloud, where: Where, heights: tuple[float, float]) -> Pla
     back = inverse(robot.turn)
     dx, dy, dz = (a - b for a, b in zip(sensor.shift, robot.shift, strict=True))
     origin = np.concatenate(rotated((dx, dy, dz), back))
-    x, y, z = rotated(tuple(cloud.points.T), product(back, sensor.turn))  # type: ignore[arg-type]
+    x, y, z = rotated(tuple(cloud.points.T), product(back, sensor.turn))
     points = np.stack([x, y, z], axis=1) + origin
     bearings, ranges = cut(points, origin, heights)
     place = np.array([float(sensor.shift[0][0]), float(sensor.shift[1][0])])

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from semmap_log.ros_mapping.link_history import LinkPose
-from semmap_log.ros_mapping.robot_poses import deviations
 from semmap_log.ros_mapping.rotations import inverse, product, rotated
-from semmap_log.ros_mapping.topic_reader import yaw_of
+from semmap_log.ros_mapping.topic_reader import deviations, yaw_of
 from semmap_log.ros_mapping.transforms import TransformTree, stamp_ns
 
 HOLDS_NS = 60 * 10**9
