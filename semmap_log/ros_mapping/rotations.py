@@ -6,6 +6,7 @@ as there are of the others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -35,6 +36,13 @@ def inverse(turn: Quaternion) -> Quaternion:
     return -x, -y, -z, w
 
 
+def unit(turn: Sequence[Any]) -> Quaternion:
+    """Return a quaternion of length 1, as a turn has it: a longer one would stretch, too."""
+    length = np.sqrt(sum(part * part for part in turn))
+    x, y, z, w = (part / length for part in turn)
+    return x, y, z, w
+
+
 def rotated(vector: Vector, turn: Quaternion) -> Vector:
     """Return a vector turned."""
     return product(product(turn, (*vector, 0.0)), inverse(turn))[:3]
@@ -55,9 +63,7 @@ def between(a: Quaternion, b: Quaternion, share: Any) -> Quaternion:
     of_a = np.where(is_small, 1 - share, np.sin((1 - share) * angle) / safe)
     of_b = np.where(is_small, share, np.sin(share * angle) / safe) * sign
     mixed = [of_a * one + of_b * other for one, other in zip(a, b, strict=True)]
-    length = np.sqrt(sum(part * part for part in mixed))
-    x, y, z, w = (part / length for part in mixed)
-    return x, y, z, w
+    return unit(mixed)
 
 
 SMALL = 1e-6

@@ -230,7 +230,7 @@ class RosMapping:
     @property
     def reads_scans(self) -> bool:
         """Tell whether any laser is read."""
-        return self.scans is not None or any(True for _ in self._scan_rules())
+        return self.scans is not None or any(True for _ in self.scan_rules())
 
     def with_scans(self, topics: Collection[str], pose_topic: str = "") -> RosMapping:
         """Return a mapping that reads scans of these topics, too.
@@ -278,7 +278,8 @@ class RosMapping:
         }
         return replace(self, topics=kept, scans=None)
 
-    def _scan_rules(self) -> Iterator[ReadScan]:
+    def scan_rules(self) -> Iterator[ReadScan]:
+        """Yield how lasers are read."""
         for rule in self.topics.values():
             if isinstance(rule.reading, ReadScan):
                 yield rule.reading
@@ -288,7 +289,7 @@ class RosMapping:
     def _rule_for_lasers(self, topic: str, ros_type: str) -> TopicRule | None:
         """Return how a topic is read that a laser needs, or that is one's."""
         namespace, _, name = topic.strip("/").rpartition("/")
-        if any(topic == laser.pose_topic for laser in self._scan_rules()):
+        if any(topic == laser.pose_topic for laser in self.scan_rules()):
             return TopicRule(ReadPlace(namespace))
         if ros_type in ONLY_TYPES[ReadFrames] and name in {"tf", "tf_static"}:
             return TopicRule(ReadFrames(namespace))

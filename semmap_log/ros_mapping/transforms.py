@@ -17,6 +17,7 @@ from semmap_log.ros_mapping.rotations import (
     Vector,
     product,
     rotated,
+    unit,
     yaw,
 )
 from semmap_log.ros_mapping.topic_reader import yaw_of
@@ -68,7 +69,7 @@ class TransformTree:
         if not all(math.isfinite(value) for value in translation):
             raise ValueError(f"a translation that is not finite: {translation}")
         if parent != self.placed_by_hand:
-            pose = LinkPose(translation, (turn.x, turn.y, turn.z, turn.w))
+            pose = LinkPose(translation, unit((turn.x, turn.y, turn.z, turn.w)))
             stamp = transform.header.stamp
             self.put(child, parent, pose, stamp, received_ns, is_static=is_static)
         return child

@@ -71,10 +71,21 @@ class Lasers:
     _lasers: dict[str, _Laser] = field(default_factory=dict)
 
     def tree(self, robot: str) -> TransformTree:
-        """Return the frames of a robot; of "": those of all that have no tree of their own."""
+        """Return the frames of a robot, to put transforms in; "": of all that have none apart."""
         if robot not in self._trees:
-            self._trees[robot] = TransformTree(KEEP_NS if self.mapping.reads_scans else 0)
+            tree = TransformTree(KEEP_NS if self.mapping.reads_scans else 0)
+            tree.placed_by_hand = self.mapping.map_frame if self._has_poses(robot) else None
+            self._trees[robot] = tree
         return self._trees[robot]
+
+    def tree_of(self, robot: str) -> TransformTree:
+        """Return the frames in which a robot is: its own, where there are such, or those of all."""
+        return self.tree(robot if robot in self._trees else "")
+
+    def _has_poses(self, robot: str) -> bool:
+        """Tell whether a topic of poses puts a robot on the map, instead of TF."""
+        rules = self.mapping.scan_rules()
+        return any(rule.pose_topic and rule.robot in {None, robot} for rule in rules)
 
     def add(self, topic: str, rule: ReadScan, level: int) -> None:
         """Have a laser, whose scans come by a topic."""
@@ -96,7 +107,7 @@ class Lasers:
         self._spreads.setdefault(robot, Spreads()).take(got.message)
         for laser in self._lasers.values():
             if laser.rule.pose_topic == got.topic and got.topic not in self._links:
-                tree = self.tree(laser.robot)
+                tree = self.tree_of(laser.robot)
                 self._links[got.topic] = MapLink(
                     tree, self.mapping.map_frame, laser.robot_frame(tree)
                 )
@@ -199,7 +210,7 @@ class _Laser:
 
     def _placed(self, scan: Sweep | Cloud) -> Placed | Unusable | _Waits:
         """Return a scan on the map, or why it is not there, or not yet."""
-        tree, top = self.all.tree(self.robot), self.all.mapping.map_frame
+        tree, top = self.all.tree_of(self.robot), self.all.mapping.map_frame
         chain = tree.chain(top, scan.frame)
         if chain is None:
             return _Waits(tree.no_way(top, scan.frame))

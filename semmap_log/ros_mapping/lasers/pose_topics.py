@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.ros_mapping.link_history import LinkPose
-from semmap_log.ros_mapping.rotations import inverse, product, rotated
+from semmap_log.ros_mapping.rotations import inverse, product, rotated, unit
 from semmap_log.ros_mapping.topic_reader import deviations, yaw_of
 from semmap_log.ros_mapping.transforms import TransformTree, stamp_ns
 
@@ -49,9 +49,6 @@ class MapLink:
     robot_frame: str
     _waiting: list[tuple[int, LinkPose, Any, int]] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self.tree.placed_by_hand = self.map_frame
-
     def take(self, message: Any, received_ns: int) -> None:
         """Take in a pose in the map's frame: PoseStamped, PoseWithCovarianceStamped or Odometry.
 
@@ -66,7 +63,7 @@ class MapLink:
         if not all(map(math.isfinite, shift)):
             raise ValueError(f"a position that is not finite: {shift}")
         stamp = message.header.stamp
-        link = LinkPose(shift, (turn.x, turn.y, turn.z, turn.w))
+        link = LinkPose(shift, unit((turn.x, turn.y, turn.z, turn.w)))
         self._waiting.append((stamp_ns(stamp), link, stamp, received_ns))
         del self._waiting[:-MOST_WAITING]
         self.settle()
