@@ -68,7 +68,7 @@ def _check(room: LaserRoom, scans: list[RobotScan], atol: float = 1e-3) -> None:
         )
         angles = room.first_angle + np.arange(room.beams) * math.tau / room.beams
         times = t + np.arange(room.beams) * room.turn_s / room.beams
-        poses = np.array([room.laser(each) for each in times])
+        poses = room.lasers(times)
         np.testing.assert_allclose(poses[:, :2, 3], scan.origins, atol=atol)
         local = np.stack([np.cos(angles), np.sin(angles), 0 * angles, 0 * angles], axis=1)
         directions = np.einsum("nij,nj->ni", poses, local)[:, :2]
