@@ -30,7 +30,7 @@ from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
 from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
-from semmap_log.ros_mapping.lasers.visit_events import Sightings, VisitCommit, named
+from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit, named
 from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping
 from semmap_log.ros_mapping.translator import Translator
@@ -222,11 +222,11 @@ class _Scanning:
     mapping: RosMapping
     doors: DoorsThen
     complaints: TopicProblems = field(default_factory=TopicProblems)
-    sightings: Sightings = field(init=False)
+    sightings: LaserSightings = field(init=False)
     _first: RobotScan | None = None
 
     def __post_init__(self) -> None:
-        self.sightings = Sightings(self.doors, robot=self.log.info.robot)
+        self.sightings = LaserSightings(self.doors, robot=self.log.info.robot)
 
     def plan(self, bag_id: bytes, progress: Progress | None) -> ScanPlan:
         known = Known.of(self.log)

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from semmap_log.domain.doors import Door
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers
-from semmap_log.ros_mapping.lasers.visit_events import Sightings
+from semmap_log.ros_mapping.lasers.visit_events import LaserSightings
 
 
-def counts_of(lasers: Lasers, sightings: Sightings) -> Iterator[str]:
+def counts_of(lasers: Lasers, sightings: LaserSightings) -> Iterator[str]:
     """Yield how many scans and visits there were."""
     for topic, counts in lasers.counts.items():
         dropped = f", {counts.dropped:,} dropped (the warnings say why)" if counts.dropped else ""
@@ -19,7 +19,7 @@ def counts_of(lasers: Lasers, sightings: Sightings) -> Iterator[str]:
 
 
 def oddities_of(
-    lasers: Lasers, sightings: Sightings, known: Known, when: Callable[[int], str]
+    lasers: Lasers, sightings: LaserSightings, known: Known, when: Callable[[int], str]
 ) -> Iterator[str]:
     """Yield what is odd, beside what was complained about message by message.
 
@@ -30,10 +30,9 @@ def oddities_of(
         when: Writes a stamp.
     """
     for topic, counts in lasers.counts.items():
-        if counts.jumps:
-            jump = max(counts.jumps)
+        if (jump := counts.worst_jump) is not None:
             most = f"by {jump} at {when(jump.stamp_ns)}"
-            yield f"{topic}: the pose jumps: {len(counts.jumps):,} scans dropped, the most {most}"
+            yield f"{topic}: the pose jumps: {counts.jumps:,} scans dropped, the most {most}"
     for why, count in sorted(sightings.not_used.items()):
         yield f"scans that were not looked through: {why} ({count:,} times)"
     tally = sightings.tally
