@@ -175,7 +175,7 @@ def test_a_dry_run_shows_sightings_with_their_sources(tmp_path: Path) -> None:
 
 def test_a_laser_on_a_real_ros_sees_a_door(ros: RosWorld, tmp_path: Path) -> None:
     """
-    /scan, /tf and a latched /tf_static, as a robot publishes them, from now on; Ctrl-C ends a visit.
+    /scan, /tf and a latched /tf_static, as a robot publishes them, now; Ctrl-C ends a visit.
     """
     office = _office(tmp_path / "office")
     version: Any = 1 if ros.version == 1 else 2

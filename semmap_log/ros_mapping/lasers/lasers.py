@@ -234,9 +234,7 @@ class _Laser:
             return place_sweep(scan, where)
         return place_cloud(scan, where, self.rule.heights)
 
-    def _on_level(
-        self, scan: Sweep | Cloud, placed: Placed, received_ns: int
-    ) -> RobotScan | None:
+    def _on_level(self, scan: Sweep | Cloud, placed: Placed, received_ns: int) -> RobotScan | None:
         """Return what was seen when, by the clock of the log; None: that does not advance."""
         happened = self._when(scan.stamp_ns, received_ns)
         if happened <= self._happened_ns:
