@@ -68,10 +68,12 @@ class ScanModel:
     """What a scan is worth at most."""
     step: float = 0.25
     """A scan this far from the last one is new altogether; nearer ones are worth less."""
-    still_s: float = 30.0
+    still_s: float = 120.0
     """A robot that stands gets one new scan's worth in this time."""
     least_fresh: float = 0.4
-    """Scans wait until they are worth this much of a new one."""
+    """Scans are left out until one is worth this much ..."""
+    least_often_s: float = 2.0
+    """... or the last that was looked at is this old."""
     most_looks: float = 12.0
     """What a visit can be worth, however much it saw."""
     pause_s: float = 10.0
@@ -83,6 +85,9 @@ class ScanModel:
     """Looks through the line, or on it, that a word needs."""
     most_deep: float = 0.3
     """CLOSED needs that fewer looks went deep, as a share of those that ended on the line."""
+    most_hidden: float = 0.8
+    """Share of the beams towards the door that something before it stopped: more, and what the
+    others met is as likely its edge as the door."""
     least_accuracy: float = 0.8
     """Below it nothing is said."""
     most_ajar_shut: float = 0.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -491,6 +492,29 @@ def test_scan_stands_alone_or_before_a_topic_or_a_file(
     assert 1 == _run("import", office, path, "--scan", "/rear")
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
     assert "expected a topic /rear" in capsys.readouterr().err
+
+
+def test_since_when_doors_were_there_can_be_tried_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A dry run takes the line that the refusal tells, and shows the doors' earlier adding, too.
+    """
+    x, y, theta, width = DOOR
+    office, path = tmp_path / "office", _mcap(tmp_path)
+    with sl.create(office, tz="Europe/Vienna") as log:
+        log.add_door(x=x, y=y, theta=theta, width=width)
+
+    assert 1 == _run("import", office, path, "--scan")
+    line = capsys.readouterr().err.partition("say so: ")[2]
+    assert 0 == _run(*shlex.split(line)[1:], "--dry-run")
+    kinds = [json.loads(text)["kind"] for text in capsys.readouterr().out.splitlines()]
+    assert ["Retracted", "DoorAdded"] == kinds[:2]
+    assert ["DoorObserved"] * 2 == [kind for kind in kinds if kind.startswith("DoorO")]
+    assert 1 == len(list(sl.read(office).commits()))
+    assert 0 == _run(*shlex.split(line)[1:])
+    assert 2 == len(_states(office))
+    assert 2 == _run("import", office, path, "--scan", "--since-ever")
 
 
 def test_json_has_the_counts(
