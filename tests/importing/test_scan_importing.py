@@ -430,7 +430,7 @@ def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -
 
     assert [DoorState.OPEN] * 5 == _states(office)
     (text,) = [each for each in imported.plan.warnings if "glass" in each]
-    assert text.startswith("door 1 (lab): open at all 5 visits and never driven through")
+    assert text.startswith("door 1 (lab): open at all 5 visits that decided, never driven through")
 
 
 def test_a_pose_that_jumps_is_told_with_when_and_how_far(office: Path, tmp_path: Path) -> None:
