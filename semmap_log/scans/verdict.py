@@ -72,10 +72,11 @@ class _Looks:
     def of(cls, sums: VisitSums, share: Floats, leaves: Leaves, p_open: float) -> _Looks:
         by_shift = share[:, leaves.open if p_open > 0.5 else leaves.shut].sum(1)
         by_shift /= max(float(by_shift.sum()), np.finfo(float).tiny)
-        return cls(
-            *(float(by_shift @ n) for n in (sums.through, sums.stopped, sums.deep)),
-            hidden=sums.hidden / max(sums.hidden + sums.looks, 1e-9),
+        through, stopped, deep = (
+            float(by_shift @ looks) for looks in (sums.through, sums.stopped, sums.deep)
         )
+        hidden = sums.hidden / max(sums.hidden + sums.looks, 1e-9)
+        return cls(through, stopped, deep, hidden)
 
 
 def _why(p_open: float, ajar: float, looks: _Looks, model: ScanModel, *, is_glass: bool) -> str:

@@ -152,3 +152,4 @@ def test_a_beam_that_was_not_measured_says_nothing() -> None:
     none = replaced(scan, ranges=np.full(500, np.nan))
 
     assert 0 == len(sights(none, doors).beams.range)
+    assert 0 == sights(none, doors).hidden.sum()
