@@ -139,8 +139,8 @@ class VisitTally:
             opened, shut = door.visits[DoorState.OPEN], door.visits[DoorState.CLOSED]
             if opened >= GLASS_VISITS and not shut + door.passed and door_id not in self.glass:
                 yield (
-                    f"door {name}: open at all {opened} visits and never driven through; a shut "
-                    "door of glass looks like that: if it is one, annotate it (key glass, yes)"
+                    f"door {name}: open at all {opened} visits that decided, never driven through; "
+                    "glass? A shut door of glass looks like that: `annotate` it (key glass, yes)"
                 )
 
     def nothing_met(self, level: int) -> str:
