@@ -47,5 +47,5 @@ class Visit:
     side: int = 0
     """From where it was seen: 1 the left of its line, -1 the right, 0 both or not told."""
     leaves: tuple[LeafLine, ...] = ()
-    """Where the scans, placed as they were told, have the leaf or leaves, most likely; empty: out of
+    """Where the scans, placed as they were told, most likely have the leaf or leaves; empty: out of
     sight, or not told."""
