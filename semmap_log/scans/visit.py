@@ -7,10 +7,6 @@ from math import nan
 
 from semmap_log.domain.doors import DoorId, DoorState
 
-LeafLine = tuple[float, float, float, float]
-"""Along and across at one end, along and across at the other, m: in the frame of the door, whose
-line runs along from 0 to its width; across is positive to the left of it."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Visit:
@@ -52,6 +48,3 @@ class Visit:
     robot: str = ""
     side: int = 0
     """From where it was seen: 1 the left of its line, -1 the right, 0 both or not told."""
-    leaves: tuple[LeafLine, ...] = ()
-    """Where the scans, placed as they were told, most likely have the leaf or leaves; empty: out of
-    sight, or not told."""
