@@ -12,13 +12,12 @@ import pytest
 
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.errors import OutputError
-from semmap_log.formats.bags.mcap_reading import MAGIC
-from semmap_log.formats.bags.mcap_records import records
 from semmap_log.formats.kept_scans.kept_visit import KeptVisit, folder_beside
 from semmap_log.formats.kept_scans.reading import has_kept_scans, kept_visits, scans_of_event
 from semmap_log.formats.kept_scans.writing import KeptScansWriter, keeping_scans
 from semmap_log.scans.placed_scan import PlacedScan
 from semmap_log.scans.visit import Visit
+from tests.formats.kept_scans.torn import chunks_at
 from tests.scans.some_scans import LINE, seen_visit
 from tests.scans.some_visits import S, some_visit
 
@@ -160,7 +159,7 @@ def test_a_damaged_file_is_read_up_to_there_and_told(tmp_path: Path) -> None:
     visits = [seen_visit(30 * n, scans=2) for n in range(3)]
     path = _keep(tmp_path / "office", visits)
     data = bytearray(path.read_bytes())
-    data[_chunks_at(path)[2] + 100] ^= 0xFF
+    data[chunks_at(path)[2] + 100] ^= 0xFF
     path.write_bytes(data)
     told: list[str] = []
 
@@ -175,7 +174,7 @@ def test_zeros_behind_a_power_cut_are_no_visits(tmp_path: Path) -> None:
     Blocks that were given to the file, and never written.
     """
     path = _keep(tmp_path / "office", [seen_visit(30 * n) for n in range(2)])
-    path.write_bytes(path.read_bytes()[: _chunks_at(path)[1]] + bytes(4096))
+    path.write_bytes(path.read_bytes()[: chunks_at(path)[1]] + bytes(4096))
     told: list[str] = []
 
     assert len(_read(tmp_path / "office", tell=told.append)) == 1
@@ -322,16 +321,6 @@ def test_others_read_it(tmp_path: Path) -> None:
     assert [at for topic, at, _ in messages if topic == "/tf"] == [s.stamp_ns for s in scans]
     frames = {m.transforms[0].child_frame_id for topic, _, m in messages if topic == "/tf"}
     assert frames == {m.header.frame_id for topic, _, m in messages if topic.endswith("/scan")}
-
-
-def _chunks_at(path: Path) -> list[int]:
-    """Where the chunks of a file begin, each a visit."""
-    from mcap.opcode import Opcode
-
-    with path.open("rb") as file:
-        end = file.seek(0, 2) - len(MAGIC)
-        found = records(file, len(MAGIC), end, ())
-        return [record.at for record in found if record.opcode == Opcode.CHUNK]
 
 
 def _topics(path: Path) -> set[str]:

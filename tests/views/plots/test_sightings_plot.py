@@ -14,7 +14,7 @@ from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.formats.kept_scans.kept_visit import KeptVisit
 from semmap_log.scans.door_figures import door_figures
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
-from semmap_log.views.plots.sightings import (
+from semmap_log.views.plots.sighting_panels import (
     MOST_BEAMS,
     MOST_DOORS,
     DoorPictures,
