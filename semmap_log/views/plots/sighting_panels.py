@@ -15,7 +15,18 @@ from semmap_log.formats.kept_scans.kept_visit import KeptVisit
 from semmap_log.scans.door_figures import DoorFigures
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
-from semmap_log.views.palette import DEFAULT, Palette, Rgb
+from semmap_log.views.palette import (
+    DEFAULT,
+    PLOT_BEAM,
+    PLOT_BEAM_ASIDE,
+    PLOT_BEAM_LOST,
+    PLOT_BEAM_SHORT,
+    PLOT_GRID,
+    PLOT_LEAF,
+    PLOT_WORDS,
+    Palette,
+    Rgb,
+)
 from semmap_log.views.plots.matplotlib_sdk import (
     Line2D,
     LineCollection,
@@ -41,7 +52,11 @@ MOST_BEAMS = 80
 """So many lines of beams are drawn in a picture; more would be one area."""
 WORD_LETTERS, BIG_LETTERS = 46, 22
 """In a line above a picture; where there are fewer, they are larger."""
-_LOOK = {Fate.aside: ("#b9bcc4", 1.2), Fate.short: ("#8a5fb0", 3.0), Fate.lost: ("#555560", 3.5)}
+_LOOK = {
+    Fate.aside: (PLOT_BEAM_ASIDE, 1.2),
+    Fate.short: (PLOT_BEAM_SHORT, 3.0),
+    Fate.lost: (PLOT_BEAM_LOST, 3.5),
+}
 """Colour and size, points, of where beams ended; the others have those of the states."""
 
 
@@ -162,7 +177,7 @@ def _write(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
     lines: list[tuple[str, float, float, dict[str, Any]]] = [
         (said, 0.34, 9.5 if len(said) < BIG_LETTERS else 7.5, {"color": text, "weight": "bold"}),
         (when(visit, tz), 0.18, 8, {"color": "black"}),
-        (grounds(visit), 0.04, 6.5, {"color": "#444444"}),
+        (grounds(visit), 0.04, 6.5, {"color": PLOT_WORDS}),
     ]
     for line, above_in, size, look in lines:
         panel.text(0, 1 + above_in / PANEL_IN, printable(_short(line)), fontsize=size,
@@ -178,7 +193,7 @@ def _frame(panel: Any, scene: DoorScene) -> None:
     panel.set_xticks([tick for tick in ticks + 1 if abs(tick - scene.width / 2) < half], [])
     panel.tick_params(length=2.5, direction="in")
     for spine in panel.spines.values():
-        spine.set_color("#c8cad0")
+        spine.set_color(PLOT_GRID)
 
 
 def _draw_beams(panel: Any, scene: DoorScene, palette: Palette) -> None:
@@ -186,7 +201,7 @@ def _draw_beams(panel: Any, scene: DoorScene, palette: Palette) -> None:
     some = np.linspace(0, len(toward.ends) - 1, min(len(toward.ends), MOST_BEAMS)).astype(int)
     segments = np.stack([toward.begins[some], toward.ends[some]], axis=1)
     panel.add_collection(
-        LineCollection(list(segments), colors=["#9aa0ac"], linewidths=0.35, alpha=0.5, zorder=1)
+        LineCollection(list(segments), colors=[PLOT_BEAM], linewidths=0.35, alpha=0.5, zorder=1)
     )
     for fate in Fate:
         colour, size = look_of(fate, palette)
@@ -215,7 +230,7 @@ def _key(palette: Palette) -> Iterator[Any]:
     yield Line2D([], [], color=_part(palette.robot), linewidth=2, marker="o", markersize=5,
                  label="laser, its last place as a dot")  # fmt: skip
     yield Line2D([], [], color="black", linewidth=1, marker="|", label="the door's line")
-    yield Line2D([], [], color="#777777", linewidth=4, solid_capstyle="round",
+    yield Line2D([], [], color=PLOT_LEAF, linewidth=4, solid_capstyle="round",
                  label="the leaf, most likely, in the colour of what is said")  # fmt: skip
 
 

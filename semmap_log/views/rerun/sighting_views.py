@@ -21,7 +21,7 @@ from semmap_log.formats.kept_scans.kept_visit import DoorLine, KeptVisit
 from semmap_log.formats.kept_scans.reading import has_kept_scans, kept_visits
 from semmap_log.scans.visit import Visit
 from semmap_log.views.excerpt.span import Excerpt
-from semmap_log.views.palette import Palette, Rgb
+from semmap_log.views.palette import BEAM_SHORT, Palette, Rgb
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import HAPPENED, RowWriter, rgba
@@ -50,8 +50,6 @@ ASIDE_POINTS, TOLD_POINTS = 1.0, 2.2
 AT_ONCE = 64
 """Visits of a door that are written together: some MB."""
 ROW = np.dtype([("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8")])
-SHORT: Rgb = (0xB0, 0x8A, 0xE0)
-"""Of where beams ended before a line: nobody's state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +235,7 @@ class _DoorPen:
     def _points(self, rows: Any, pairs: Sequence[tuple[KeptVisit, DoorScene]]) -> None:
         """Write where beams ended, in the colours of what became of them."""
         look = np.array([
-            self.palette.plain_text, SHORT, self.palette.closed, self.palette.open,
+            self.palette.plain_text, BEAM_SHORT, self.palette.closed, self.palette.open,
             self.palette.plain_text,
         ])  # fmt: skip
         found = [_ends(scene) for _, scene in pairs]
