@@ -64,6 +64,16 @@ def plan_bag(
     )
 
 
+def reads_any(path: Path, mapping: RosMapping) -> bool:
+    """Tell whether a bag has a topic that a mapping reads.
+
+    Raises:
+        FormatError: The bag cannot be read.
+    """
+    with open_bag(path) as bag:
+        return any(mapping.rule(c.topic, c.message_type.name) for c in bag.channels)
+
+
 @dataclass(frozen=True, slots=True)
 class _BagEvents:
     """The events of a bag that was gone through before, read anew: they are many."""

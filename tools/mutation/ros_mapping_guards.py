@@ -145,7 +145,7 @@ WHERE = (
     guard("angles go around", "PoseFilter._has_moved",
           "math.remainder(pose.theta - kept.theta, math.tau)", "pose.theta - kept.theta",
           "test_misleading_messages"),
-    guard("a variance that is none", "_deviations",
+    guard("a variance that is none", "deviations",
           "math.sqrt(in_plane) if 0 < in_plane < math.inf else math.nan", "math.sqrt(in_plane)",
           "test_robot"),
     guard("transforms of another time", "Transforms.events", "MOST_LATE_S", "1e99", "test_robot"),
