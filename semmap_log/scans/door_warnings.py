@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from enum import Enum
-from math import isfinite, sqrt
 
 from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.scans.door_figures import (
-    DoorFigures,
-    door_figures,
-    left_of,
-    visits_by_door,
-)
-from semmap_log.scans.visit import Visit
+from semmap_log.domain.doors import DoorId
+from semmap_log.scans.door_figures import DoorFigures, Mean
 
 FEW = 5
 """Habits are told of doors with at least so many visits."""
@@ -26,15 +19,17 @@ OFF_M = 0.12
 SURE = 2.0
 """Standard errors that an offset must be away from 0."""
 MOSTLY = 0.5
+MOVE_IT = "if its line is drawn there by mistake, move it with `update`"
+GLASS_IT = "a shut glass door looks so; if it is one, annotate it (key glass, yes)"
 
 
 class Concern(str, Enum):
     """What a warning is about."""
 
-    offset = "offset"
-    glass = "glass"
-    undecided = "undecided"
     contradiction = "contradiction"
+    offset = "offset"
+    undecided = "undecided"
+    glass = "glass"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,86 +46,73 @@ class DoorWarning:
         return f"door {label}: {self.text}"
 
 
-def door_warnings(visits: Iterable[Visit], *, glass: Container[DoorId] = ()) -> list[DoorWarning]:
-    """Return what should be looked at, doors ascending.
+def door_warnings(
+    doors: Iterable[DoorFigures], *, glass: Container[DoorId] = ()
+) -> list[DoorWarning]:
+    """Return what should be looked at, door by door.
 
     Args:
-        visits: Of all doors, in any order.
+        doors: The figures of each.
         glass: Doors that are known to be of glass.
     """
     found = []
-    for door_id, those in visits_by_door(visits):
-        (figures,) = door_figures(those)
+    for door in doors:
         told = {
-            Concern.contradiction: _contradiction(those),
-            Concern.offset: _offset(those),
-            Concern.undecided: _undecided(figures),
-            Concern.glass: "" if door_id in glass else _glass(figures),
+            Concern.contradiction: _contradiction(door),
+            Concern.offset: _offset(door),
+            Concern.undecided: _undecided(door),
+            Concern.glass: "" if door.door_id in glass else _glass(door),
         }
-        found += [DoorWarning(door_id, concern, text) for concern, text in told.items() if text]
+        found += [
+            DoorWarning(door.door_id, concern, text) for concern, text in told.items() if text
+        ]
     return found
 
 
-def _contradiction(visits: Sequence[Visit]) -> str:
-    through = [visit for visit in visits if visit.passed]
-    shut = [
-        visit
-        for visit in visits
-        if visit.state is DoorState.CLOSED and any(_overlap(visit, other) for other in through)
-    ]
-    if not shut:
+def _contradiction(door: DoorFigures) -> str:
+    if not door.contradictions:
         return ""
     return (
-        f"CLOSED while the robot drove through it ({counted(len(shut), 'visit')}): are its line "
-        "and the poses right?"
+        f"CLOSED while the robot drove through it ({counted(door.contradictions, 'visit')}): are "
+        "its line and the poses right?"
     )
 
 
-def _overlap(one: Visit, other: Visit) -> bool:
-    return one.first_ns <= other.last_ns and other.first_ns <= one.last_ns
-
-
-def _offset(visits: Sequence[Visit]) -> str:
-    told = [visit for visit in visits if isfinite(visit.behind_m)]
-    if len({visit.side for visit in told} - {0}) == 2:
-        # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
-        sideways = [left_of(visit) for visit in told if visit.side]
-        if _is_off(sideways):
-            mean = sum(sideways) / len(sideways)
-            return (
-                f"beams end {abs(mean):.2f} m to the {'left' if mean > 0 else 'right'} of its line "
-                f"on average ({counted(len(sideways), 'visit')} from both sides): is it drawn "
-                "where the leaf is?"
-            )
-    behind = [visit.behind_m for visit in told]
-    if not _is_off(behind):
+def _offset(door: DoorFigures) -> str:
+    # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
+    if len(door.sides) > 1 and _is_off(door.left_m):
+        mean, count = door.left_m.value, door.left_m.count
+        side = "left" if mean > 0 else "right"
+        return (
+            f"beams end {abs(mean):.2f} m to the {side} of its line on average "
+            f"({counted(count, 'visit')} from both sides); {MOVE_IT}"
+        )
+    if not _is_off(door.behind_m):
         return ""
-    mean = sum(behind) / len(behind)
+    mean, count = door.behind_m.value, door.behind_m.count
+    side = "behind" if mean > 0 else "before"
     return (
-        f"beams end {abs(mean):.2f} m {'behind' if mean > 0 else 'before'} its line on average "
-        f"({counted(len(behind), 'visit')}): is it drawn where the leaf is, and are the poses "
-        "right?"
+        f"beams end {abs(mean):.2f} m {side} its line on average ({counted(count, 'visit')}); "
+        f"{MOVE_IT}"
     )
 
 
-def _is_off(offsets: Sequence[float]) -> bool:
+def _is_off(offsets: Mean) -> bool:
     """Tell whether offsets are one on average, and not by chance."""
-    if len(offsets) < LEAST_OFFSETS:
+    if offsets.count < LEAST_OFFSETS:
         return False
-    mean = sum(offsets) / len(offsets)
-    variance = sum((offset - mean) ** 2 for offset in offsets) / (len(offsets) - 1)
-    return abs(mean) >= OFF_M and abs(mean) >= SURE * sqrt(variance / len(offsets))
+    return abs(offsets.value) >= max(OFF_M, SURE * offsets.error)
 
 
-def _undecided(figures: DoorFigures) -> str:
-    if figures.visits < FEW or figures.undecided <= MOSTLY * figures.visits:
+def _undecided(door: DoorFigures) -> str:
+    if door.visits < FEW or door.undecided <= MOSTLY * door.visits:
         return ""
-    why = f", mostly: {figures.why}" if figures.why else ""
-    return f"{figures.undecided} of {counted(figures.visits, 'visit')} undecided{why}"
+    return f"{door.undecided} of {counted(door.visits, 'visit')} undecided, mostly: {door.why}"
 
 
-def _glass(figures: DoorFigures) -> str:
+def _glass(door: DoorFigures) -> str:
     """Return a question where the laser may see through what nobody walks through."""
-    if figures.closed or figures.passed or figures.open < FEW:
+    if door.closed or door.passed or door.open < FEW:
         return ""
-    return f"always open ({counted(figures.open, 'visit')}), never driven through: glass?"
+    visits = counted(door.open, "visit")
+    return f"always open ({visits}), never driven through: glass? {GLASS_IT}"

@@ -250,9 +250,9 @@ def _figures(door: DoorPictures) -> str:
     said = [f"{counted(figures.visits, 'visit')}: {states}"]
     if figures.passed:
         said.append(f"driven through in {figures.passed}")
-    if math.isfinite(figures.behind_m):
-        where = "behind" if figures.behind_m >= 0 else "before"
-        said.append(f"beams near its line end {abs(figures.behind_m):.2f} m {where} it")
+    if math.isfinite(behind := figures.behind_m.value):
+        where = "behind" if behind >= 0 else "before"
+        said.append(f"beams near its line end {abs(behind):.2f} m {where} it")
     if len(door.visits) < figures.visits - figures.passed:
         said.append(f"{len(door.visits)} drawn, half of them the least sure")
     return "; ".join(said)
