@@ -41,6 +41,7 @@ from semmap_log.importing.scan_importing import (
 from semmap_log.importing.scan_topics import ScanOptions, with_scans
 from semmap_log.io.disk import utf8_name
 from semmap_log.io.progress import Progress
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.mapping_file import read_mapping
 from semmap_log.ros_mapping.topic_rules import WELL_KNOWN, RosMapping
 
@@ -231,9 +232,17 @@ def _mapping_of(path: Path, options: ImportOptions) -> RosMapping:
 
 
 def plan_scan_import(
-    log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None
-) -> ScanImport | None:
+    log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None,
+    *, keeper: ScanKeeper | None = None,
+) -> ScanImport | None:  # fmt: skip
     """Return what a bag would bring whose scans are looked through; None: no laser is asked for.
+
+    Args:
+        log: As it stands.
+        path: The bag.
+        options: How it is read.
+        progress: Told (messages read, messages in all).
+        keeper: What keeps the scans of all visits; None: nobody does.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
@@ -249,8 +258,9 @@ def plan_scan_import(
     topics_id = command_id_of(path, replace(options, scan=None, since_ns=None))
     since_id = hashlib.sha256(bag_id + f"since {since_ns}".encode()).digest()[:16]
     return plan_with_scans(
-        log, path, mapping, BagIds(bag_id, topics_id, since_id), earlier, progress=progress
-    )
+        log, path, mapping, BagIds(bag_id, topics_id, since_id), earlier, keeper=keeper,
+        progress=progress,
+    )  # fmt: skip
 
 
 def tells_event_lines(path: Path) -> bool:

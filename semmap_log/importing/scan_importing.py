@@ -28,6 +28,7 @@ from semmap_log.importing.import_plan import ImportPlan
 from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import Sightings, VisitCommit, named
 from semmap_log.ros_mapping.topic_problems import TopicProblems
@@ -92,7 +93,7 @@ class ScanImport:
 
 def plan_with_scans(
     log: DoorLog, path: Path, mapping: RosMapping, ids: BagIds, earlier: ImportPlan, *,
-    progress: Progress | None = None,
+    keeper: ScanKeeper | None = None, progress: Progress | None = None,
 ) -> ScanImport:  # fmt: skip
     """Return what a bag would bring; nothing is written.
 
@@ -102,6 +103,7 @@ def plan_with_scans(
         mapping: How its topics are read, the lasers among them.
         ids: See there.
         earlier: What says that doors were there by then.
+        keeper: What keeps the scans of all visits; None: nobody does.
         progress: Told (messages read, messages in all).
 
     Raises:
@@ -112,7 +114,9 @@ def plan_with_scans(
     if reads_any(path, others) and not _is_stored(log, ids.topics):
         topics = plan_bag(path, log, others, progress=progress)
     before = [*one_by_one(earlier.events), *one_by_one(topics.events)]
-    scans = plan_scans(path, log, mapping, before, bag_id=ids.bag, progress=progress)
+    scans = plan_scans(
+        path, log, mapping, before, bag_id=ids.bag, keeper=keeper, progress=progress
+    )
     return ScanImport(ids, topics, earlier, scans)
 
 
@@ -149,7 +153,7 @@ def _is_stored(log: DoorLog, command_id: bytes) -> bool:
 
 def plan_scans(
     path: Path, log: DoorLog, mapping: RosMapping, others: Sequence[Event] = (), *,
-    bag_id: bytes, progress: Progress | None = None,
+    bag_id: bytes, keeper: ScanKeeper | None = None, progress: Progress | None = None,
 ) -> ScanPlan:  # fmt: skip
     """Return what the scans of a bag say of the doors.
 
@@ -159,15 +163,15 @@ def plan_scans(
         mapping: Which lasers are read, and how.
         others: What comes into the log before the scans: it may tell of doors.
         bag_id: Digest of the bag.
+        keeper: What keeps the scans of all visits; None: nobody does.
         progress: Told (messages read, messages in all).
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
         CommandError: No door was there at the time of the scans; or a level is not told.
     """
-    return _Scanning(path, log, mapping.for_lasers_only(), DoorsThen(log, others)).plan(
-        bag_id, progress
-    )
+    doors = DoorsThen(log, others)
+    return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper).plan(bag_id, progress)
 
 
 @dataclass(slots=True)
@@ -178,12 +182,13 @@ class _Scanning:
     log: DoorLog
     mapping: RosMapping
     doors: DoorsThen
+    keeper: ScanKeeper | None = None
     complaints: TopicProblems = field(default_factory=TopicProblems)
     sightings: Sightings = field(init=False)
     _first: RobotScan | None = None
 
     def __post_init__(self) -> None:
-        self.sightings = Sightings(self.doors, robot=self.log.info.robot)
+        self.sightings = Sightings(self.doors, robot=self.log.info.robot, keeper=self.keeper)
 
     def plan(self, bag_id: bytes, progress: Progress | None) -> ScanPlan:
         known = Known.of(self.log)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -97,6 +97,12 @@ class KeptScansWriter:
             self._file = _VisitFile.new(folder_beside(self._log), visit.first_ns, self._log_id)
         self._file.add(visit, line, level, scans, event)
 
+    def discard(self) -> None:
+        """Take away what was written: nothing came of it."""
+        if self._file is not None:
+            self._file.remove()
+            self._file = None
+
     def close(self) -> None:
         """Finish the file, if there is one.
 
@@ -158,6 +164,14 @@ class _VisitFile:
             self._write(VISITS_TOPIC, TEXT, ("", ""), visit.last_ns, message)
             self._flush()
         self._forget(visit)
+
+    def remove(self) -> None:
+        """Take the file away, and the folder, if nothing else is in it."""
+        with output_errors(self.path):
+            self._file.close()
+            self.path.unlink(missing_ok=True)
+        with suppress(OSError):
+            self.path.parent.rmdir()
 
     def close(self) -> None:
         with output_errors(self.path):
