@@ -29,7 +29,7 @@ from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
 from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
-from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
+from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import Sightings, VisitCommit, named
 from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping
@@ -56,6 +56,9 @@ class ScanPlan:
     visits: Sequence[PlannedVisit]
     summary: tuple[str, ...]
     warnings: tuple[str, ...]
+    """What is odd about the bag."""
+    door_warnings: tuple[str, ...]
+    """What is odd about doors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +91,8 @@ class ScanImport:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is odd about it."""
-        return tuple(dict.fromkeys((*self.topics.warnings, *self.scans.warnings)))
+        of_scans = (*self.scans.warnings, *self.scans.door_warnings)
+        return tuple(dict.fromkeys((*self.topics.warnings, *of_scans)))
 
 
 def plan_with_scans(
@@ -200,7 +204,8 @@ class _Scanning:
         return ScanPlan(
             planned,
             tuple(counts_of(translator.lasers, self.sightings)),
-            tuple(self._warnings(translator.lasers, known)),
+            tuple(self._warnings(translator.lasers)),
+            tuple(door_oddities_of(self.sightings, known)),
         )
 
     def _visits(
@@ -269,10 +274,10 @@ class _Scanning:
             f"{since}. If they were there already, say so: {line}"
         )
 
-    def _warnings(self, lasers: Lasers, known: Known) -> Iterator[str]:
+    def _warnings(self, lasers: Lasers) -> Iterator[str]:
         yield from self.complaints.lines()
         zone = self.log.info.timezone
-        yield from oddities_of(lasers, self.sightings, known, lambda ns: format_local(ns, zone))
+        yield from oddities_of(lasers, self.sightings, lambda ns: format_local(ns, zone))
 
 
 def _no_place(lasers: Lasers, mapping: RosMapping, complaints: TopicProblems) -> str:

@@ -9,7 +9,7 @@ from semmap_log.domain.moments import format_local
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.door_places import DoorsNow
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
-from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
+from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import Sightings, VisitCommit
 
 
@@ -54,6 +54,5 @@ class ScanWatch:
     def lines(self, lasers: Lasers) -> Iterator[str]:
         """Yield what there was of scans and visits, and what is odd about it."""
         yield from counts_of(lasers, self._sightings)
-        yield from oddities_of(
-            lasers, self._sightings, self._known, lambda ns: format_local(ns, "UTC")
-        )
+        yield from oddities_of(lasers, self._sightings, lambda ns: format_local(ns, "UTC"))
+        yield from door_oddities_of(self._sightings, self._known)
