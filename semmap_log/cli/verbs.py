@@ -143,7 +143,7 @@ def _with_values(args: list[str]) -> list[str]:
     """
     end = args.index("--") if "--" in args else len(args)
     made = []
-    for word, following in zip(args[:end], [*args[1:end], ""], strict=True):
+    for word, following in zip(args[:end], [*args[1:end], ""], strict=False):
         made.append(word)
         form = NEED_NO_VALUE.get(word)
         if form is not None and (not form.fullmatch(following) or Path(following).exists()):

@@ -8,14 +8,15 @@ was interrupted goes on where it stopped, and the same bag again changes nothing
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from semmap_log.batches.event_batch import one_by_one
 from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Note
-from semmap_log.domain.events import Event
+from semmap_log.domain.events import DoorObserved, DoorPassed, Event
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
@@ -30,7 +31,7 @@ from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
 from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
-from semmap_log.ros_mapping.lasers.visit_events import Sightings, VisitCommit, named
+from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit, named
 from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping
 from semmap_log.ros_mapping.translator import Translator
@@ -139,16 +140,58 @@ def append_with_scans(
             first = done.first_event if first is None else first
             count += plan.count
     for each in found.scans.visits:
-        if log.find_command(each.command_id) is None:
-            said = named(each.commit, note)
-            done = log.append(
-                said.events, note=said.note, command_id=each.command_id, content=each.command_id,
-                sync=False,
-            )  # fmt: skip
-            first = done.first_event if first is None else first
-            count += len(said.events)
+        said = named(each.commit, note)
+        done = log.append(
+            said.events, note=said.note, command_id=each.command_id, content=each.command_id,
+            sync=False,
+        )  # fmt: skip
+        first = done.first_event if first is None else first
+        count += len(said.events)
     log.sync()
     return count, first
+
+
+@dataclass(frozen=True, slots=True)
+class SeenBefore:
+    """What a log has of the lasers of a bag, at the time of the bag.
+
+    By an import of it that was interrupted, or because the robot recorded while it drove: a visit
+    that is told twice would count as two.
+    """
+
+    commands: frozenset[bytes]
+    told: Mapping[tuple[str, str, int, type[Event]], Sequence[int]]
+    """Actor, source, door and kind -> when, nanoseconds, ascending."""
+
+    @classmethod
+    def of(cls, log: DoorLog, visits: Sequence[VisitCommit]) -> SeenBefore:
+        """Return what a log has that may be some of these visits."""
+        if not visits:
+            return cls(frozenset(), {})
+        told: dict[tuple[str, str, int, type[Event]], list[int]] = {}
+        commands: set[bytes] = set()
+        since = min(each.visit.first_ns for each in visits)
+        until = max(each.visit.last_ns for each in visits) + 1
+        for entry in log.history(since=since, until=until, kinds=[DoorObserved, DoorPassed]):
+            event = entry.event
+            assert isinstance(event, DoorObserved | DoorPassed)
+            commands.add(entry.command_id)
+            key = (entry.actor, entry.source, event.door_id, type(event))
+            told.setdefault(key, []).append(entry.happened_ns)
+        return cls(frozenset(commands), {key: sorted(times) for key, times in told.items()})
+
+    def without(self, planned: Sequence[PlannedVisit]) -> list[PlannedVisit]:
+        """Return those that it has not."""
+        return [each for each in planned if not self._has(each)]
+
+    def _has(self, planned: PlannedVisit) -> bool:
+        """Tell whether a visit is stored, or one to the same door by the same laser meanwhile."""
+        visit, note = planned.commit.visit, planned.commit.note
+        kind = DoorPassed if visit.passed else DoorObserved
+        times = self.told.get((note.actor, note.source, visit.door_id, kind), ())
+        place = bisect_left(times, visit.first_ns)
+        overlaps = place < len(times) and times[place] <= visit.last_ns
+        return planned.command_id in self.commands or overlaps
 
 
 def _is_stored(log: DoorLog, command_id: bytes) -> bool:
@@ -188,11 +231,13 @@ class _Scanning:
     doors: DoorsThen
     keeper: ScanKeeper | None = None
     complaints: TopicProblems = field(default_factory=TopicProblems)
-    sightings: Sightings = field(init=False)
+    sightings: LaserSightings = field(init=False)
     _first: RobotScan | None = None
 
     def __post_init__(self) -> None:
-        self.sightings = Sightings(self.doors, robot=self.log.info.robot, keeper=self.keeper)
+        self.sightings = LaserSightings(
+            self.doors, robot=self.log.info.robot, keeper=self.keeper
+        )
 
     def plan(self, bag_id: bytes, progress: Progress | None) -> ScanPlan:
         known = Known.of(self.log)
@@ -201,10 +246,17 @@ class _Scanning:
         self._refuse_nothing(translator.lasers)
         ids = (_visit_id(bag_id, self.mapping, each) for each in visits)
         planned = [PlannedVisit(*pair) for pair in zip(ids, visits, strict=True)]
+        new = SeenBefore.of(self.log, visits).without(planned)
+        warnings = list(self._warnings(translator.lasers))
+        if len(new) < len(planned):
+            warnings.append(
+                f"visits that the log has already, of the same laser and time: "
+                f"{len(planned) - len(new):,}; they count once"
+            )
         return ScanPlan(
-            planned,
+            new,
             tuple(counts_of(translator.lasers, self.sightings)),
-            tuple(self._warnings(translator.lasers)),
+            tuple(warnings),
             tuple(door_oddities_of(self.sightings, known)),
         )
 

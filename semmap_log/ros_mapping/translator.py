@@ -13,7 +13,7 @@ from semmap_log.formats.ros.ros_types import short_name
 from semmap_log.ros_mapping.door_maps import DoorMaps
 from semmap_log.ros_mapping.floors import FloorMaps
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.lasers.laser_topics import Frames, Places, Scans
+from semmap_log.ros_mapping.lasers.laser_topics import RobotFrames, RobotPlaces, LaserScans
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
 from semmap_log.ros_mapping.robot_poses import PoseFilter, Poses, Transforms
 from semmap_log.ros_mapping.round_topics import Rounds
@@ -145,9 +145,9 @@ class Translator:
             ReadTransforms: lambda reading: Transforms(
                 reading, context, track, lasers.tree(reading.robot)
             ),
-            ReadScan: lambda reading: Scans(topic, reading, context, lasers),
-            ReadFrames: lambda reading: Frames(reading, context, lasers),
-            ReadPlace: lambda reading: Places(reading, context, lasers),
+            ReadScan: lambda reading: LaserScans(topic, reading, context, lasers),
+            ReadFrames: lambda reading: RobotFrames(reading, context, lasers),
+            ReadPlace: lambda reading: RobotPlaces(reading, context, lasers),
             ReadFloorMap: lambda reading: FloorMaps(topic, reading, context),
             ReadPatrol: lambda reading: Rounds(reading, context),
         }

@@ -10,6 +10,9 @@ from math import isfinite, nan, sqrt
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.scans.visit import Visit
 
+A_LOOK = 0.9
+"""Fewer looks do not tell where a leaf is: they met its frame, or by chance something else."""
+
 
 @dataclass(slots=True)
 class Mean:
@@ -58,8 +61,10 @@ class DoorFigures:
     """That is said of those that are decided by beams."""
     opening: Mean = field(default_factory=Mean)
     """The clear share of the width, 0..1, where beams saw anything of it."""
+    stopped: float = 0.0
+    """Looks that ended near the line, of visits that have at least `A_LOOK` of them."""
     behind_m: Mean = field(default_factory=Mean)
-    """Where beams ended near the line: behind (+) it or before (-), as the robot sees it."""
+    """Where those ended: behind (+) the line or before (-), as the robot sees it."""
     left_m: Mean = field(default_factory=Mean)
     """The same to the left (+) or right (-) of the line, where a visit tells from which side."""
     sides: set[int] = field(default_factory=set)
@@ -85,8 +90,14 @@ class DoorFigures:
             self._closed_at = when
             self.contradictions += _overlap(when, self._passed_at)
         self.opening.add(visit.opening)
+        if visit.stopped >= A_LOOK and isfinite(visit.behind_m):
+            self._place(visit)
+
+    def _place(self, visit: Visit) -> None:
+        """Take where beams ended."""
+        self.stopped += visit.stopped
         self.behind_m.add(visit.behind_m)
-        if visit.side and isfinite(visit.behind_m):
+        if visit.side:
             self.sides.add(visit.side)
             self.left_m.add(-visit.side * visit.behind_m)
 

@@ -12,8 +12,8 @@ from semmap_log.scans.door_figures import DoorFigures, Mean
 
 FEW = 5
 """Habits are told of doors with at least so many visits."""
-LEAST_OFFSETS = 3
-"""Visits that an offset is told of."""
+LEAST_LOOKS = 3.0
+"""That ended near a line, before it is said where."""
 OFF_M = 0.12
 """Less is a leaf in its recess, as drawings go."""
 SURE = 2.0
@@ -79,6 +79,8 @@ def _contradiction(door: DoorFigures) -> str:
 
 
 def _offset(door: DoorFigures) -> str:
+    if door.stopped < LEAST_LOOKS:
+        return ""
     # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
     if len(door.sides) > 1 and _is_off(door.left_m):
         mean, count = door.left_m.value, door.left_m.count
@@ -98,10 +100,9 @@ def _offset(door: DoorFigures) -> str:
 
 
 def _is_off(offsets: Mean) -> bool:
-    """Tell whether offsets are one on average, and not by chance."""
-    if offsets.count < LEAST_OFFSETS:
-        return False
-    return abs(offsets.value) >= max(OFF_M, SURE * offsets.error)
+    """Tell whether offsets are one on average, and not by chance; of one visit nobody knows."""
+    by_chance = SURE * offsets.error if offsets.count > 1 else 0.0
+    return abs(offsets.value) >= max(OFF_M, by_chance)
 
 
 def _undecided(door: DoorFigures) -> str:

@@ -85,6 +85,7 @@ class LaserRoom:
 
     version: RosVersion = 2
     seconds: float = 12.0
+    begins_s: float = 0.0
     mount: Matrix = None
     """base_link -> laser."""
     map_to_odom: Matrix = None
@@ -115,10 +116,16 @@ class LaserRoom:
         if self.drive is not None:
             return self.drive(t)
         wave = 0.5 * math.sin(1.3 * t)
-        return moved(1.0 + 0.6 * t, 0.15 * math.sin(t)) @ turned("z", wave)
+        made = turned("z", wave)
+        made[:2, 3] = 1.0 + 0.6 * t, 0.15 * math.sin(t)
+        return made
 
     def laser(self, t: float) -> Matrix:
         return self.base(t) @ self.mount
+
+    def lasers(self, times: Any) -> Any:
+        """Where the laser is at each time."""
+        return np.array([self.base(each) for each in times]) @ self.mount
 
     def frame(self, name: str) -> str:
         return f"{self.prefix}{name}"
@@ -175,7 +182,7 @@ class LaserRoom:
         """The LaserScan whose first beam is of that time; values take the place of true ones."""
         angles = self.first_angle + np.arange(self.beams) * math.tau / self.beams
         times = t + np.arange(self.beams) * self.turn_s / self.beams
-        poses = np.array([self.laser(each) for each in times])
+        poses = self.lasers(times)
         local = np.stack([np.cos(angles), np.sin(angles), 0 * angles, 0 * angles], axis=1)
         directions = np.einsum("nij,nj->ni", poses, local)[:, :2]
         directions /= np.linalg.norm(directions, axis=1)[:, None]
@@ -221,6 +228,5 @@ class LaserRoom:
             orientation=new("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", turn, strict=True))),
         )
 
-    @staticmethod
-    def ns(t: float) -> int:
-        return START + round(t * S)
+    def ns(self, t: float) -> int:
+        return START + round((self.begins_s + t) * S)

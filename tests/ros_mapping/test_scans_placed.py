@@ -68,7 +68,7 @@ def _check(room: LaserRoom, scans: list[RobotScan], atol: float = 1e-3) -> None:
         )
         angles = room.first_angle + np.arange(room.beams) * math.tau / room.beams
         times = t + np.arange(room.beams) * room.turn_s / room.beams
-        poses = np.array([room.laser(each) for each in times])
+        poses = room.lasers(times)
         np.testing.assert_allclose(poses[:, :2, 3], scan.origins, atol=atol)
         local = np.stack([np.cos(angles), np.sin(angles), 0 * angles, 0 * angles], axis=1)
         directions = np.einsum("nij,nj->ni", poses, local)[:, :2]
@@ -253,7 +253,8 @@ def test_no_scan_lies_between_two_places_of_a_jump() -> None:
         for each in scans
     }
     assert {0.0, 3.0} == offs
-    (jump, *_) = hearing.counts.jumps
+    jump = hearing.counts.worst_jump
+    assert 1 <= hearing.counts.jumps
     assert pytest.approx(3.0, abs=0.01) == jump.metres
     assert room.ns(2.0) == jump.stamp_ns
     assert any("the pose jumped: 3.00 m" in line for line in hearing.complaints.lines())
@@ -269,7 +270,7 @@ def test_a_small_correction_is_no_jump() -> None:
     scans = hearing.hear(_in_order([*room.statics(), *_jumping(room, 0.1), *room.scans()]))
 
     assert 27 <= len(scans)
-    assert [] == hearing.counts.jumps
+    assert 0 == hearing.counts.jumps
 
 
 @pytest.mark.parametrize("kind", [POSE_WITH_COVARIANCE, ODOMETRY])

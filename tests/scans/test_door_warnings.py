@@ -77,7 +77,7 @@ def test_leaves_that_lie_behind_from_both_sides_are_behind() -> None:
 @pytest.mark.parametrize(
     "behind",
     [[0.3, 0.3], [0.08] * 20, [0.6, -0.4, 0.5, -0.2, 0.3]],
-    ids=["too few visits", "a recess", "by chance"],
+    ids=["too few looks", "a recess", "by chance"],
 )
 def test_no_offset_is_told_of_little(behind: list[float]) -> None:
     """
@@ -86,6 +86,17 @@ def test_no_offset_is_told_of_little(behind: list[float]) -> None:
     visits = [some_visit(7, n, state=CLOSED, behind_m=at) for n, at in enumerate(behind)]
 
     assert not _texts(visits)
+
+
+def test_one_visit_with_many_looks_tells_where_a_leaf_is() -> None:
+    """
+    A visit with hardly any does not, however many there are.
+    """
+    visit = some_visit(7, 0, state=CLOSED, behind_m=0.14, stopped=5.0)
+    grazing = [some_visit(7, n, behind_m=0.3, stopped=0.4, passed=n == 0) for n in range(20)]
+
+    assert "0.14 m behind its line on average (1 visit)" in _texts([visit])[0]
+    assert not _texts(grazing)
 
 
 def test_an_open_door_that_nobody_drives_through_may_be_glass() -> None:

@@ -19,7 +19,7 @@ class _Eventless:
         return ""
 
 
-class Scans(_Eventless):
+class LaserScans(_Eventless):
     """Reads a laser's scans."""
 
     def __init__(self, topic: str, rule: ReadScan, context: Context, lasers: Lasers) -> None:
@@ -32,7 +32,7 @@ class Scans(_Eventless):
         return ()
 
 
-class Frames(_Eventless):
+class RobotFrames(_Eventless):
     """Reads TF."""
 
     def __init__(self, rule: ReadFrames, context: Context, lasers: Lasers) -> None:
@@ -45,7 +45,7 @@ class Frames(_Eventless):
         return ()
 
 
-class Places(_Eventless):
+class RobotPlaces(_Eventless):
     """Reads poses."""
 
     def __init__(self, rule: ReadPlace, context: Context, lasers: Lasers) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from semmap_log.domain.events import RobotPose
 from semmap_log.formats.ros.ros_types import LASER_SCAN
-from semmap_log.ros_mapping.lasers.coverage import Jump, jump_in, uncovered
+from semmap_log.ros_mapping.lasers.frame_coverage import Jump, jump_in, uncovered
 from semmap_log.ros_mapping.lasers.laser_sweeps import Sweep, Unusable, sweep_of
 from semmap_log.ros_mapping.lasers.placing import Placed, Where, place_cloud, place_sweep
 from semmap_log.ros_mapping.lasers.point_clouds import Cloud, cloud_of
@@ -46,7 +46,9 @@ class ScanCounts:
     placed: int = 0
     repeated: int = 0
     """With the stamp of the one before, or an older one."""
-    jumps: list[Jump] = field(default_factory=list)
+    jumps: int = 0
+    """Dropped while the pose jumped."""
+    worst_jump: Jump | None = None
 
     @property
     def dropped(self) -> int:
@@ -224,16 +226,15 @@ class _Laser:
             return _Waits(str(missing)) if missing.may_come else self._without_place(str(missing))
         jump = jump_in(tree, chain, first_ns, last_ns)
         if jump is not None:
-            self.counts.jumps.append(jump)
+            self.counts.jumps += 1
+            self.counts.worst_jump = max(jump, self.counts.worst_jump or jump)
             return Unusable("a scan while the pose jumped", str(jump))
         where = Where(tree, chain, self.robot_frame(tree))
         if isinstance(scan, Sweep):
             return place_sweep(scan, where)
         return place_cloud(scan, where, self.rule.heights)
 
-    def _on_level(
-        self, scan: Sweep | Cloud, placed: Placed, received_ns: int
-    ) -> RobotScan | None:
+    def _on_level(self, scan: Sweep | Cloud, placed: Placed, received_ns: int) -> RobotScan | None:
         """Return what was seen when, by the clock of the log; None: that does not advance."""
         happened = self._when(scan.stamp_ns, received_ns)
         if happened <= self._happened_ns:

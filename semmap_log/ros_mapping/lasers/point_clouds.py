@@ -46,8 +46,10 @@ def cloud_of(message: Any) -> Cloud | Unusable:
     offsets = [int(fields[name].offset) for name in "xyz"]
     ends = [at + np.dtype(form).itemsize for at, form in zip(offsets, formats, strict=True)]
     row_size, data = int(message.row_step), np.asarray(message.data, np.uint8)
-    if max(ends) > size or row_size < columns * size or data.size < row_size * (rows - 1) + (
-        columns * size
+    if (
+        max(ends) > size
+        or row_size < columns * size
+        or data.size < row_size * (rows - 1) + (columns * size)
     ):
         return Unusable("a cloud whose sizes disagree", f"{data.size:,} bytes for {count:,} points")
     dtype = np.dtype({"names": list("xyz"), "formats": formats, "offsets": offsets,

@@ -89,9 +89,7 @@ class MapLink:
         chain = self.tree.chain(self.map_frame, self.robot_frame)
         return chain[-1] if chain else self.tree.root(self.robot_frame)
 
-    def _put(
-        self, root: str, chain: tuple[str, ...], told: tuple[int, LinkPose, Any, int]
-    ) -> None:
+    def _put(self, root: str, chain: tuple[str, ...], told: tuple[int, LinkPose, Any, int]) -> None:
         when_ns, pose, stamp, received_ns = told
         below = self.tree.at(chain, np.array([when_ns], np.int64))
         back = inverse(tuple(float(each[0]) for each in below.turn))  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.door_places import DoorsNow
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
 from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
-from semmap_log.ros_mapping.lasers.visit_events import Sightings, VisitCommit
+from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit
 
 
 class ScanWatch:
@@ -19,7 +19,7 @@ class ScanWatch:
     def __init__(self, known: Known, robot: str) -> None:
         self._known = known
         self._doors = DoorsNow(known)
-        self._sightings = Sightings(self._doors, robot)
+        self._sightings = LaserSightings(self._doors, robot)
         self._waiting: list[RobotScan] = []
 
     def add(self, scans: Sequence[RobotScan]) -> None:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from semmap_log.domain.doors import Door
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers
-from semmap_log.ros_mapping.lasers.visit_events import Sightings
+from semmap_log.ros_mapping.lasers.visit_events import LaserSightings
 
 
-def counts_of(lasers: Lasers, sightings: Sightings) -> Iterator[str]:
+def counts_of(lasers: Lasers, sightings: LaserSightings) -> Iterator[str]:
     """Yield how many scans and visits there were."""
     for topic, counts in lasers.counts.items():
         dropped = f", {counts.dropped:,} dropped (the warnings say why)" if counts.dropped else ""
@@ -18,7 +18,9 @@ def counts_of(lasers: Lasers, sightings: Sightings) -> Iterator[str]:
     yield from sightings.tally.summary()
 
 
-def oddities_of(lasers: Lasers, sightings: Sightings, when: Callable[[int], str]) -> Iterator[str]:
+def oddities_of(
+    lasers: Lasers, sightings: LaserSightings, when: Callable[[int], str]
+) -> Iterator[str]:
     """Yield what is odd, beside what was complained about message by message, and beside doors.
 
     Args:
@@ -27,10 +29,9 @@ def oddities_of(lasers: Lasers, sightings: Sightings, when: Callable[[int], str]
         when: Writes a stamp.
     """
     for topic, counts in lasers.counts.items():
-        if counts.jumps:
-            jump = max(counts.jumps)
+        if (jump := counts.worst_jump) is not None:
             most = f"by {jump} at {when(jump.stamp_ns)}"
-            yield f"{topic}: the pose jumps: {len(counts.jumps):,} scans dropped, the most {most}"
+            yield f"{topic}: the pose jumps: {counts.jumps:,} scans dropped, the most {most}"
     for why, count in sorted(sightings.not_used.items()):
         yield f"scans that were not looked through: {why} ({count:,} times)"
     tally = sightings.tally
@@ -38,7 +39,7 @@ def oddities_of(lasers: Lasers, sightings: Sightings, when: Callable[[int], str]
         yield tally.nothing_met(tally.last_level)
 
 
-def door_oddities_of(sightings: Sightings, known: Known) -> Iterator[str]:
+def door_oddities_of(sightings: LaserSightings, known: Known) -> Iterator[str]:
     """Yield what is odd about doors, which are called by their names."""
     yield from sightings.tally.warnings(lambda door_id: called(door_id, known.doors.get(door_id)))
 

@@ -25,7 +25,7 @@ KEEP_NS = 60 * 10**9
 """Of where the robot was: longer than any visit."""
 
 
-class Doors(Protocol):
+class DoorsOverTime(Protocol):
     """The doors over time."""
 
     def at(self, when_ns: int) -> DoorPlaces:
@@ -50,10 +50,10 @@ def source_of(visit: Visit) -> str:
 
 
 @dataclass(slots=True)
-class Sightings:
+class LaserSightings:
     """Looks at doors through scans, and makes commits of the visits that decide something."""
 
-    doors: Doors
+    doors: DoorsOverTime
     robot: str = ""
     """Who saw it, where a scan does not tell."""
     tally: VisitTally = field(default_factory=VisitTally)
