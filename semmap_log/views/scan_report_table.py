@@ -63,7 +63,7 @@ def _share(value: float) -> CellValue:
 
 
 def _told(value: float, form: str) -> str:
-    return format(value, form) if isfinite(value) else ""
+    return format(value, form) if isfinite(value) else "-"
 
 
 def _below(report: ScanReport) -> list[str]:

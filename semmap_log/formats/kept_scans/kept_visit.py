@@ -4,7 +4,7 @@
     office.scans/        beside it
       20260301T212000.123456789Z.mcap     the visits of one run, named after the first one
 
-Each file is an MCAP of ROS 2 messages, which Foxglove, RViz (`ros2 bag play`) and rerun open:
+Each file is an MCAP of standard ROS 2 messages, for `ros2 bag play` and whatever reads bags:
 
 - `/tf`: tf2_msgs/TFMessage, from `map` to the frame of the laser at each scan;
 - `/<robot>/<laser>/scan`: sensor_msgs/LaserScan;
@@ -14,7 +14,8 @@ Each file is an MCAP of ROS 2 messages, which Foxglove, RViz (`ros2 bag play`) a
 - `/visits`: std_msgs/String, a JSON object: the door, its line then, what was found, its scans.
 
 A scan is in a file once, before the first visit that it is of; a visit is one chunk with the scans
-that are new, so that what a killed recorder leaves is read up to its last visit.
+that are new, so that what a killed recorder leaves is read up to its last visit. The times of
+chunks overlap, as visits do: the file's index puts messages in order.
 """
 
 from __future__ import annotations

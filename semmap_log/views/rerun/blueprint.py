@@ -167,7 +167,7 @@ def _sighting(door: SceneDoor, shown: SightingsShown, palette: Palette) -> View:
     bounds = Bounds(middle_x - reach, middle_y - reach, middle_x + reach, middle_y + reach)
     parts = [(*door.path[:-2], "floor"), sighting_path(door)]
     contents = [f"+ {entity(part)}/**" for part in parts]
-    return _bounded_view(bounds, palette, f"{door.label} sightings", contents, {})
+    return _bounded_view(bounds, palette, f"{door.label} by laser", contents, {})
 
 
 def _map_view(

@@ -197,9 +197,9 @@ def test_the_viewer_shows_a_door_as_the_laser_saw_it(tmp_path: Path) -> None:
 
     with a_viewer(tmp_path / "x.rrd", size=(900, 700), quiet=False) as viewer:
         viewer.go_to("happened", _end_ns(0))
-        shut = viewer.picture("door 1 sightings")
+        shut = viewer.picture("door 1 by laser")
         viewer.go_to("happened", _end_ns(1))
-        wide = viewer.picture("door 1 sightings")
+        wide = viewer.picture("door 1 by laser")
         plan = viewer.picture("Floor plan")
         state = viewer.state()
 
