@@ -87,7 +87,7 @@ def tell_scan_import(file: Path, found: ScanImport) -> None:
     count = found.topics.count + found.earlier.count + seen
     tell_plan(
         file,
-        ImportPlan((), count, found.summary, found.topics.left_out, found.warnings),
+        ImportPlan((), count, found.summary, found.left_out, found.warnings),
     )
 
 

@@ -123,7 +123,7 @@ def import_file(
     if is_bag(path) and (found := plan_scan_import(log, path, options, progress)) is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
         count, first = append_with_scans(log, found, said)
-        plan = ImportPlan((), count, found.summary, found.topics.left_out, found.warnings)
+        plan = ImportPlan((), count, found.summary, found.left_out, found.warnings)
         return Imported(plan, first)
     is_lines = tells_event_lines(path)
     plan_of = None if is_lines else _planner(path, progress)

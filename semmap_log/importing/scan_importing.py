@@ -8,24 +8,24 @@ was interrupted goes on where it stopped, and the same bag again changes nothing
 from __future__ import annotations
 
 import hashlib
-from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from semmap_log.batches.event_batch import one_by_one
 from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Note
-from semmap_log.domain.events import DoorObserved, DoorPassed, Event
+from semmap_log.domain.events import Event
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagReader
 from semmap_log.formats.bags.bag_reading import open_bag
-from semmap_log.importing.bag_importing import plan_bag, reads_any
+from semmap_log.importing.bag_importing import left_out_of, plan_bag, reads_any
 from semmap_log.importing.doors_then import DoorsThen
 from semmap_log.importing.import_plan import ImportPlan
+from semmap_log.importing.seen_before import PlannedVisit, SeenBefore
 from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
@@ -40,14 +40,6 @@ AT_ONCE = 64
 """Scans that are looked through together: faster than one by one."""
 TOLD_EVERY = 1000
 """Messages between two words of progress."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedVisit:
-    """A commit for the log."""
-
-    command_id: bytes
-    commit: VisitCommit
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +81,9 @@ class ScanImport:
         """What all of it does, in words."""
         return (*self.topics.summary, *self.earlier.summary, *self.scans.summary)
 
+    left_out: tuple[str, ...]
+    """Topics that nothing reads."""
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is odd about it."""
@@ -116,18 +111,17 @@ def plan_with_scans(
         CommandError: The map forbids it; or no door was there at the time of the scans.
     """
     topics, others = ImportPlan((), 0), mapping.without_lasers()
+    left_out = tuple(left_out_of(path, mapping))
     if reads_any(path, others) and not _is_stored(log, ids.topics):
         topics = plan_bag(path, log, others, progress=progress)
-    before = [*one_by_one(earlier.events), *one_by_one(topics.events)]
+    others_events = [*one_by_one(earlier.events), *one_by_one(topics.events)]
     scans = plan_scans(
-        path, log, mapping, before, bag_id=ids.bag, keeper=keeper, progress=progress
+        path, log, mapping, others_events, bag_id=ids.bag, keeper=keeper, progress=progress
     )
-    return ScanImport(ids, topics, earlier, scans)
+    return ScanImport(ids, topics, earlier, scans, left_out)
 
 
-def append_with_scans(
-    log: DoorLogWriter, found: ScanImport, note: Note
-) -> tuple[int, int | None]:
+def append_with_scans(log: DoorLogWriter, found: ScanImport, note: Note) -> tuple[int, int | None]:
     """Append what is not stored yet; return how many events that is, and the first one's number."""
     first: int | None = None
     count = 0
@@ -149,49 +143,6 @@ def append_with_scans(
         count += len(said.events)
     log.sync()
     return count, first
-
-
-@dataclass(frozen=True, slots=True)
-class SeenBefore:
-    """What a log has of the lasers of a bag, at the time of the bag.
-
-    By an import of it that was interrupted, or because the robot recorded while it drove: a visit
-    that is told twice would count as two.
-    """
-
-    commands: frozenset[bytes]
-    told: Mapping[tuple[str, str, int, type[Event]], Sequence[int]]
-    """Actor, source, door and kind -> when, nanoseconds, ascending."""
-
-    @classmethod
-    def of(cls, log: DoorLog, visits: Sequence[VisitCommit]) -> SeenBefore:
-        """Return what a log has that may be some of these visits."""
-        if not visits:
-            return cls(frozenset(), {})
-        told: dict[tuple[str, str, int, type[Event]], list[int]] = {}
-        commands: set[bytes] = set()
-        since = min(each.visit.first_ns for each in visits)
-        until = max(each.visit.last_ns for each in visits) + 1
-        for entry in log.history(since=since, until=until, kinds=[DoorObserved, DoorPassed]):
-            event = entry.event
-            assert isinstance(event, DoorObserved | DoorPassed)
-            commands.add(entry.command_id)
-            key = (entry.actor, entry.source, event.door_id, type(event))
-            told.setdefault(key, []).append(entry.happened_ns)
-        return cls(frozenset(commands), {key: sorted(times) for key, times in told.items()})
-
-    def without(self, planned: Sequence[PlannedVisit]) -> list[PlannedVisit]:
-        """Return those that it has not."""
-        return [each for each in planned if not self._has(each)]
-
-    def _has(self, planned: PlannedVisit) -> bool:
-        """Tell whether a visit is stored, or one to the same door by the same laser meanwhile."""
-        visit, note = planned.commit.visit, planned.commit.note
-        kind = DoorPassed if visit.passed else DoorObserved
-        times = self.told.get((note.actor, note.source, visit.door_id, kind), ())
-        place = bisect_left(times, visit.first_ns)
-        overlaps = place < len(times) and times[place] <= visit.last_ns
-        return planned.command_id in self.commands or overlaps
 
 
 def _is_stored(log: DoorLog, command_id: bytes) -> bool:
@@ -235,9 +186,7 @@ class _Scanning:
     _first: RobotScan | None = None
 
     def __post_init__(self) -> None:
-        self.sightings = LaserSightings(
-            self.doors, robot=self.log.info.robot, keeper=self.keeper
-        )
+        self.sightings = LaserSightings(self.doors, robot=self.log.info.robot, keeper=self.keeper)
 
     def plan(self, bag_id: bytes, progress: Progress | None) -> ScanPlan:
         known = Known.of(self.log)
@@ -246,23 +195,20 @@ class _Scanning:
         self._refuse_nothing(translator.lasers)
         ids = (_visit_id(bag_id, self.mapping, each) for each in visits)
         planned = [PlannedVisit(*pair) for pair in zip(ids, visits, strict=True)]
-        new = SeenBefore.of(self.log, visits).without(planned)
+        before = SeenBefore.of(self.log, visits)
+        unknown = [each for each in planned if not before.holds(each)]
+        new = [each for each in unknown if not before.overlaps(each)]
         warnings = list(self._warnings(translator.lasers))
-        if len(new) < len(planned):
-            warnings.append(
-                f"visits that the log has already, of the same laser and time: "
-                f"{len(planned) - len(new):,}; they count once"
-            )
-        return ScanPlan(
-            new,
-            tuple(counts_of(translator.lasers, self.sightings)),
-            tuple(warnings),
-            tuple(door_oddities_of(self.sightings, known)),
-        )
+        if len(new) < len(unknown):
+            told = f"{len(unknown) - len(new):,}"
+            warnings.append(f"left out, since the log has visits of that laser then: {told}")
+        summary = list(counts_of(translator.lasers, self.sightings))
+        if len(unknown) < len(planned):
+            summary.append(f"visits imported before: {len(planned) - len(unknown):,}")
+        odd_doors = tuple(door_oddities_of(self.sightings, known))
+        return ScanPlan(new, tuple(summary), tuple(warnings), odd_doors)
 
-    def _visits(
-        self, translator: Translator, progress: Progress | None
-    ) -> Iterator[VisitCommit]:
+    def _visits(self, translator: Translator, progress: Progress | None) -> Iterator[VisitCommit]:
         waiting: list[RobotScan] = []
         for scan in self._scans(translator, progress):
             self._first = self._first or scan

@@ -35,23 +35,25 @@ class LinkHistory:
     _odd: tuple[int, LinkPose] | None = None
     """One whose stamp is far from the others': theirs is the clock, unless the next agrees."""
 
-    def add(self, stamp_ns: int, pose: LinkPose) -> bool:
-        """Take in a pose; return whether its stamp fits to the others.
+    def add(self, stamp_ns: int, pose: LinkPose) -> int | None:
+        """Take in a pose; return the stamp of one that is left out for good by that, if one is.
 
         A single stamp from the future, or from long ago, is left out. Two that follow each other
         are a clock that was set, or a recording that was stopped: what was before is forgotten.
         """
         if not self.keep_ns:
-            return True
+            return None
+        odd_ns = None if self._odd is None else self._odd[0]
         fits = not self.stamps or abs(stamp_ns - self.stamps[-1]) <= self.keep_ns or self.holds
         if not fits:
             if self._odd is None or abs(stamp_ns - self._odd[0]) > self.keep_ns:
                 self._odd = (stamp_ns, pose)
-                return False
+                return odd_ns
+            odd_ns = None
             self.stamps[:], self.poses[:] = [self._odd[0]], [self._odd[1]]
         self._odd = None
         self._insert(stamp_ns, pose)
-        return fits
+        return odd_ns
 
     def _insert(self, stamp_ns: int, pose: LinkPose) -> None:
         place = bisect_left(self.stamps, stamp_ns)

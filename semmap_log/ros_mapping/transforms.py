@@ -50,7 +50,7 @@ class TransformTree:
         self.placed_by_hand: str | None = None
         """A frame whose children another source places: what TF says of them is passed over."""
         self.strays = 0
-        """Transforms whose stamps are far from the one before of their link."""
+        """Transforms whose stamps are far from those before and after them of their link."""
         self.stray = ""
         """The last of them, in words."""
         self._links: dict[str, _Link] = {}
@@ -86,10 +86,10 @@ class TransformTree:
         link.pose, link.stamp, link.received_ns = pose, stamp, received_ns
         if not link.history.keep_ns:
             return
-        newest = link.history.stamps[-1] if link.history.stamps else 0
-        if not link.history.add(stamp_ns(stamp), pose):
+        stray_ns = link.history.add(stamp_ns(stamp), pose)
+        if stray_ns is not None:
             self.strays += 1
-            self.stray = f"{parent} -> {child}: by {(stamp_ns(stamp) - newest) / 1e9:.1f} s"
+            self.stray = f"{parent} -> {child}: by {(stray_ns - stamp_ns(stamp)) / 1e9:.1f} s"
 
     def has(self, frame: str) -> bool:
         """Tell whether a frame stands in another, or another in it."""

@@ -13,7 +13,7 @@ from semmap_log.formats.ros.ros_types import short_name
 from semmap_log.ros_mapping.door_maps import DoorMaps
 from semmap_log.ros_mapping.floors import FloorMaps
 from semmap_log.ros_mapping.known import Known
-from semmap_log.ros_mapping.lasers.laser_topics import RobotFrames, RobotPlaces, LaserScans
+from semmap_log.ros_mapping.lasers.laser_topics import LaserScans, RobotFrames, RobotPlaces
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
 from semmap_log.ros_mapping.robot_poses import PoseFilter, Poses, Transforms
 from semmap_log.ros_mapping.round_topics import Rounds

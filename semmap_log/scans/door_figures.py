@@ -12,6 +12,8 @@ from semmap_log.scans.visit import Visit
 
 A_LOOK = 0.9
 """Fewer looks do not tell where a leaf is: they met its frame, or by chance something else."""
+NEARLY_ALL = 0.75
+"""Of the looks at a door: where as many end near its line, it is shut."""
 
 
 @dataclass(slots=True)
@@ -61,8 +63,9 @@ class DoorFigures:
     """That is said of those that are decided by beams."""
     opening: Mean = field(default_factory=Mean)
     """The clear share of the width, 0..1, where beams saw anything of it."""
-    stopped: float = 0.0
-    """Looks that ended near the line, of visits that have at least `A_LOOK` of them."""
+    near: float = 0.0
+    """Looks that ended near the line, of visits nearly all of whose looks did: of a leaf that is
+    shut, wherever the line is drawn."""
     behind_m: Mean = field(default_factory=Mean)
     """Where those ended: behind (+) the line or before (-), as the robot sees it."""
     left_m: Mean = field(default_factory=Mean)
@@ -90,12 +93,12 @@ class DoorFigures:
             self._closed_at = when
             self.contradictions += _overlap(when, self._passed_at)
         self.opening.add(visit.opening)
-        if visit.stopped >= A_LOOK and isfinite(visit.behind_m):
+        if isfinite(visit.behind_m) and visit.near >= max(A_LOOK, NEARLY_ALL * visit.looks):
             self._place(visit)
 
     def _place(self, visit: Visit) -> None:
         """Take where beams ended."""
-        self.stopped += visit.stopped
+        self.near += visit.near
         self.behind_m.add(visit.behind_m)
         if visit.side:
             self.sides.add(visit.side)

@@ -79,7 +79,7 @@ def _contradiction(door: DoorFigures) -> str:
 
 
 def _offset(door: DoorFigures) -> str:
-    if door.stopped < LEAST_LOOKS:
+    if door.near < LEAST_LOOKS:
         return ""
     # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
     if len(door.sides) > 1 and _is_off(door.left_m):

@@ -22,7 +22,7 @@ from tests.live.memory_node import MemoryNode
 from tests.live.ros_world import RosWorld
 from tests.live.running import wait_until
 from tests.live.test_record_ros import _talking
-from tests.ros_mapping.laser_room import AJAR, DOOR, SHUT, LaserRoom
+from tests.ros_mapping.laser_room import DOOR, LaserRoom, drives_by
 from tests.ros_mapping.robots import START, Robot, S
 
 SCANS = replace(WELL_KNOWN, scans=ReadScan())
@@ -56,16 +56,11 @@ def _events(path: Path) -> list[str]:
     return [repr(each.event) for batch in batches for each in batch]
 
 
-def _drive() -> list[Said]:
-    first = LaserRoom(state=lambda _: AJAR)
-    return [*first.said(), *LaserRoom(state=lambda _: SHUT, begins_s=60.0).said()]
-
-
 def test_live_or_from_a_bag_the_sightings_are_the_same(tmp_path: Path) -> None:
     """
     States, accuracies, openings, times, poses; and both say who saw it with what.
     """
-    said = _drive()
+    said = drives_by()
     live, imported = (_office(tmp_path / name) for name in ("live", "imported"))
     write_mcap(tmp_path / "x.mcap", said)
     with sl.append(imported) as log:
@@ -89,7 +84,7 @@ def test_the_bag_of_a_drive_that_was_recorded_adds_nothing(tmp_path: Path) -> No
     """
     They are the same looks.
     """
-    said, live = _drive(), _office(tmp_path / "live")
+    said, live = drives_by(), _office(tmp_path / "live")
     write_mcap(tmp_path / "x.mcap", said)
     _recorded(live, said)
     before = _events(live)
@@ -109,7 +104,7 @@ def test_a_door_that_comes_while_it_records_is_seen_from_then_on(tmp_path: Path)
     x, y, theta, width = DOOR
     door = {"door_id": 7, "pos_x": x, "pos_y": y, "pos_theta": theta, "width": width}
     server = Said("/doors", *Robot().door_map([door]), START + 30 * S)
-    said = sorted([server, *_drive()], key=lambda each: each.at_ns)
+    said = sorted([server, *drives_by()], key=lambda each: each.at_ns)
 
     _recorded(tmp_path / "office", said)
 
@@ -175,7 +170,7 @@ def test_a_dry_run_shows_sightings_with_their_sources(tmp_path: Path) -> None:
 
 def test_a_laser_on_a_real_ros_sees_a_door(ros: RosWorld, tmp_path: Path) -> None:
     """
-    /scan, /tf and a latched /tf_static, as a robot publishes them, from now on; Ctrl-C ends a visit.
+    /scan, /tf and a latched /tf_static, as a robot publishes them, now; Ctrl-C ends a visit.
     """
     office = _office(tmp_path / "office")
     version: Any = 1 if ros.version == 1 else 2

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -230,3 +231,11 @@ class LaserRoom:
 
     def ns(self, t: float) -> int:
         return START + round((self.begins_s + t) * S)
+
+
+@cache
+def drives_by(version: RosVersion = 2) -> list[Said]:
+    """The robot drives by the open door, and a minute later by the shut one."""
+    first = LaserRoom(version=version, state=lambda _: AJAR)
+    second = LaserRoom(version=version, state=lambda _: SHUT, begins_s=60.0)
+    return [*first.said(), *second.said()]

@@ -1,4 +1,4 @@
-"""Scans on the map, beam for beam, against a room of 4 x 4 matrices; and scans that have no place."""
+"""Scans on the map, beam for beam, against a room of matrices; and scans that have no place."""
 
 from __future__ import annotations
 
@@ -230,8 +230,7 @@ def test_a_robot_that_stood_is_where_it_stood() -> None:
 
 def _jumping(room: LaserRoom, metres: float) -> Iterator[Said]:
     """Transforms whose localisation puts the robot elsewhere at 2 s, once in half a second."""
-    for each in room.tf(localised=False):
-        yield each
+    yield from room.tf(localised=False)
     for i in range(9):
         t = i / 2
         shift = moved(0.0, metres if t >= 2 else 0.0)
@@ -301,9 +300,7 @@ def test_a_topic_of_poses_does_without_odometry() -> None:
     room = LaserRoom(seconds=5.0)
     mapping = RosMapping(scans=ReadScan(pose_topic="/amcl_pose"))
 
-    scans = Hearing(mapping).hear(
-        _in_order([*room.statics(), *room.poses(hz=20.0), *room.scans()])
-    )
+    scans = Hearing(mapping).hear(_in_order([*room.statics(), *room.poses(hz=20.0), *room.scans()]))
 
     assert 35 <= len(scans)
     _check(room, scans, atol=5e-3)
@@ -468,4 +465,3 @@ def test_whatever_comes_a_scan_that_is_placed_is_one(scans: Any, links: Any) -> 
         assert (steps > 0).all() or (steps < 0).all()
         assert (abs(steps) < math.pi).all()
     assert hearing.counts.received == hearing.counts.placed + hearing.counts.dropped
-

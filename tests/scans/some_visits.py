@@ -19,6 +19,6 @@ def some_visit(door_id: int = DOOR, at_s: float = 0.0, **other: Any) -> Visit:
     told: dict[str, Any] = {
         "first_ns": first_ns, "last_ns": first_ns + 4 * S, "scans": 20, "state": DoorState.OPEN,
         "accuracy": 0.98, "opening": 0.9, "ajar": 0.02, "looks": 6.0, "through": 5.0,
-        "stopped": 1.0, "behind_m": nan,
+        "stopped": 1.0, "behind_m": nan, "near": 5.0,
     }  # fmt: skip
     return Visit(door_id=DoorId(door_id), **{**told, **other})

@@ -81,22 +81,29 @@ def test_leaves_that_lie_behind_from_both_sides_are_behind() -> None:
 )
 def test_no_offset_is_told_of_little(behind: list[float]) -> None:
     """
-    Few visits, a leaf in its recess and scattered ends tell nothing of the line.
+    Few looks, a leaf in its recess and scattered ends tell nothing of the line.
     """
-    visits = [some_visit(7, n, state=CLOSED, behind_m=at) for n, at in enumerate(behind)]
+    visits = [
+        some_visit(7, n, state=CLOSED, behind_m=at, looks=1.2, near=1.2)
+        for n, at in enumerate(behind)
+    ]
 
     assert not _texts(visits)
 
 
 def test_one_visit_with_many_looks_tells_where_a_leaf_is() -> None:
     """
-    A visit with hardly any does not, however many there are.
+    A visit with hardly any does not, nor one whose beams mostly go on; however many there are.
     """
-    visit = some_visit(7, 0, state=CLOSED, behind_m=0.14, stopped=5.0)
-    grazing = [some_visit(7, n, behind_m=0.3, stopped=0.4, passed=n == 0) for n in range(20)]
+    visit = some_visit(7, 0, state=CLOSED, behind_m=0.14, near=5.0)
+    grazing = [
+        some_visit(7, n, behind_m=0.3, looks=0.5, near=0.4, passed=n == 0) for n in range(20)
+    ]
+    beyond = [some_visit(7, n, behind_m=0.3, looks=9.0, passed=n == 0) for n in range(20)]
 
     assert "0.14 m behind its line on average (1 visit)" in _texts([visit])[0]
     assert not _texts(grazing)
+    assert not _texts(beyond)
 
 
 def test_an_open_door_that_nobody_drives_through_may_be_glass() -> None:
