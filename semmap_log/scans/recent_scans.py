@@ -20,10 +20,13 @@ class RecentScans:
 
     def take(self, scan: PlacedScan) -> None:
         """Take the next scan of its laser."""
-        here = self._of[scan.robot, scan.laser]
-        here.append(scan)
-        while here[0].stamp_ns < scan.stamp_ns - self._kept_ns:
-            here.popleft()
+        self._of[scan.robot, scan.laser].append(scan)
+
+    def forget_old(self) -> None:
+        """Let go of scans that no visit is made from that is still going on."""
+        for here in self._of.values():
+            while here[0].stamp_ns < here[-1].stamp_ns - self._kept_ns:
+                here.popleft()
 
     def of(self, visit: Visit) -> list[PlacedScan]:
         """Return the scans between the first and the last that the visit was made from."""

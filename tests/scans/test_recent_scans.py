@@ -33,6 +33,7 @@ def test_old_scans_are_let_go() -> None:
     recent = RecentScans(kept_ns=3 * S)
     for second in range(10):
         recent.take(some_scan(START_NS + second * S, 0.0, 0.0, beams=3))
+    recent.forget_old()
     visit = replace(some_visit(laser="laser"), first_ns=0, last_ns=START_NS + 100 * S)
 
     assert [scan.stamp_ns - START_NS for scan in recent.of(visit)] == [n * S for n in (6, 7, 8, 9)]

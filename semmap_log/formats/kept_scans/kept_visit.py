@@ -56,6 +56,11 @@ class KeptVisit:
     """Number of the DoorObserved or DoorPassed that it became; None: not told, or none."""
 
 
+def visit_key(visit: Visit) -> tuple[object, ...]:
+    """Return what makes a visit one: what it says may be another, by a later version."""
+    return (visit.door_id, visit.first_ns, visit.passed, visit.robot, visit.laser)
+
+
 def folder_beside(log: Path) -> Path:
     """Return the folder where the scans of a log are kept, whether it is there or not."""
     log = log.resolve()

@@ -25,6 +25,7 @@ from semmap_log.formats.kept_scans.kept_visit import (
     VISITS_TOPIC,
     KeptVisit,
     folder_beside,
+    visit_key,
 )
 from semmap_log.formats.kept_scans.scan_messages import (
     CLOUD,
@@ -75,10 +76,16 @@ def kept_visits(
     known: set[tuple[object, ...]] = set()
     for path in sorted(folder_beside(log).glob("*.mcap")):
         for kept in _visits_in(path, log_id, wanted, tell):
-            key = _key(kept.visit)
+            key = visit_key(kept.visit)
             if key not in known:
                 known.add(key)
                 yield kept
+
+
+def kept_already(log: Path, log_id: str) -> frozenset[tuple[object, ...]]:
+    """Return the keys of all visits that are kept beside a log."""
+    found = kept_visits(log, log_id, with_scans=lambda _: False)
+    return frozenset(visit_key(kept.visit) for kept in found)
 
 
 def scans_of_event(
@@ -90,11 +97,6 @@ def scans_of_event(
         with_scans=lambda visit: visit.first_ns <= happened_ns <= visit.last_ns,
     )  # fmt: skip
     return next((kept for kept in found if kept.scans), None)
-
-
-def _key(visit: Visit) -> tuple[object, ...]:
-    """Return what makes a visit one: what it says may be another, by a later version."""
-    return (visit.door_id, visit.first_ns, visit.passed, visit.robot, visit.laser)
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,12 @@ class KeptScansWriter:
             self._file = _VisitFile.new(folder_beside(self._log), visit.first_ns, self._log_id)
         self._file.add(visit, line, level, scans, event)
 
+    def abandon(self) -> None:
+        """Let go of the file as it is: it cannot be written to any more."""
+        if self._file is not None:
+            self._file.let_go()
+            self._file = None
+
     def discard(self) -> None:
         """Take away what was written: nothing came of it."""
         if self._file is not None:
@@ -165,10 +171,15 @@ class _VisitFile:
             self._flush()
         self._forget(visit)
 
+    def let_go(self) -> None:
+        """Close the file without an end."""
+        with suppress(OSError):
+            self._file.close()
+
     def remove(self) -> None:
         """Take the file away, and the folder, if nothing else is in it."""
+        self.let_go()
         with output_errors(self.path):
-            self._file.close()
             self.path.unlink(missing_ok=True)
         with suppress(OSError):
             self.path.parent.rmdir()

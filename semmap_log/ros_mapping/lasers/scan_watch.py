@@ -9,6 +9,7 @@ from semmap_log.domain.moments import format_local
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.door_places import DoorsNow
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit
 
@@ -16,10 +17,10 @@ from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitComm
 class ScanWatch:
     """Looks at the doors that are known, as they are."""
 
-    def __init__(self, known: Known, robot: str) -> None:
+    def __init__(self, known: Known, robot: str, keeper: ScanKeeper | None = None) -> None:
         self._known = known
         self._doors = DoorsNow(known)
-        self._sightings = LaserSightings(self._doors, robot)
+        self._sightings = LaserSightings(self._doors, robot, keeper=keeper)
         self._waiting: list[RobotScan] = []
 
     def add(self, scans: Sequence[RobotScan]) -> None:

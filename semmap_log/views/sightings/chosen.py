@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 
 from semmap_log.domain.doors import DoorId
-from semmap_log.formats.kept_scans.kept_visit import KeptVisit
+from semmap_log.formats.kept_scans.kept_visit import KeptVisit, visit_key
 from semmap_log.scans.visit import Visit
 from semmap_log.views.sightings.worth_a_look import worth_a_look
 
@@ -20,7 +20,7 @@ def drawn_visits(read: ReadVisits, most: int) -> dict[DoorId, list[KeptVisit]]:
     for kept in read(None):
         by_door[kept.visit.door_id].append(kept.visit)
     chosen = {
-        _key(visits[place])
+        visit_key(visits[place])
         for visits in by_door.values()
         for place in worth_a_look(visits, most)
     }  # fmt: skip
@@ -31,10 +31,6 @@ def drawn_visits(read: ReadVisits, most: int) -> dict[DoorId, list[KeptVisit]]:
 
 
 def _wanted(read: ReadVisits, chosen: set[tuple[object, ...]]) -> Iterator[KeptVisit]:
-    for kept in read(lambda visit: _key(visit) in chosen):
-        if _key(kept.visit) in chosen:
+    for kept in read(lambda visit: visit_key(visit) in chosen):
+        if visit_key(kept.visit) in chosen:
             yield kept
-
-
-def _key(visit: Visit) -> tuple[object, ...]:
-    return (visit.door_id, visit.first_ns, visit.passed, visit.robot, visit.laser)
