@@ -64,8 +64,8 @@ class DoorFigures:
     opening: Mean = field(default_factory=Mean)
     """The clear share of the width, 0..1, where beams saw anything of it."""
     near: float = 0.0
-    """Looks that ended near the line, of visits nearly all of whose looks did: of a leaf that is
-    shut, wherever the line is drawn."""
+    """Looks that ended near the line, of visits to a leaf that may be shut, wherever its line is
+    drawn."""
     behind_m: Mean = field(default_factory=Mean)
     """Where those ended: behind (+) the line or before (-), as the robot sees it."""
     left_m: Mean = field(default_factory=Mean)
@@ -93,7 +93,7 @@ class DoorFigures:
             self._closed_at = when
             self.contradictions += _overlap(when, self._passed_at)
         self.opening.add(visit.opening)
-        if isfinite(visit.behind_m) and visit.near >= max(A_LOOK, NEARLY_ALL * visit.looks):
+        if isfinite(visit.behind_m) and _may_be_shut(visit):
             self._place(visit)
 
     def _place(self, visit: Visit) -> None:
@@ -135,6 +135,12 @@ def door_figures(visits: Iterable[Visit]) -> list[DoorFigures]:
 def is_undecided(visit: Visit) -> bool:
     """Tell whether a visit says neither OPEN nor CLOSED."""
     return visit.state not in (DoorState.OPEN, DoorState.CLOSED)
+
+
+def _may_be_shut(visit: Visit) -> bool:
+    """Tell whether nearly all beams ended near the line, of a door that does not stand open."""
+    enough = max(A_LOOK, NEARLY_ALL * visit.looks)
+    return visit.state is not DoorState.OPEN and visit.near >= enough
 
 
 def _overlap(one: tuple[int, int], other: tuple[int, int]) -> bool:

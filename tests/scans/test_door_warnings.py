@@ -93,17 +93,18 @@ def test_no_offset_is_told_of_little(behind: list[float]) -> None:
 
 def test_one_visit_with_many_looks_tells_where_a_leaf_is() -> None:
     """
-    A visit with hardly any does not, nor one whose beams mostly go on; however many there are.
+    A visit with hardly any does not, one whose beams mostly go on, or of an open
+    door: however many there are.
     """
     visit = some_visit(7, 0, state=CLOSED, behind_m=0.14, near=5.0)
-    grazing = [
-        some_visit(7, n, behind_m=0.3, looks=0.5, near=0.4, passed=n == 0) for n in range(20)
-    ]
-    beyond = [some_visit(7, n, behind_m=0.3, looks=9.0, passed=n == 0) for n in range(20)]
+    grazing = [some_visit(7, n, state=CLOSED, behind_m=0.3, looks=0.5, near=0.4) for n in range(20)]
+    beyond = [some_visit(7, n, state=CLOSED, behind_m=0.3, looks=9.0) for n in range(20)]
+    wide = [some_visit(7, n, behind_m=0.3, passed=n == 0) for n in range(20)]
 
     assert "0.14 m behind its line on average (1 visit)" in _texts([visit])[0]
     assert not _texts(grazing)
     assert not _texts(beyond)
+    assert not _texts(wide)
 
 
 def test_an_open_door_that_nobody_drives_through_may_be_glass() -> None:

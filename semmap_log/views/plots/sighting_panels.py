@@ -50,7 +50,7 @@ AROUND_M = 1.6
 """What is shown around a door, beside its width."""
 MOST_BEAMS = 80
 """So many lines of beams are drawn in a picture; more would be one area."""
-WORD_LETTERS, BIG_LETTERS = 46, 22
+WORD_LETTERS, SMALL_LETTERS, BIG_LETTERS = 44, 34, 22
 """In a line above a picture; where there are fewer, they are larger."""
 _LOOK = {
     Fate.aside: (PLOT_BEAM_ASIDE, 1.2),
@@ -175,13 +175,19 @@ def _write(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
     said, visit = verdict(kept.visit), kept.visit
     text = _part(palette.text_of_state(visit.state))
     lines: list[tuple[str, float, float, dict[str, Any]]] = [
-        (said, 0.34, 9.5 if len(said) < BIG_LETTERS else 7.5, {"color": text, "weight": "bold"}),
+        (said, 0.34, _size(said), {"color": text, "weight": "bold"}),
         (when(visit, tz), 0.18, 8, {"color": "black"}),
         (grounds(visit), 0.04, 6.5, {"color": PLOT_WORDS}),
     ]
     for line, above_in, size, look in lines:
         panel.text(0, 1 + above_in / PANEL_IN, printable(_short(line)), fontsize=size,
                    transform=panel.transAxes, **look)  # fmt: skip
+
+
+def _size(verdict: str) -> float:
+    """Return how large a verdict is written, points, so that it does not reach the next one."""
+    letters = len(verdict)
+    return 9.5 if letters < BIG_LETTERS else 7.5 if letters < SMALL_LETTERS else 6.3
 
 
 def _frame(panel: Any, scene: DoorScene) -> None:

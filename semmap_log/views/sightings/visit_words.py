@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from math import isfinite
 
+from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import format_short
 from semmap_log.scans.door_figures import is_undecided
 from semmap_log.scans.visit import Visit
+
+ALMOST_SURE = 0.995
 
 
 def verdict(visit: Visit) -> str:
@@ -22,7 +25,8 @@ def grounds(visit: Visit) -> str:
     """Return what that rests on: `12 looks: 0.0 through, 5.2 on the line, +0.03 m`."""
     looks, through, stopped = map(_about, (visit.looks, visit.through, visit.stopped))
     said = f"{looks} looks: {through} through, {stopped} on the line"
-    return f"{said}, {visit.behind_m:+.2f} m" if isfinite(visit.behind_m) else said
+    is_told = isfinite(visit.behind_m) and visit.state is not DoorState.OPEN
+    return f"{said}, {visit.behind_m:+.2f} m" if is_told else said
 
 
 def when(visit: Visit, tz: str) -> str:
@@ -31,8 +35,11 @@ def when(visit: Visit, tz: str) -> str:
 
 
 def share(value: float) -> str:
-    """Return a share of 1 with two digits, none before the point: `.98`; 1 stays `1.00`."""
-    text = f"{value:.2f}"
+    """Return a share of 1 with two digits, none before the point: `.98`; with three from `.995` on.
+
+    What is not quite sure does not look so.
+    """
+    text = f"{value:.2f}" if value < ALMOST_SURE else f"{value:.3f}"
     return text[1:] if text.startswith("0.") else text
 
 

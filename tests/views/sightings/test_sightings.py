@@ -139,13 +139,16 @@ def test_a_visit_in_words() -> None:
     What is said, on what grounds, when.
     """
     visit = some_visit(accuracy=0.987, looks=12.3, through=0.0, stopped=5.25, behind_m=0.034)
+    shut = replace(visit, state=DoorState.CLOSED)
 
     assert verdict(visit) == "OPEN .99"
-    assert verdict(replace(visit, accuracy=1.0)) == "OPEN 1.00"
+    assert verdict(replace(visit, accuracy=0.9962)) == "OPEN .996"
+    assert verdict(replace(visit, accuracy=1.0)) == "OPEN 1.000"
     assert verdict(replace(visit, state=DoorState.UNKNOWN, why="ajar")) == "UNKNOWN: ajar"
     assert verdict(replace(visit, passed=True)) == "OPEN, driven through"
-    assert grounds(visit) == "12 looks: 0.0 through, 5.2 on the line, +0.03 m"
-    assert grounds(replace(visit, behind_m=math.nan)).endswith("on the line")
+    assert grounds(shut) == "12 looks: 0.0 through, 5.2 on the line, +0.03 m"
+    assert grounds(visit) == grounds(replace(shut, behind_m=math.nan))
+    assert grounds(visit).endswith("on the line")
     assert when(visit, "UTC") == "2025-12-29 09:20:04"
 
 
