@@ -142,7 +142,7 @@ def take_transforms(got: TopicMessage, tree: TransformTree, context: Context) ->
         tree.take(each, got.received_ns, is_static=is_static) for each in got.message.transforms
     }
     if tree.strays > strays:
-        kind = "a transform whose stamp is far from the others of its link; passed over"
+        kind = "a transform at odds with others of its link"
         context.complaints.add(got.topic, kind, tree.stray)
     return changed
 

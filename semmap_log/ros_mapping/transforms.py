@@ -23,6 +23,7 @@ from semmap_log.ros_mapping.rotations import (
 from semmap_log.ros_mapping.topic_reader import yaw_of
 
 LONGEST_CHAIN = 100
+_FROM = {True: "from the future", False: "too old"}
 
 
 @dataclass(slots=True)
@@ -50,7 +51,7 @@ class TransformTree:
         self.placed_by_hand: str | None = None
         """A frame whose children another source places: what TF says of them is passed over."""
         self.strays = 0
-        """Transforms whose stamps are far from those before and after them of their link."""
+        """Transforms at odds with others of their link: their stamps, or their parents."""
         self.stray = ""
         """The last of them, in words."""
         self._links: dict[str, _Link] = {}
@@ -80,6 +81,8 @@ class TransformTree:
     ) -> None:  # fmt: skip
         """Take in where a frame stands in its parent."""
         link = self._links.get(child)
+        if link is not None and link.parent != parent:
+            self._note(f"{child} stands in {parent}, and stood in {link.parent}")
         if link is None or (link.parent, link.is_static) != (parent, is_static):
             history = LinkHistory(0 if is_static else self.keep_ns, holds)
             self._links[child] = link = _Link(parent, pose, stamp, received_ns, is_static, history)
@@ -88,8 +91,12 @@ class TransformTree:
             return
         stray_ns = link.history.add(stamp_ns(stamp), pose)
         if stray_ns is not None:
-            self.strays += 1
-            self.stray = f"{parent} -> {child}: by {(stray_ns - stamp_ns(stamp)) / 1e9:.1f} s"
+            off_s = (stray_ns - stamp_ns(stamp)) / 1e9
+            self._note(f"{parent} -> {child}: {abs(off_s):.1f} s {_FROM[off_s > 0]}")
+
+    def _note(self, stray: str) -> None:
+        self.strays += 1
+        self.stray = stray
 
     def has(self, frame: str) -> bool:
         """Tell whether a frame stands in another, or another in it."""

@@ -394,7 +394,41 @@ def test_a_stray_transform_costs_no_scan() -> None:
 
     assert 23 <= len(scans)
     _check(room, scans)
-    assert any("odom -> base_link: by 3599" in line for line in hearing.complaints.lines())
+    lines = hearing.complaints.lines()
+    assert any("odom -> base_link: 3599.0 s from the future" in line for line in lines)
+
+
+def test_a_scan_from_the_future_holds_up_no_other() -> None:
+    """
+    It waits for transforms that will not come, and those behind it do not wait with it.
+    """
+    room = LaserRoom(seconds=3.0)
+    ahead = room.scan(1.0, header=room.robot.header(room.ns(3600.0), "laser"))
+    hearing = Hearing()
+
+    scans = hearing.hear(_in_order([*room.said(), room.sent(ahead, 1.01)]))
+
+    assert 22 <= len(scans)
+    _check(room, scans)
+    assert hearing.counts.received - hearing.counts.placed <= 3
+
+
+def test_a_pose_from_the_future_holds_up_no_other() -> None:
+    """
+    Nor does one that is older than all odometry.
+    """
+    room = LaserRoom(seconds=4.0)
+    mapping = RosMapping(scans=ReadScan(pose_topic="/amcl_pose"))
+    odd = [
+        replace(next(iter(LaserRoom(begins_s=at).poses())), at_ns=room.ns(0.5))
+        for at in (3600.0, -3600.0)
+    ]
+    said = [*room.statics(), *room.tf(localised=False), *odd, *room.poses(), *room.scans()]
+
+    scans = Hearing(mapping).hear(_in_order(said))
+
+    assert 25 <= len(scans)
+    _check(room, scans)
 
 
 def test_a_circle_of_frames_places_nothing() -> None:

@@ -203,6 +203,7 @@ def test_a_frame_that_gets_another_parent_begins_anew() -> None:
     assert ("base_link", "cart", [round(1.1 * S)]) == (
         frame, tree.parent("base_link"), history.stamps,
     )  # fmt: skip
+    assert "base_link stands in cart, and stood in odom" == tree.stray
 
 
 def test_a_stray_stamp_is_told_with_its_link() -> None:
@@ -213,7 +214,7 @@ def test_a_stray_stamp_is_told_with_its_link() -> None:
     _take(tree, "map", "odom", 500.0)
     _take(tree, "map", "odom", 2.0)
 
-    assert (1, "map -> odom: by 498.0 s") == (tree.strays, tree.stray)
+    assert (1, "map -> odom: 498.0 s from the future") == (tree.strays, tree.stray)
 
 
 def test_only_the_latest_is_known_where_nothing_is_kept() -> None:

@@ -128,8 +128,8 @@ WHEN = (
 )  # fmt: skip
 
 WHERE = (
-    guard("poses in another frame", "Poses.events",
-          'header.frame_id.removeprefix("/") != self._context.mapping.map_frame', "False",
+    guard("poses in another frame", "robot_poses.is_on_map",
+          'frame.removeprefix("/") == on_map', "True",
           "test_robot"),
     guard("a robot that stands", "PoseFilter.take",
           "self._kept is None or self._has_moved(self._kept, pose)", "True",
@@ -149,11 +149,11 @@ WHERE = (
           "math.sqrt(in_plane) if 0 < in_plane < math.inf else math.nan", "math.sqrt(in_plane)",
           "test_robot"),
     guard("transforms of another time", "Transforms.events", "MOST_LATE_S", "1e99", "test_robot"),
-    guard("transforms one upon the other", "TransformTree.pose",
-          "_product(link.rotation, turn)", "_product(turn, link.rotation)",
+    guard("transforms one upon the other", "transforms._composed",
+          "product(pose.turn, turn)", "product(turn, pose.turn)",
           "test_misleading_messages"),
-    guard("a shift is in its parent", "TransformTree.pose",
-          "_rotated(at, link.rotation)", "at", "test_robot"),
+    guard("a shift is in its parent", "transforms._composed",
+          "rotated(at, pose.turn)", "at", "test_robot"),
     guard("a shift that is finite", "TransformTree.take",
           "not all(math.isfinite(value) for value in translation)", "False",
           "test_misleading_messages"),
@@ -198,7 +198,7 @@ WRITTEN = (
           "value is not None and states.setdefault(value, state) != state", "False",
           "test_mapping_file"),
     guard("well-known topics only where wanted", "RosMapping.rule",
-          "not self.well_known", "False", "test_misleading_messages"),
+          "found is None and self.well_known", "found is None", "test_misleading_messages"),
     guard("poses only of known names", "well_known_rule",
           "topic in _POSES", "True", "test_mapping_file"),
 )  # fmt: skip

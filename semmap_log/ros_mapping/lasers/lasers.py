@@ -22,7 +22,7 @@ from semmap_log.scans.placed_scan import PlacedScan
 KEEP_NS = 10 * 10**9
 """Of TF's past."""
 WAIT_NS = 2 * 10**9
-"""A scan that has no place when another comes that is so much younger gets none."""
+"""A scan that has no place when another comes that is so far from it gets none."""
 MOST_WAITING = 500
 AT_ONCE_BACK_NS = 5 * 10**9
 """A stamp that is further behind the last one is that of a clock that was set, or of a bag that
@@ -128,11 +128,6 @@ class Lasers:
         for laser in self._lasers.values():
             yield from laser.placed(is_end=is_end)
 
-    @property
-    def waiting(self) -> int:
-        """How many scans wait."""
-        return sum(len(laser.waiting) for laser in self._lasers.values())
-
 
 @dataclass(slots=True)
 class _Laser:
@@ -197,8 +192,8 @@ class _Laser:
             scan, received_ns = self.waiting[0]
             found = self._placed(scan)
             if isinstance(found, _Waits):
-                late = len(self.waiting) > MOST_WAITING or self._stamp_ns - scan.stamp_ns > WAIT_NS
-                if not (late or is_end):
+                late = abs(self._stamp_ns - scan.stamp_ns) > WAIT_NS  # or it is from the future
+                if not (late or is_end or len(self.waiting) > MOST_WAITING):
                     return
                 self.drop(self._without_place(found.on))
             elif isinstance(found, Unusable):

@@ -13,9 +13,10 @@ from semmap_log.ros_mapping.rotations import inverse, product, rotated, unit
 from semmap_log.ros_mapping.topic_reader import deviations, yaw_of
 from semmap_log.ros_mapping.transforms import TransformTree, stamp_ns
 
-HOLDS_NS = 60 * 10**9
+SPREAD_HOLDS_NS = 60 * 10**9
 """A covariance counts for scans up to so long before and after it."""
-MOST_WAITING = 100
+WAIT_NS = 2 * 10**9
+"""A pose without odometry when another comes that is so far from it counts for nothing."""
 
 
 @dataclass(slots=True)
@@ -32,7 +33,7 @@ class Spreads:
     def at(self, when_ns: int) -> tuple[float, float]:
         """Return the standard deviations in the plane, m, and around z, rad; NaN: not told."""
         told_ns, sd_xy, sd_theta = self._told
-        return (sd_xy, sd_theta) if abs(when_ns - told_ns) <= HOLDS_NS else (math.nan, math.nan)
+        return (sd_xy, sd_theta) if abs(when_ns - told_ns) <= SPREAD_HOLDS_NS else (math.nan, math.nan)
 
 
 @dataclass(slots=True)
@@ -65,7 +66,6 @@ class MapLink:
         stamp = message.header.stamp
         link = LinkPose(shift, unit((turn.x, turn.y, turn.z, turn.w)))
         self._waiting.append((stamp_ns(stamp), link, stamp, received_ns))
-        del self._waiting[:-MOST_WAITING]
         self.settle()
 
     def settle(self) -> None:
@@ -79,8 +79,9 @@ class MapLink:
                 chain = self.tree.chain(root, self.robot_frame)
                 moving = self.tree.moving(chain or ())
                 if any(not h.stamps or h.stamps[-1] < when_ns for _, h in moving):
-                    return
-                if all(h.stamps[0] <= when_ns for _, h in moving):
+                    if abs(self._waiting[-1][0] - when_ns) <= WAIT_NS:
+                        return
+                elif all(h.stamps[0] <= when_ns for _, h in moving):
                     self._put(root, chain or (), self._waiting[0])
             del self._waiting[0]
 
