@@ -97,14 +97,15 @@ def sightings_to_show(
     counts = Counter({door_id: len(visits) for door_id, visits in by_door.items()})
     order = [door_id for door_id in chosen or () if door_id in counts]
     order += [door_id for door_id, _ in counts.most_common() if door_id not in order]
+    drawn = tuple(order[:MOST_DOORS])
     shown: set[tuple[DoorId, int]] = set()
-    for door_id in order[:MOST_DOORS]:
+    for door_id in drawn:
         visits = [kept.visit for kept in by_door[door_id]]
         shown |= {(door_id, visits[n].last_ns) for n in worth_a_look(visits, MOST_VISITS)}
     return SightingsShown(
-        doors=tuple(order[:MOST_DOORS]),
+        doors=drawn,
         visits=frozenset(shown),
-        lines={door_id: by_door[door_id][-1].line for door_id in order[:MOST_DOORS]},
+        lines={door_id: by_door[door_id][-1].line for door_id in drawn},
         left_out=counts.total() - len(shown),
         problems=tuple(problems),
     )
@@ -186,7 +187,7 @@ class _DoorPen:
         self._points(rows, pairs)
         self._verdicts(rows, visits, colours)
 
-    def _path(self, part: str) -> EntityPath:
+    def _entity(self, part: str) -> EntityPath:
         return (*sighting_path(self.door), part)
 
     def _write_style(self) -> None:
@@ -197,20 +198,20 @@ class _DoorPen:
         }
         for part, (colour, alpha, radius, order) in looks.items():
             self.writer.static(
-                self._path(part),
+                self._entity(part),
                 rr.LineStrips2D.from_fields(colors=rgba([colour], alpha), draw_order=order,
                                             radii=rr.Radius.ui_points(radius)),
             )  # fmt: skip
         self.writer.static(
-            self._path("leaf"),
+            self._entity("leaf"),
             rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(3.5), draw_order=27.0),
         )
         self.writer.static(
-            self._path("points"),
+            self._entity("points"),
             rr.Points2D.from_fields(draw_order=25.0),
         )
         self.writer.static(
-            self._path("verdict"),
+            self._entity("verdict"),
             rr.Points2D.from_fields(radii=rr.Radius.ui_points(0.0), draw_order=30.0,
                                     show_labels=True),
         )  # fmt: skip
@@ -230,7 +231,7 @@ class _DoorPen:
             told = {} if of_each is None else {"colors": of_each}
             return list(rr.LineStrips2D.columns(strips=flat, **told).partition(counts))
 
-        self.writer.rows(self._path(part), rows, columns, [HAPPENED])
+        self.writer.rows(self._entity(part), rows, columns, [HAPPENED])
 
     def _points(self, rows: Any, pairs: Sequence[tuple[KeptVisit, DoorScene]]) -> None:
         """Write where beams ended, in the colours of what became of them."""
@@ -250,7 +251,7 @@ class _DoorPen:
             told = rr.Points2D.columns(positions=positions, colors=colours, radii=radii)
             return list(told.partition(counts))
 
-        self.writer.rows(self._path("points"), rows, columns, [HAPPENED])
+        self.writer.rows(self._entity("points"), rows, columns, [HAPPENED])
 
     def _verdicts(
         self, rows: Any, visits: Sequence[KeptVisit], colours: NDArray[np.uint32]
@@ -261,7 +262,7 @@ class _DoorPen:
         def columns(_: Any) -> Sequence[Any]:
             return list(rr.Points2D.columns(positions=places, labels=words, colors=colours))
 
-        self.writer.rows(self._path("verdict"), rows, columns, [HAPPENED])
+        self.writer.rows(self._entity("verdict"), rows, columns, [HAPPENED])
 
     def _words(self, visit: Visit) -> str:
         lines = (verdict(visit), when(visit, self.tz), grounds(visit))

@@ -207,3 +207,31 @@ def test_the_viewer_shows_a_door_as_the_laser_saw_it(tmp_path: Path) -> None:
     assert (has_colour(shut, DEFAULT.closed), has_colour(shut, DEFAULT.robot)) == (True, True)
     assert (has_colour(wide, DEFAULT.closed), has_colour(wide, DEFAULT.open)) == (False, True)
     assert not has_colour(plan, DEFAULT.robot)
+
+
+def test_the_plan_leaves_sightings_out(tmp_path: Path) -> None:
+    """
+    They have views of their own, on pages behind the plan: of each door one, around it.
+    """
+    from semmap_log.views.excerpt.span import Excerpt
+    from semmap_log.views.rerun.blueprint import layout
+    from semmap_log.views.rerun.contents import find_scene
+    from semmap_log.views.rerun.sighting_views import sightings_to_show
+
+    excerpt = Excerpt(sighted_log(tmp_path / "office", doors=8))
+    scene = find_scene(excerpt)
+    shown = sightings_to_show(excerpt, scene, None)
+
+    plans = layout(
+        scene, DEFAULT, chosen=None, level=None, costmap=True, beliefs=None, rounds=(), tz="UTC",
+        sightings=shown,
+    ).root_container.contents[0]  # fmt: skip
+
+    plan, _, *pages = plans.contents
+    assert "- /map/sightings/**" in plan.contents
+    assert [page.name for page in pages] == ["Sightings 1/2", "Sightings 2/2"]
+    views = [view for page in pages for view in page.contents]
+    assert [view.name for view in views][:2] == ["front by laser", "door 2 by laser"]
+    assert views[0].contents == ["+ /map/floor/**", "+ /map/sightings/front/**"]
+    (bounds,) = views[0].properties["VisualBounds2D"].range.pa_array.to_pylist()
+    assert bounds == {"x_range": [0.0, 5.0], "y_range": [-3.5, 1.5]}
