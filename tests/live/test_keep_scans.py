@@ -124,6 +124,26 @@ def test_an_import_that_is_refused_keeps_nothing(tmp_path: Path, bag: Path) -> N
     assert not folder_beside(office).exists()
 
 
+def test_an_import_that_breaks_off_keeps_nothing(tmp_path: Path) -> None:
+    """
+    Behind the first visit, before the bag is read to its end.
+    """
+    office, called = _office(tmp_path / "office"), list[bool]()
+    drives = (LaserRoom(tf_hz=100.0, begins_s=60.0 * n) for n in range(2))
+    write_mcap(tmp_path / "x.mcap", [said for drive in drives for said in drive.said()])
+
+    def break_off(_done: int, _all: int) -> None:
+        called.append(folder_beside(office).exists())
+        if called[-1]:
+            raise KeyboardInterrupt
+
+    with sl.append(office) as log, pytest.raises(KeyboardInterrupt):
+        import_file(log, tmp_path / "x.mcap", SCANS, keep_scans=True, progress=break_off)
+
+    assert called[-1]
+    assert not folder_beside(office).exists()
+
+
 def test_a_recorder_goes_on_where_nothing_more_can_be_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

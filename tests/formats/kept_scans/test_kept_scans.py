@@ -303,6 +303,7 @@ def test_others_read_it(tmp_path: Path) -> None:
     from rosbags.highlevel import AnyReader
 
     visit, scans = seen_visit(0, robot="rover")
+    scans[0] = replace(scans[0], sd_xy=math.nan, sd_theta=math.nan)
     path = _keep(tmp_path / "office", [(visit, scans)])
 
     with AnyReader([path]) as reader:
@@ -319,6 +320,9 @@ def test_others_read_it(tmp_path: Path) -> None:
         "/rover/laser/scan": "sensor_msgs/msg/LaserScan",
     }
     assert [at for topic, at, _ in messages if topic == "/tf"] == [s.stamp_ns for s in scans]
+    poses = [m.pose.covariance for topic, _, m in messages if topic.endswith("/pose")]
+    assert [poses[0][0], poses[0][35]] == [-1.0, -1.0]  # not told
+    np.testing.assert_allclose([poses[1][0], poses[1][7], poses[1][35]], [0.0025, 0.0025, 0.0004])
     frames = {m.transforms[0].child_frame_id for topic, _, m in messages if topic == "/tf"}
     assert frames == {m.header.frame_id for topic, _, m in messages if topic.endswith("/scan")}
 
