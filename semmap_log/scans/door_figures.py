@@ -15,6 +15,9 @@ A_LOOK = 0.9
 NEARLY_ALL = 0.75
 """Of the looks at a door: where as many end near its line, it is shut."""
 
+MOST_AJAR = 0.5
+"""P(ajar) from which on a leaf is not where its line is, wherever that is drawn."""
+
 
 @dataclass(slots=True)
 class Mean:
@@ -138,9 +141,9 @@ def is_undecided(visit: Visit) -> bool:
 
 
 def _may_be_shut(visit: Visit) -> bool:
-    """Tell whether nearly all beams ended near the line, of a door that does not stand open."""
-    enough = max(A_LOOK, NEARLY_ALL * visit.looks)
-    return visit.state is not DoorState.OPEN and visit.near >= enough
+    """Tell whether nearly all beams ended near the line, and the door is not open or ajar."""
+    stands = visit.state is DoorState.OPEN or visit.ajar >= MOST_AJAR
+    return not stands and visit.near >= max(A_LOOK, NEARLY_ALL * visit.looks)
 
 
 def _overlap(one: tuple[int, int], other: tuple[int, int]) -> bool:

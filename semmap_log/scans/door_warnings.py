@@ -12,11 +12,11 @@ from semmap_log.scans.door_figures import DoorFigures, Mean
 
 FEW = 5
 """Habits are told of doors with at least so many visits."""
-LEAST_LOOKS = 3.0
-"""That ended near a line, before it is said where."""
+LEAST_LOOKS, LEAST_OFFSETS = 3.0, 3
+"""That ended near a line, and visits that they are of, before it is said where."""
 OFF_M = 0.12
 """Less is a leaf in its recess, as drawings go."""
-SURE = 2.0
+SURE = 3.0
 """Standard errors that an offset must be away from 0."""
 MOSTLY = 0.5
 MOVE_IT = "if its line is drawn there by mistake, move it with `update`"
@@ -79,7 +79,7 @@ def _contradiction(door: DoorFigures) -> str:
 
 
 def _offset(door: DoorFigures) -> str:
-    if door.near < LEAST_LOOKS:
+    if door.near < LEAST_LOOKS or door.behind_m.count < LEAST_OFFSETS:
         return ""
     # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
     if len(door.sides) > 1 and _is_off(door.left_m):
@@ -100,9 +100,8 @@ def _offset(door: DoorFigures) -> str:
 
 
 def _is_off(offsets: Mean) -> bool:
-    """Tell whether offsets are one on average, and not by chance; of one visit nobody knows."""
-    by_chance = SURE * offsets.error if offsets.count > 1 else 0.0
-    return abs(offsets.value) >= max(OFF_M, by_chance)
+    """Tell whether offsets are one on average, and not by chance."""
+    return abs(offsets.value) >= max(OFF_M, SURE * offsets.error)
 
 
 def _undecided(door: DoorFigures) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -391,19 +392,31 @@ def test_doors_of_another_level_are_not_seen(tmp_path: Path) -> None:
     assert any("scans are of level 1, the doors on level 2" in e for e in imported.plan.warnings)
 
 
-def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("y", "said"),
+    [
+        (1.2, ""),
+        (1.15, ""),
+        (1.06, "door 1 (lab): beams end 0.14 m behind its line"),
+        (1.34, "door 1 (lab): beams end 0.14 m before its line"),
+    ],
+)
+def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(
+    y: float, said: str, tmp_path: Path
+) -> None:
     """
-    Beams end on the wall, not on the line.
+    Beams end on the leaf, not on the line, at each visit to it while it is shut.
     """
     with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.add_door(x=4.0, y=1.06, theta=0.0, width=0.9, name="lab", at=LONG_AGO)
-    write_mcap(tmp_path / "x.mcap", LaserRoom(state=lambda _: SHUT).said())
+        log.add_door(x=4.0, y=y, theta=0.0, width=0.9, name="lab", at=LONG_AGO)
+    shut = [LaserRoom(state=lambda _: SHUT, begins_s=at) for at in (0.0, 60.0, 120.0)]
+    write_mcap(tmp_path / "x.mcap", [each for room in shut for each in room.said()])
 
     imported = _import(tmp_path / "office", tmp_path / "x.mcap")
 
-    (said,) = [each for each in imported.plan.warnings if "its line" in each]
-    assert said.startswith("door 1 (lab): beams end 0.1")
-    assert "behind its line on average" in said
+    assert [said] * bool(said) == [
+        each.partition(" on average")[0] for each in imported.plan.warnings if "its line" in each
+    ]
 
 
 def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -> None:
@@ -479,6 +492,29 @@ def test_scan_stands_alone_or_before_a_topic_or_a_file(
     assert 1 == _run("import", office, path, "--scan", "/rear")
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
     assert "expected a topic /rear" in capsys.readouterr().err
+
+
+def test_since_when_doors_were_there_can_be_tried_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A dry run takes the line that the refusal tells, and shows the doors' earlier adding, too.
+    """
+    x, y, theta, width = DOOR
+    office, path = tmp_path / "office", _mcap(tmp_path)
+    with sl.create(office, tz="Europe/Vienna") as log:
+        log.add_door(x=x, y=y, theta=theta, width=width)
+
+    assert 1 == _run("import", office, path, "--scan")
+    line = capsys.readouterr().err.partition("say so: ")[2]
+    assert 0 == _run(*shlex.split(line)[1:], "--dry-run")
+    kinds = [json.loads(text)["kind"] for text in capsys.readouterr().out.splitlines()]
+    assert ["Retracted", "DoorAdded"] == kinds[:2]
+    assert ["DoorObserved"] * 2 == [kind for kind in kinds if kind.startswith("DoorO")]
+    assert 1 == len(list(sl.read(office).commits()))
+    assert 0 == _run(*shlex.split(line)[1:])
+    assert 2 == len(_states(office))
+    assert 2 == _run("import", office, path, "--scan", "--since-ever")
 
 
 def test_json_has_the_counts(

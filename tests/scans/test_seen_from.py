@@ -54,7 +54,7 @@ def test_a_line_that_is_drawn_beside_the_leaf_is_told_with_its_side(across: floa
     """
     Seen from both, it is behind once and before once: what holds is left or right.
     """
-    visits = _visits([*_drive(DOWN), *_drive(UP, 60.0)], across)
+    visits = _visits([*_drive(DOWN), *_drive(UP, 60.0), *_drive(DOWN, 120.0)], across)
 
     (warning,) = door_warnings(door_figures(visits))
 
@@ -68,6 +68,8 @@ def test_seen_from_one_side_it_is_behind_or_before() -> None:
     """
     As the robot sees it.
     """
-    (warning,) = door_warnings(door_figures(_visits(_drive(DOWN), -0.25)))
+    (warning,) = door_warnings(
+        door_figures(_visits([scan for n in range(3) for scan in _drive(DOWN, 60.0 * n)], -0.25))
+    )
 
     assert "beams end 0.25 m behind its line" in warning.text
