@@ -37,6 +37,7 @@ from semmap_log.cli import (
     report,
     retract,
     ros_package,
+    scan_report,
     serve,
     show,
     tail,
@@ -116,6 +117,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("best-time", best_time.run, "Show when a door is likeliest open."),
         ("evaluate", evaluate.run, "Tell how good forecasts of the doors are."),
         ("calibrate", calibrate.run, "Find a sensor's accuracies from known truth."),
+        ("scan-report", scan_report.run, "Tell how a laser saw the doors; draw it."),
     ),
     "Pictures, and files for other programs": (
         ("view", view.run, "Look at the history in rerun."),

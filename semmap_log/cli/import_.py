@@ -11,9 +11,11 @@ from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, pr
 from semmap_log.cli.mapping import (
     MAPPING_HELP,
     DryRun,
+    KeepScans,
     MappingFile,
     PoseTopic,
     Scan,
+    check_keep_scans,
     check_scan,
     tell_plan,
     tell_scan_import,
@@ -78,6 +80,7 @@ def run(
     mapping: MappingFile = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
+    keep_scans: KeepScans = False,
     map_rules: Annotated[
         MapServer | None,
         typer.Option("--map-rules", help="As which map_server to read a map; nav2."),
@@ -111,7 +114,8 @@ def run(
     With --scan the laser of a robot sees the doors of the log, as they were then: each visit to a
     door that decides is a commit of its own, DoorObserved with an accuracy, or DoorPassed; the
     guide "Doors from a laser" tells more. TF has to lead from map to the laser. Doors that were
-    added later than the scans were there by then with --since.
+    added later than the scans were there by then with --since. --keep-scans keeps what the laser
+    saw in LOG.scans, so that a person can check it: `view`, `scan-report --plot`.
 
     A door is in the map from when it was added: now, or --at. What is told of earlier times, as by
     last week's sightings, no answer counts. --since says that the doors of a building or a door
@@ -130,14 +134,17 @@ def run(
       semmap-log import office --since-ever
       semmap-log import office monday.bag --mapping robot.yaml --dry-run | head
       semmap-log import office patrol.bag --scan
+      semmap-log import office patrol.bag --scan --keep-scans
       semmap-log import office patrol --scan /front/scan --pose-topic /amcl_pose
     """
     import semmap_log as sl
+    from semmap_log.formats.kept_scans.kept_visit import folder_beside
     from semmap_log.importing.importing import ImportOptions, backdate, import_file
     from semmap_log.importing.scan_topics import ScanOptions
 
     files = files or []
     check_scan(scan, pose_topic)
+    check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
     topics = None if scan is None else tuple(filter(None, scan))
     scans = None if topics is None else ScanOptions(topics, pose_topic or "")
     is_by_scans = scans is not None
@@ -164,10 +171,14 @@ def run(
                 _tell(log, moved)
         for file in files:
             with progress(f"Importing {file.name}", unit="entries") as told:
-                imported = import_file(opened, file, options, note=note, progress=told)
+                imported = import_file(
+                    opened, file, options, note=note, keep_scans=keep_scans, progress=told
+                )
             results.append(_to_json(file, imported))
             if not as_json:
                 _tell(file, imported)
+        if keep_scans and files and not as_json:
+            say(f"{folder_beside(opened.path)}: the scans of visits.")
     if as_json:
         print_json(results)
 

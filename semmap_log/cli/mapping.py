@@ -47,6 +47,14 @@ PoseTopic = Annotated[
     ),
 ]
 
+KeepScans = Annotated[
+    bool,
+    typer.Option(
+        "--keep-scans",
+        help="With --scan: keep the scans of visits in LOG.scans, for `view` and `scan-report`.",
+    ),
+]
+
 MAPPING_HELP = """\
     \b
     ROS topics without --mapping: all lta_semantic_map/DoorMap,
@@ -73,6 +81,12 @@ def check_scan(scan: list[str] | None, pose_topic: str | None) -> None:
     """Refuse a pose topic without lasers."""
     if pose_topic is not None and scan is None:
         raise typer.BadParameter("is for lasers: give --scan, too", param_hint="--pose-topic")
+
+
+def check_keep_scans(*, keep_scans: bool, dry_run: bool) -> None:
+    """Refuse to keep what only is looked at."""
+    if keep_scans and dry_run:
+        raise typer.BadParameter("--dry-run writes nothing", param_hint="--keep-scans")
 
 
 def tell_scan_import(file: Path, found: ScanImport) -> None:

@@ -10,7 +10,16 @@ import typer
 
 from semmap_log.cli.common import WritableLog, on_stop, print_json, say
 from semmap_log.cli.failures import problems_to_json, tell
-from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, PoseTopic, Scan, check_scan
+from semmap_log.cli.mapping import (
+    MAPPING_HELP,
+    DryRun,
+    KeepScans,
+    MappingFile,
+    PoseTopic,
+    Scan,
+    check_keep_scans,
+    check_scan,
+)
 from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
@@ -34,6 +43,7 @@ def run(
     mapping: MappingFile = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
+    keep_scans: KeepScans = False,
     dry_run: DryRun = False,
     ack: Annotated[
         bool,
@@ -74,6 +84,8 @@ def run(
 
     With --scan a laser sees the doors of the log: each visit to a door that decides is a commit,
     once it is over. Without TOPIC: the topics called scan. TF has to lead from map to the laser.
+    --keep-scans keeps what the laser saw in LOG.scans, so that a person can check it: `view`,
+    `scan-report --plot`.
 
     \b
     Durability, when a line is answered:
@@ -94,6 +106,7 @@ def run(
       semmap-log record office --ros1
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
       semmap-log record office --ros2 --scan
+      semmap-log record office --ros2 --scan --keep-scans
     """
     if ros1 or ros2:
         if ack or strict:
@@ -101,15 +114,17 @@ def run(
                 "is about lines of standard input", param_hint="--ack, --strict"
             )
         check_scan(scan, pose_topic)
+        check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
         version = chosen_ros(ros1=ros1, ros2=ros2)
         policy = Promised(durability.value, batch_events, batch_ms / 1000)
-        read = Read(mapping, scan, pose_topic)
+        read = Read(mapping, scan, pose_topic, keep_scans=keep_scans)
         record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
-    if mapping or dry_run or scan is not None or pose_topic is not None or context.obj:
+    of_lasers = scan is not None or pose_topic is not None or keep_scans
+    if mapping or dry_run or of_lasers or context.obj:
         raise typer.BadParameter(
             "is for topics: say which ROS, --ros1 or --ros2",
-            param_hint="--mapping, --scan, --pose-topic, --dry-run",
+            param_hint="--mapping, --scan, --pose-topic, --keep-scans, --dry-run",
         )
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")

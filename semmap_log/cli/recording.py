@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,10 +15,14 @@ from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.ros import open_node
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from semmap_log.domain.commits import Note
     from semmap_log.domain.events import Event
+    from semmap_log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.formats.ros.ros_types import RosVersion
     from semmap_log.live.ros_recorder import EventSink
+    from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
     from semmap_log.ros_mapping.topic_rules import RosMapping
 
 NODE = "semmap_log_recorder"
@@ -39,6 +44,8 @@ class Read(NamedTuple):
     scan: list[str] | None
     """The topics of lasers; an empty name: those called `scan`; None: those of the mapping."""
     pose_topic: str | None
+    keep_scans: bool = False
+    """Keep the scans of visits beside the log."""
 
 
 def record_topics(
@@ -72,23 +79,45 @@ def record_topics(
         mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
         if read.scan is not None:
             mapping = mapping.asked_for(read.scan, read.pose_topic or "")
+        if read.keep_scans and not mapping.reads_scans:
+            raise typer.BadParameter(
+                "no laser is read: name it with --scan, or in the mapping",
+                param_hint="--keep-scans",
+            )
     if promised is None:
         known = sl.read(log) if log.exists() else None
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
         return
     with stopped_for_good():
         opened = sl.append(log, **promised._asdict())
-    with opened:
-        _record(context, version, mapping, LogSink(opened), str(log), as_json=as_json)
+    with opened, _keeping(opened, wanted=read.keep_scans) as keeper:
+        _record(
+            context, version, mapping, LogSink(opened), str(log), keeper=keeper, as_json=as_json
+        )
+
+
+@contextmanager
+def _keeping(log: DoorLogWriter, *, wanted: bool) -> Iterator[ScanKeeper | None]:
+    """Hand out what keeps scans, if they are wanted; if they cannot be kept, recording goes on."""
+    from semmap_log.formats.kept_scans.writing import keeping_scans
+    from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
+
+    if not wanted:
+        yield None
+        return
+    with keeping_scans(log.path, log.info.log_id) as writer:
+        yield ScanKeeper(writer, tell=tell)
+        if writer.path is not None:
+            say(f"{writer.path}: the scans of visits.")
 
 
 def _record(
     context: typer.Context, version: RosVersion, mapping: RosMapping, sink: EventSink, where: str,
-    *, as_json: bool = False,
+    *, keeper: ScanKeeper | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     from semmap_log.live.ros_recorder import RosRecorder
 
-    recorder = RosRecorder(open_node(context, version, NODE), mapping, sink, tell)
+    recorder = RosRecorder(open_node(context, version, NODE), mapping, sink, tell, keeper)
 
     def stop() -> None:
         recorder.stopping = True

@@ -69,6 +69,13 @@ def run(
             help="With what could be believed: P(open) over time, and typical weeks.",
         ),
     ] = True,
+    scans: Annotated[
+        bool,
+        typer.Option(
+            "--scans/--no-scans",
+            help="With the scans that --keep-scans of record or import kept: a view a door.",
+        ),
+    ] = True,
     palette: PaletteChoice = PaletteName.default,
     follow: Annotated[
         bool,
@@ -109,8 +116,12 @@ def run(
     Events that were taken back are there along `recorded`, until that was known. It opens at the
     end, or at the moment of --at.
 
+    Where scans of sightings were kept, the tabs Sightings show of each door what the laser saw at
+    the last visit: beams by what became of them, the leaf where it most likely stands, what was
+    said. Step along `happened` from visit to visit. Of many doors name those to be shown (--door).
+
     With --follow, what is recorded meanwhile is on the screen within a second; beliefs stay as they
-    were at first. Close the window, or press Ctrl-C, to end it.
+    were at first, and no scans are shown. Close the window, or press Ctrl-C, to end it.
 
     --web serves on 127.0.0.1 alone. The page is rerun's own: it may ask the internet for a font and
     for news of rerun, and report its use; never the log. In browsers without WebGPU rerun draws
@@ -158,7 +169,10 @@ def run(
     if follow:
         _follow(opened, looks, web=web, theme=theme, browser=browser)
         return
-    with _recording(opened, save, {**looks, "until": end, "at": at}) as (rrd, summary):
+    with _recording(opened, save, {**looks, "scans": scans, "until": end, "at": at}) as (
+        rrd,
+        summary,
+    ):
         if screenshot is not None:
             _take_picture(rrd, screenshot, at_ns=at_ns, size=pixels, view=view)
         elif web:
@@ -172,7 +186,9 @@ def run(
             "save": None if save is None else str(save),
             "screenshot": None if screenshot is None else str(screenshot),
             "events": summary.events,
-            "left_out": asdict(summary.left_out),
+            "left_out": {
+                **asdict(summary.left_out), "sightings": summary.sightings_left_out
+            },
         })  # fmt: skip
 
 
@@ -252,6 +268,10 @@ def _recording(
             )
             if left_out := str(summary.left_out):
                 say(f"As no eye would see them, {left_out}.")
+        for problem in summary.problems:
+            say(f"warning: {problem}")
+        if left := summary.sightings_left_out:
+            say(f"{counted(left, 'sighting')} of doors not shown; name doors with --door.")
         yield path, summary
 
 

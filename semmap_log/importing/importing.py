@@ -25,6 +25,8 @@ from semmap_log.formats.files.door_csv import read_door_csv
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.formats.files.map_server import DEFAULT_RULES, is_map, picture_of, read_map
 from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.formats.kept_scans.reading import kept_already
+from semmap_log.formats.kept_scans.writing import keeping_scans
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.importing.bag_importing import plan_bag
 from semmap_log.importing.import_plan import ImportPlan, Present, plan_doors
@@ -41,6 +43,7 @@ from semmap_log.importing.scan_importing import (
 from semmap_log.importing.scan_topics import ScanOptions, with_scans
 from semmap_log.io.disk import utf8_name
 from semmap_log.io.progress import Progress
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.mapping_file import read_mapping
 from semmap_log.ros_mapping.topic_rules import WELL_KNOWN, RosMapping
 
@@ -98,6 +101,7 @@ def import_file(
     options: ImportOptions = ImportOptions(),
     *,
     note: Note = Note(),
+    keep_scans: bool = False,
     progress: Progress | None = None,
 ) -> Imported:
     """Import a file as one commit; JSON lines that a log wrote, as the commits they were there.
@@ -107,11 +111,13 @@ def import_file(
         path: Its name tells its format.
         options: How to take it.
         note: Who and why; the source is the file's name unless given.
+        keep_scans: Keep the scans of all visits beside the log, also of those imported before.
         progress: Told (events written, events in all); of a bag first (messages read, in all).
 
     Raises:
         FormatError: The file cannot be read, or is of no known format.
         CommandError: The map forbids it.
+        OutputError: The scans cannot be kept.
     """
     if options.mapping is not None and not is_bag(path):
         raise CommandError(f"{path}: a mapping (--mapping) says how bags are read; this is none.")
@@ -119,7 +125,8 @@ def import_file(
         raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
     if options.scan is not None and not is_bag(path):
         raise CommandError(f"{path}: --scan reads the scans of a bag; this is none.")
-    if is_bag(path) and (found := plan_scan_import(log, path, options, progress)) is not None:
+    found = _plan_scans(log, path, options, progress, keep_scans=keep_scans)
+    if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
         count, first = append_with_scans(log, found, said)
         plan = ImportPlan((), count, found.summary, found.left_out, found.warnings)
@@ -230,10 +237,46 @@ def _mapping_of(path: Path, options: ImportOptions) -> RosMapping:
     return WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
 
 
+def _plan_scans(
+    log: DoorLogWriter, path: Path, options: ImportOptions, progress: Progress | None,
+    *, keep_scans: bool,
+) -> ScanImport | None:  # fmt: skip
+    """Return what a bag's scans would bring, kept or not; None: no laser is asked for.
+
+    Raises:
+        FormatError: The bag cannot be read, or no scan of it has a place on the map.
+        CommandError: The map forbids it; or no laser is read whose scans could be kept.
+        OutputError: The scans cannot be kept.
+    """
+    if not keep_scans:
+        return plan_scan_import(log, path, options, progress) if is_bag(path) else None
+    with keeping_scans(log.path, log.info.log_id) as writer:
+        keeper = ScanKeeper(writer, known=kept_already(log.path, log.info.log_id))
+        try:
+            found = None
+            if is_bag(path):
+                found = plan_scan_import(log, path, options, progress, keeper=keeper)
+        except BaseException:
+            writer.discard()
+            raise
+    if found is None:
+        raise CommandError(f"{path}: --keep-scans keeps what lasers saw, and no laser is read: "
+                           "name it with --scan, or in a mapping.")  # fmt: skip
+    return found
+
+
 def plan_scan_import(
-    log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None
-) -> ScanImport | None:
+    log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None,
+    *, keeper: ScanKeeper | None = None,
+) -> ScanImport | None:  # fmt: skip
     """Return what a bag would bring whose scans are looked through; None: no laser is asked for.
+
+    Args:
+        log: As it stands.
+        path: The bag.
+        options: How it is read.
+        progress: Told (messages read, messages in all).
+        keeper: What keeps the scans of all visits; None: nobody does.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
@@ -249,8 +292,9 @@ def plan_scan_import(
     topics_id = command_id_of(path, replace(options, scan=None, since_ns=None))
     since_id = hashlib.sha256(bag_id + f"since {since_ns}".encode()).digest()[:16]
     return plan_with_scans(
-        log, path, mapping, BagIds(bag_id, topics_id, since_id), earlier, progress=progress
-    )
+        log, path, mapping, BagIds(bag_id, topics_id, since_id), earlier, keeper=keeper,
+        progress=progress,
+    )  # fmt: skip
 
 
 def tells_event_lines(path: Path) -> bool:

@@ -29,7 +29,8 @@ from semmap_log.importing.seen_before import PlannedVisit, SeenBefore
 from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
-from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
+from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit, named
 from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import RosMapping
@@ -48,6 +49,9 @@ class ScanPlan:
     visits: Sequence[PlannedVisit]
     summary: tuple[str, ...]
     warnings: tuple[str, ...]
+    """What is odd about the bag."""
+    door_warnings: tuple[str, ...]
+    """What is odd about doors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +87,13 @@ class ScanImport:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is odd about it."""
-        return tuple(dict.fromkeys((*self.topics.warnings, *self.scans.warnings)))
+        of_scans = (*self.scans.warnings, *self.scans.door_warnings)
+        return tuple(dict.fromkeys((*self.topics.warnings, *of_scans)))
 
 
 def plan_with_scans(
     log: DoorLog, path: Path, mapping: RosMapping, ids: BagIds, earlier: ImportPlan, *,
-    progress: Progress | None = None,
+    keeper: ScanKeeper | None = None, progress: Progress | None = None,
 ) -> ScanImport:  # fmt: skip
     """Return what a bag would bring; nothing is written.
 
@@ -98,6 +103,7 @@ def plan_with_scans(
         mapping: How its topics are read, the lasers among them.
         ids: See there.
         earlier: What says that doors were there by then.
+        keeper: What keeps the scans of all visits; None: nobody does.
         progress: Told (messages read, messages in all).
 
     Raises:
@@ -109,7 +115,9 @@ def plan_with_scans(
     if reads_any(path, others) and not _is_stored(log, ids.topics):
         topics = plan_bag(path, log, others, progress=progress)
     others_events = [*one_by_one(earlier.events), *one_by_one(topics.events)]
-    scans = plan_scans(path, log, mapping, others_events, bag_id=ids.bag, progress=progress)
+    scans = plan_scans(
+        path, log, mapping, others_events, bag_id=ids.bag, keeper=keeper, progress=progress
+    )
     return ScanImport(ids, topics, earlier, scans, left_out)
 
 
@@ -143,7 +151,7 @@ def _is_stored(log: DoorLog, command_id: bytes) -> bool:
 
 def plan_scans(
     path: Path, log: DoorLog, mapping: RosMapping, others: Sequence[Event] = (), *,
-    bag_id: bytes, progress: Progress | None = None,
+    bag_id: bytes, keeper: ScanKeeper | None = None, progress: Progress | None = None,
 ) -> ScanPlan:  # fmt: skip
     """Return what the scans of a bag say of the doors.
 
@@ -153,15 +161,15 @@ def plan_scans(
         mapping: Which lasers are read, and how.
         others: What comes into the log before the scans: it may tell of doors.
         bag_id: Digest of the bag.
+        keeper: What keeps the scans of all visits; None: nobody does.
         progress: Told (messages read, messages in all).
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
         CommandError: No door was there at the time of the scans; or a level is not told.
     """
-    return _Scanning(path, log, mapping.for_lasers_only(), DoorsThen(log, others)).plan(
-        bag_id, progress
-    )
+    doors = DoorsThen(log, others)
+    return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper).plan(bag_id, progress)
 
 
 @dataclass(slots=True)
@@ -172,12 +180,13 @@ class _Scanning:
     log: DoorLog
     mapping: RosMapping
     doors: DoorsThen
+    keeper: ScanKeeper | None = None
     complaints: TopicProblems = field(default_factory=TopicProblems)
     sightings: LaserSightings = field(init=False)
     _first: RobotScan | None = None
 
     def __post_init__(self) -> None:
-        self.sightings = LaserSightings(self.doors, robot=self.log.info.robot)
+        self.sightings = LaserSightings(self.doors, robot=self.log.info.robot, keeper=self.keeper)
 
     def plan(self, bag_id: bytes, progress: Progress | None) -> ScanPlan:
         known = Known.of(self.log)
@@ -189,14 +198,15 @@ class _Scanning:
         before = SeenBefore.of(self.log, visits)
         unknown = [each for each in planned if not before.holds(each)]
         new = [each for each in unknown if not before.overlaps(each)]
-        warnings = list(self._warnings(translator.lasers, known))
+        warnings = list(self._warnings(translator.lasers))
         if len(new) < len(unknown):
             told = f"{len(unknown) - len(new):,}"
             warnings.append(f"left out, since the log has visits of that laser then: {told}")
         summary = list(counts_of(translator.lasers, self.sightings))
         if len(unknown) < len(planned):
             summary.append(f"visits imported before: {len(planned) - len(unknown):,}")
-        return ScanPlan(new, tuple(summary), tuple(warnings))
+        odd_doors = tuple(door_oddities_of(self.sightings, known))
+        return ScanPlan(new, tuple(summary), tuple(warnings), odd_doors)
 
     def _visits(self, translator: Translator, progress: Progress | None) -> Iterator[VisitCommit]:
         waiting: list[RobotScan] = []
@@ -262,10 +272,10 @@ class _Scanning:
             f"{since}. If they were there already, say so: {line}"
         )
 
-    def _warnings(self, lasers: Lasers, known: Known) -> Iterator[str]:
+    def _warnings(self, lasers: Lasers) -> Iterator[str]:
         yield from self.complaints.lines()
         zone = self.log.info.timezone
-        yield from oddities_of(lasers, self.sightings, known, lambda ns: format_local(ns, zone))
+        yield from oddities_of(lasers, self.sightings, lambda ns: format_local(ns, zone))
 
 
 def _no_place(lasers: Lasers, mapping: RosMapping, complaints: TopicProblems) -> str:

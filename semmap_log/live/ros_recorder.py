@@ -26,6 +26,7 @@ from semmap_log.formats.ros.ros_types import RosVersion, short_name
 from semmap_log.live.ros_node import Received, RosNode
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.lasers import RobotScan
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.lasers.scan_watch import ScanWatch
 from semmap_log.ros_mapping.lasers.visit_events import VisitCommit
 from semmap_log.ros_mapping.topic_problems import TopicProblems
@@ -142,6 +143,8 @@ class RosRecorder:
     sink: EventSink
     say: Callable[[str], None]
     """Hears of topics, of trouble once for each kind, and every minute of the counts."""
+    keeper: ScanKeeper | None = None
+    """Keeps the scans of visits; None: nobody does."""
     counts: RecorderCounts = field(default_factory=RecorderCounts)
     stopping: bool = False
     """Set by a signal handler: finish what was received, then return."""
@@ -163,7 +166,7 @@ class RosRecorder:
         self._complaints = TopicProblems(self.say)
         known = self.sink.known()
         self._translator = Translator(self.mapping, known, self._complaints)
-        self._watch = ScanWatch(known, self.sink.robot())
+        self._watch = ScanWatch(known, self.sink.robot(), self.keeper)
 
     def run(self) -> None:
         """Record; on return everything that was received is written, and lasts.

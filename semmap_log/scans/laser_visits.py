@@ -138,11 +138,13 @@ class LaserVisits:
             through=float(sums.through[0]),
             stopped=float(sums.stopped[0]),
             behind_m=behind_m(sums),
+            near=sums.near,
             p_open=verdict.p_open,
             leaves=leaves.on_map(verdict.likeliest, doors.lines[at]),
             why=verdict.why,
             laser=self._laser,
             robot=self._robot,
+            side=sum(sums.sides),
         )
 
     def _passed(self, passage: Passage, doors: WatchedDoors) -> Visit:

@@ -38,6 +38,8 @@ class SightSums:
     """(p,) beams that ended near the line, the laser where it is believed to be."""
     behind: Floats
     """(p,) sum over these: how far behind it, m."""
+    left: Floats
+    """(p,) beams that began to the left of the line."""
     tables: dict[int, NDArray[np.float32]]
     """Of a sight with beams (s, h): the sum of their log-likelihoods."""
     walls: Floats
@@ -61,6 +63,7 @@ class SightSums:
             deep=_by_sight(past * np.abs(beams.uy)[:, None] > model.deep, beams.sight, count),
             near=np.bincount(beams.sight[near], minlength=count).astype(float),
             behind=np.bincount(beams.sight[near], beams.behind[near], count).astype(float),
+            left=np.bincount(beams.sight[beams.y > 0], minlength=count).astype(float),
             tables=_tables(sights, doors, model),
             walls=_by_sight(walls, sights.beside.sight, count),
             beside=np.bincount(sights.beside.sight, minlength=count).astype(float),

@@ -35,6 +35,8 @@ class Visit:
     behind_m: float
     """Where beams that ended within half a metre of the line ended, behind (+) or before (-) it, on
     average, m, square to it; NaN: none did. Of a door that is not shut it means nothing."""
+    near: float = 0.0
+    """How many looks that is."""
     passed: bool = False
     """The robot drove through."""
     p_open: float = nan
@@ -46,3 +48,5 @@ class Visit:
     """Why it is UNKNOWN, in a few words; empty: it is not."""
     laser: str = ""
     robot: str = ""
+    side: int = 0
+    """From where it was seen: 1 the left of its line, -1 the right, 0 both or not told."""

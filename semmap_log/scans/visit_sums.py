@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,8 @@ class VisitSums:
     near: float = 0.0
     behind: float = 0.0
     """Looks that ended near the line, and the sum of how far behind it, m."""
+    sides: set[int] = field(default_factory=set)
+    """From which it was seen: 1 the left of the line, -1 the right."""
 
     @classmethod
     def begun(cls, stamp_ns: int, leaves: Leaves) -> VisitSums:
@@ -63,6 +65,7 @@ class VisitSums:
         self.hidden += look * float(sights.hidden[row])
         self.near += look * float(sums.near[row])
         self.behind += look * float(sums.behind[row])
+        self.sides.add(1 if sums.left[row] else -1)
         beside = fresh * float(sights.beside_looks[row])
         self.walls += beside * sums.walls[row]
         self.wall_looks += beside * float(sums.beside[row])

@@ -105,6 +105,16 @@ PLOT_BARS = "#b8b8c4"
 PLOT_MARKS = "#555560"
 PLOT_HATCH = "#9a9a9a"
 PLOT_NOTHING = "#f0f0f0"
+PLOT_WORDS = "#444444"
+
+BEAM_SHORT: Rgb = (0xB0, 0x8A, 0xE0)
+"""Of where beams ended before a door's line, on a dark plan: the colour of no state."""
+PLOT_BEAM = "#9aa0ac"
+PLOT_BEAM_ASIDE = "#b9bcc4"
+PLOT_BEAM_SHORT = "#8a5fb0"
+PLOT_BEAM_LOST = "#555560"
+PLOT_LEAF = "#777777"
+"""Of no state, in a key."""
 
 
 def packed(colour: Rgb, alpha: int = 255) -> int:

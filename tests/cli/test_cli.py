@@ -45,6 +45,7 @@ VERBS = [
     "compact",
     "view",
     "report",
+    "scan-report",
     "serve",
     "ask",
     "play",

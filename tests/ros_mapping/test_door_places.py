@@ -113,7 +113,7 @@ def _visit(**values: Any) -> Visit:
     usual = {
         "door_id": ONE, "first_ns": 0, "last_ns": 1, "scans": 9, "state": DoorState.CLOSED,
         "accuracy": 0.9, "opening": 0.0, "ajar": 0.0, "looks": 9.0, "through": 0.0,
-        "stopped": 9.0, "behind_m": 0.0,
+        "stopped": 9.0, "behind_m": 0.0, "near": 9.0,
     }  # fmt: skip
     return Visit(**usual | values)
 

@@ -31,6 +31,7 @@ from mutation.ros_mapping_guards import ROS_MAPPING
 from mutation.scan_guards import SCANS
 from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
+from mutation.sighting_guards import SIGHTINGS
 
 SYNCS = (
     guard("sync of a commit", "SegmentWriter.sync",
@@ -385,5 +386,5 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS, *OPRS, *SCANS, *LASER_INPUT,
+    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS,
 )  # fmt: skip

@@ -95,7 +95,7 @@ RECORDINGS = (
           "RobotPose not in batch or _is_robot_inside(batch, scene)", "True",
           "test_live_rows"),
     guard("recording: followed: where commits begin that came since", "Converter.take",
-          "self._writer.note_commits(batch.number, batch.recorded_ns)", "",
+          "self.writer.note_commits(batch.number, batch.recorded_ns)", "",
           "test_live_rows"),
 )  # fmt: skip
 

@@ -25,18 +25,19 @@ class Messages:
         """Return a message of that type, in ROS 2's long form."""
         return self._types[ros_type](**values)
 
-    def header(self, at_ns: int, number: int = 0) -> Any:
-        """Return a header in the frame `map`.
+    def header(self, at_ns: int, number: int = 0, frame: str = FRAME) -> Any:
+        """Return a header.
 
         Args:
             at_ns: Its stamp.
             number: How many messages of its topic came before; ROS 1 has a field for it.
+            frame: What the message is told in.
 
         Raises:
             OutputError: The time cannot be a ROS stamp.
         """
         count = {"seq": number % 2**32} if self.ros_version == 1 else {}
-        return self.new("std_msgs/msg/Header", stamp=self.stamp(at_ns), frame_id=FRAME, **count)
+        return self.new("std_msgs/msg/Header", stamp=self.stamp(at_ns), frame_id=frame, **count)
 
     def stamp(self, at_ns: int) -> Any:
         """Return a time.

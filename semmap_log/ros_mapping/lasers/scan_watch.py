@@ -9,17 +9,18 @@ from semmap_log.domain.moments import format_local
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.lasers.door_places import DoorsNow
 from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
-from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
+from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit
 
 
 class ScanWatch:
     """Looks at the doors that are known, as they are."""
 
-    def __init__(self, known: Known, robot: str) -> None:
+    def __init__(self, known: Known, robot: str, keeper: ScanKeeper | None = None) -> None:
         self._known = known
         self._doors = DoorsNow(known)
-        self._sightings = LaserSightings(self._doors, robot)
+        self._sightings = LaserSightings(self._doors, robot, keeper=keeper)
         self._waiting: list[RobotScan] = []
 
     def add(self, scans: Sequence[RobotScan]) -> None:
@@ -54,6 +55,5 @@ class ScanWatch:
     def lines(self, lasers: Lasers) -> Iterator[str]:
         """Yield what there was of scans and visits, and what is odd about it."""
         yield from counts_of(lasers, self._sightings)
-        yield from oddities_of(
-            lasers, self._sightings, self._known, lambda ns: format_local(ns, "UTC")
-        )
+        yield from oddities_of(lasers, self._sightings, lambda ns: format_local(ns, "UTC"))
+        yield from door_oddities_of(self._sightings, self._known)

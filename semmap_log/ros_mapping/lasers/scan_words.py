@@ -19,14 +19,13 @@ def counts_of(lasers: Lasers, sightings: LaserSightings) -> Iterator[str]:
 
 
 def oddities_of(
-    lasers: Lasers, sightings: LaserSightings, known: Known, when: Callable[[int], str]
+    lasers: Lasers, sightings: LaserSightings, when: Callable[[int], str]
 ) -> Iterator[str]:
-    """Yield what is odd, beside what was complained about message by message.
+    """Yield what is odd, beside what was complained about message by message, and beside doors.
 
     Args:
         lasers: Where scans came from.
         sightings: What came of them.
-        known: The doors, by their names.
         when: Writes a stamp.
     """
     for topic, counts in lasers.counts.items():
@@ -38,7 +37,11 @@ def oddities_of(
     tally = sightings.tally
     if tally.last_level is not None and not tally.doors:
         yield tally.nothing_met(tally.last_level)
-    yield from tally.warnings(lambda door_id: called(door_id, known.doors.get(door_id)))
+
+
+def door_oddities_of(sightings: LaserSightings, known: Known) -> Iterator[str]:
+    """Yield what is odd about doors, which are called by their names."""
+    yield from sightings.tally.warnings(lambda door_id: called(door_id, known.doors.get(door_id)))
 
 
 def called(door_id: int, door: Door | None) -> str:

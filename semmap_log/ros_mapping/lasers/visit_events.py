@@ -13,9 +13,10 @@ from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorObserved, DoorPassed, Event, RobotPose
 from semmap_log.ros_mapping.lasers.lasers import RobotScan
+from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.lasers.visit_tally import VisitTally
 from semmap_log.scans.door_watcher import DoorWatcher
-from semmap_log.scans.placed_scan import DoorPlaces
+from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
 from semmap_log.scans.visit import Visit
 
 METHOD = "leaf-likelihood"
@@ -56,6 +57,8 @@ class LaserSightings:
     robot: str = ""
     """Who saw it, where a scan does not tell."""
     tally: VisitTally = field(default_factory=VisitTally)
+    keeper: ScanKeeper | None = None
+    """What keeps the scans of all visits; None: nobody does."""
     _watcher: DoorWatcher = field(default_factory=DoorWatcher)
     _tracks: dict[tuple[str, str], _Track] = field(default_factory=dict)
 
@@ -66,7 +69,7 @@ class LaserSightings:
             self._tracks.setdefault(key, _Track()).add(each.pose)
             self.tally.stood(each.pose, self.doors.at(each.scan.stamp_ns))
         for places, group in groupby(scans, lambda each: self.doors.at(each.scan.stamp_ns)):
-            yield from self._made(self._watcher.take([each.scan for each in group], places))
+            yield from self._look([each.scan for each in group], places)
         for track in self._tracks.values():
             track.forget()
 
@@ -74,12 +77,19 @@ class LaserSightings:
         """Yield what the visits say that were going on."""
         yield from self._made(self._watcher.close())
 
+    def _look(self, scans: Sequence[PlacedScan], places: DoorPlaces) -> Iterator[VisitCommit]:
+        if self.keeper is not None:
+            self.keeper.saw(scans, places)
+        yield from self._made(self._watcher.take(scans, places))
+
     @property
     def not_used(self) -> Counter[str]:
         """Why scans that have a place were not looked through, and how many."""
         return self._watcher.dropped
 
     def _made(self, visits: Sequence[Visit]) -> Iterator[VisitCommit]:
+        if self.keeper is not None:
+            self.keeper.keep(visits)
         for visit in visits:
             self.tally.add(visit)
             if visit.passed or visit.state is not DoorState.UNKNOWN:

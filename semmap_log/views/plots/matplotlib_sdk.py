@@ -15,12 +15,16 @@ try:
     import matplotlib as mpl
     from matplotlib import font_manager, patches, text
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 except ImportError:
     raise MissingExtraError("matplotlib", "plots") from None
 
 __all__ = [
     "Figure",
+    "Line2D",
+    "LineCollection",
     "has_shape",
     "letters_of",
     "mpl",

@@ -7,11 +7,13 @@ Rerun calls its blueprint types unstable; so all of them are used here and nowhe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from semmap_log.beliefs.typical_week import TypicalWeek
 from semmap_log.domain.doors import DoorId
+from semmap_log.views.bounds import Bounds
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap_pictures import COSTMAP, has_costmap
@@ -21,11 +23,14 @@ from semmap_log.views.rerun.robot_track import track_path
 from semmap_log.views.rerun.round_lanes import ROUNDS, Lane
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
+from semmap_log.views.rerun.sighting_views import AROUND_M, SIGHTINGS, SightingsShown, sighting_path
 from semmap_log.views.rerun.week_pictures import sheet_of, weeks_on, weeks_path
 
 MOST_LANES = 16
 """With more doors than this, a tab of the liveliest stands before that of all doors."""
 
+MOST_SIGHTINGS = 6
+"""Doors as a laser saw them, on one page."""
 MOST_ON_A_PAGE = 100
 """Lanes of all doors come in pages of so many."""
 ROUNDS_SHARE, MORE_ROUNDS_SHARE, MOST_ROUNDS_SHARE = 1.1, 0.35, 2.0
@@ -61,6 +66,7 @@ def layout(
     beliefs: BeliefsShown | None,
     rounds: Sequence[Lane],
     tz: str,
+    sightings: SightingsShown | None = None,
     goes_on: bool = False,
 ) -> Any:
     """Return the blueprint of a recording.
@@ -74,10 +80,12 @@ def layout(
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
         rounds: Lanes over those of the doors.
         tz: In which the event log tells times.
+        sightings: Views of doors as a laser saw them, in tabs behind the plans; None: there are
+            none.
         goes_on: More will come: lanes and curves move along with the cursor.
     """
     axis = _time_axis(scene, goes_on=goes_on)
-    plans = _plans(scene, palette, level, costmap=costmap)
+    plans = _plans(scene, palette, level, costmap=costmap, sightings=sightings)
     left = _column([(plans, 7), (_weeks(scene, palette, level, beliefs), 3)])
     curves = _curves(scene, chosen, beliefs, axis)
     share = min(ROUNDS_SHARE + MORE_ROUNDS_SHARE * (len(rounds) - 1), MOST_ROUNDS_SHARE)
@@ -105,7 +113,14 @@ def _column(parts: Sequence[tuple[View | None, float]]) -> View | None:
     return rrb.Vertical(*views, row_shares=list(shares))
 
 
-def _plans(scene: Scene, palette: Palette, level: int | None, *, costmap: bool) -> View | None:
+def _plans(
+    scene: Scene,
+    palette: Palette,
+    level: int | None,
+    *,
+    costmap: bool,
+    sightings: SightingsShown | None,
+) -> View | None:
     """Return a tab a level; None where nothing has a place."""
     levels = [each for each in scene.levels.values() if not each.is_empty]
     if not levels:
@@ -116,13 +131,16 @@ def _plans(scene: Scene, palette: Palette, level: int | None, *, costmap: bool) 
     plans = [_plan(each, palette) for each in levels]
     if costmap:
         plans += [_costmap(each, palette) for each in levels if has_costmap(scene, each)]
+    if sightings is not None:
+        plans += _sightings(sightings, scene, palette)
     return rrb.Tabs(*plans, active_tab=front)
 
 
 def _plan(level: SceneLevel, palette: Palette) -> View:
     overrides = {entity(track_path(level)): [_recent_track()]} if level.has_robot else {}
     name = "Floor plan" if level.path == (ROOT,) else level.name
-    contents = [f"+ {entity(level.path)}/**", f"- {entity((*level.path, COSTMAP))}/**"]
+    contents = [f"+ {entity(level.path)}/**"]
+    contents += [f"- {entity((*level.path, part))}/**" for part in (COSTMAP, SIGHTINGS)]
     return _map_view(level, palette, name, contents, overrides)
 
 
@@ -133,10 +151,34 @@ def _costmap(level: SceneLevel, palette: Palette) -> View:
     return _map_view(level, palette, name, [f"+ {entity(part)}/**" for part in parts], {})
 
 
+def _sightings(shown: SightingsShown, scene: Scene, palette: Palette) -> list[View]:
+    """Return pages of doors as a laser saw them."""
+    views = [_sighting(scene.doors[door_id], shown, palette) for door_id in shown.doors]
+    pages = [views[n : n + MOST_SIGHTINGS] for n in range(0, len(views), MOST_SIGHTINGS)]
+    if len(pages) == 1:
+        return [rrb.Grid(*pages[0], name="Sightings")]
+    return [rrb.Grid(*page, name=f"Sightings {n}/{len(pages)}") for n, page in enumerate(pages, 1)]
+
+
+def _sighting(door: SceneDoor, shown: SightingsShown, palette: Palette) -> View:
+    x, y, theta, width = shown.lines[door.door_id]
+    middle_x, middle_y = x + width / 2 * math.cos(theta), y + width / 2 * math.sin(theta)
+    reach = width / 2 + AROUND_M
+    bounds = Bounds(middle_x - reach, middle_y - reach, middle_x + reach, middle_y + reach)
+    parts = [(*door.path[:-2], "floor"), sighting_path(door)]
+    contents = [f"+ {entity(part)}/**" for part in parts]
+    return _bounded_view(bounds, palette, f"{door.label} by laser", contents, {})
+
+
 def _map_view(
     level: SceneLevel, palette: Palette, name: str, contents: list[str], overrides: dict[str, Any]
 ) -> View:
-    bounds = level.bounds
+    return _bounded_view(level.bounds, palette, name, contents, overrides)
+
+
+def _bounded_view(
+    bounds: Bounds, palette: Palette, name: str, contents: list[str], overrides: dict[str, Any]
+) -> View:
     return rrb.Spatial2DView(
         origin="/",
         contents=contents,

@@ -26,6 +26,7 @@ from semmap_log.views.rerun.robot_track import RobotWriter
 from semmap_log.views.rerun.round_lanes import Lane, write_rounds
 from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import Scene
+from semmap_log.views.rerun.sighting_views import SightingsShown, write_sightings
 from semmap_log.views.rerun.thinning import LeftOut
 
 APPLICATION_ID = "semmap_log"
@@ -42,6 +43,7 @@ def write_recording(
     costmap: bool,
     beliefs: BeliefsShown | None,
     rounds: Sequence[Lane],
+    sightings: SightingsShown | None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LeftOut:
     """Convert the excerpt, batch by batch; each part writes as soon as it has a chunk.
@@ -61,6 +63,9 @@ def write_recording(
             pipe.check()
             converter.take(batch)
         converter.finish()
+        if sightings is not None:
+            write_sightings(converter.writer, sightings, excerpt, scene, palette)
+            pipe.check()
         recording.flush()
     return converter.left_out
 
@@ -102,12 +107,12 @@ class Converter:
         self._robot = RobotWriter(writer, scene, palette)
         self._lines = EventLines(scene, excerpt, commits)
         self._events = EventsWriter(writer, self._lines, palette)
-        self._writer, self._scene, self._palette, self._beliefs = writer, scene, palette, beliefs
+        self.writer, self._scene, self._palette, self._beliefs = writer, scene, palette, beliefs
 
     def take(self, batch: EventBatch) -> None:
         """Take the next events, in order of their numbers."""
         changes = door_changes(batch)
-        self._writer.note_commits(batch.number, batch.recorded_ns)
+        self.writer.note_commits(batch.number, batch.recorded_ns)
         self._doors.take(changes)
         self._robot.take(batch)
         self._events.take(batch, changes)
@@ -121,7 +126,7 @@ class Converter:
         """Write what still waits, and let curves go on to the end of the scene."""
         self._doors.finish()
         if self._beliefs is not None:
-            write_beliefs(self._writer, self._beliefs, self._scene, self._palette)
+            write_beliefs(self.writer, self._beliefs, self._scene, self._palette)
         self._write_rest()
 
     def flush(self) -> None:

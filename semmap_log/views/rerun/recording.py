@@ -46,6 +46,10 @@ class RrdSummary:
     bytes: int
     left_out: LeftOut
     """What no eye would see: see `thinning`."""
+    sightings_left_out: int = 0
+    """Visits whose scans are kept, and not shown."""
+    problems: tuple[str, ...] = ()
+    """What could not be read of the scans that are kept beside the log."""
 
 
 def save_rrd(
@@ -59,6 +63,7 @@ def save_rrd(
     palette: Palette = DEFAULT,
     costmap: bool = True,
     beliefs: bool = True,
+    scans: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> RrdSummary:
     """Write the log as a recording that the rerun viewer opens, laid out.
@@ -76,6 +81,7 @@ def save_rrd(
         costmap: With the costmap's door layer, cell for cell.
         beliefs: With what the robot could believe of doors of which enough is known: a typical
             week of each, and a curve of those chosen, or of the liveliest.
+        scans: With the scans that are kept beside the log, a view a door: see `sighting_views`.
         progress: Told how far the reading is: (bytes done, bytes in all).
 
     Raises:
@@ -89,6 +95,7 @@ def save_rrd(
     from semmap_log.views.rerun.blueprint import layout
     from semmap_log.views.rerun.file import write_recording
     from semmap_log.views.rerun.round_lanes import round_lanes
+    from semmap_log.views.rerun.sighting_views import sightings_to_show
 
     refuse_own_folder(log.path, path)
     started = time.monotonic()
@@ -96,6 +103,7 @@ def save_rrd(
     scene = find_scene(excerpt)
     shown = beliefs_to_show(excerpt, scene, doors) if beliefs else None
     rounds = round_lanes(excerpt, scene)
+    sightings = sightings_to_show(excerpt, scene, doors) if scans else None
     blueprint = layout(
         scene,
         palette,
@@ -105,15 +113,19 @@ def save_rrd(
         beliefs=shown,
         rounds=rounds,
         tz=log.info.timezone,
+        sightings=sightings,
     )
     with output_errors(path), whole_file(path) as temporary:
         left_out = write_recording(
             temporary, excerpt,
             scene=scene, blueprint=blueprint, palette=palette, costmap=costmap,
-            beliefs=shown, rounds=rounds, progress=progress,
+            beliefs=shown, rounds=rounds, sightings=sightings, progress=progress,
         )  # fmt: skip
-    seconds = time.monotonic() - started
-    return RrdSummary(scene.events, seconds, path.stat().st_size, left_out)
+    return RrdSummary(
+        scene.events, time.monotonic() - started, path.stat().st_size, left_out,
+        sightings_left_out=0 if sightings is None else sightings.left_out,
+        problems=() if sightings is None else sightings.problems,
+    )  # fmt: skip
 
 
 def _front_level(

@@ -1,0 +1,171 @@
+"""`scan-report`: how a laser saw the doors, and how far to trust it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semmap_log.cli.common import (
+    AsJson,
+    LogPath,
+    PaletteChoice,
+    PaletteName,
+    Since,
+    Until,
+    console,
+    print_json,
+    progress,
+    range_of,
+    say,
+    tell_how_to_begin,
+)
+from semmap_log.cli.mapping import PoseTopic, Scan
+
+if TYPE_CHECKING:
+    from semmap_log.importing.scan_reporting import SeenVisits
+    from semmap_log.scans.scan_report import ScanReport
+    from semmap_log.views.palette import Palette
+
+PLOTS = (".png", ".svg")
+
+
+def run(
+    log: LogPath,
+    bags: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="BAG", help="With scans; default: those kept beside the log."),
+    ] = None,
+    *,
+    door: Annotated[
+        list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
+    ] = None,
+    since: Since = None,
+    until: Until = None,
+    scan: Scan = None,
+    pose_topic: PoseTopic = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--mapping", metavar="YAML", help="Of ROS topics, as `import` takes it."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot",
+            metavar="OUT",
+            help="Draw visits: into X.png or .svg; or into a folder, a picture a door.",
+        ),
+    ] = None,
+    palette: PaletteChoice = PaletteName.default,
+    as_json: AsJson = False,
+) -> None:
+    """Tell how a laser saw each door: visits, what they say, how sure, where beams end.
+
+    Of a bag its scans are looked through as `import --scan` does, and nothing is written to the
+    log; without a bag it is about the scans that were kept beside the log by --keep-scans.
+
+    A door marked with ! should be looked at; the lines below say why: its line is drawn beside its
+    leaf, it may be of glass, or the poses are wrong. --plot draws of each door the visits that are
+    least sure, and some of the others: where beams ended, where the laser went, the leaf where it
+    most likely stands.
+
+    \b
+    Examples:
+      semmap-log scan-report office patrol.bag
+      semmap-log scan-report office patrol.bag --plot sightings.png
+      semmap-log scan-report office --door front --plot front.png
+      semmap-log scan-report office patrol --scan /front/scan --json
+    """
+    _check_plot(plot)
+    bags = bags or []
+    if not bags and (scan is not None or pose_topic is not None or mapping is not None):
+        raise typer.BadParameter(
+            "says how a BAG is read", param_hint="--scan, --pose-topic, --mapping"
+        )
+
+    import semmap_log as sl
+    from semmap_log.formats.json.scan_report_json import scan_report_to_json
+    from semmap_log.importing.importing import ImportOptions
+    from semmap_log.importing.scan_reporting import seen_visits
+    from semmap_log.importing.scan_topics import ScanOptions
+    from semmap_log.io.disk import refuse_own_folder
+
+    opened = sl.read(log)
+    tell_how_to_begin(opened)
+    if plot is not None:
+        refuse_own_folder(opened.path, plot)
+    start, end = range_of(opened, since, until)
+    options = ImportOptions(
+        mapping=mapping, scan=ScanOptions(tuple(filter(None, scan or ())), pose_topic or "")
+    )
+    with (
+        progress("Reading", unit="messages") as told,
+        seen_visits(
+            opened, bags, options,
+            doors=[opened.resolve_ever(name) for name in door] if door else None,
+            since_ns=opened.instant(start), until_ns=opened.instant(end), progress=told,
+        ) as seen,
+    ):  # fmt: skip
+        report = seen.report()
+        if plot is not None:
+            _plot(seen, report, plot, palette.colours)
+    if as_json:
+        print_json(scan_report_to_json(report))
+    else:
+        _tell(report)
+
+
+def _check_plot(plot: Path | None) -> None:
+    if plot is not None and plot.suffix and plot.suffix not in PLOTS:
+        raise typer.BadParameter(
+            f"expected a name that ends in .png or .svg, or a folder, got {plot}",
+            param_hint="--plot",
+        )
+
+
+def _tell(report: ScanReport) -> None:
+    from semmap_log.common.texts import told_once
+    from semmap_log.views.scan_report_table import scan_report_table, warning_lines
+
+    console().print(scan_report_table(report))
+    for line in report.summary:
+        say(line)
+    for line in told_once(warning_lines(report)):
+        say(f"warning: {line}")
+
+
+def _plot(seen: SeenVisits, report: ScanReport, out: Path, palette: Palette) -> None:
+    from semmap_log.common.texts import counted
+    from semmap_log.views.plots.sighting_panels import (
+        MOST_OF_EACH,
+        MOST_OF_ONE,
+        DoorPictures,
+        plot_sightings,
+    )
+    from semmap_log.views.sightings.chosen import drawn_visits
+
+    if not report.doors:
+        say(f"{out}: not written; no door was visited.")
+        return
+    is_one_a_door = not out.suffix
+    alone = is_one_a_door or len(report.doors) == 1
+    drawn = drawn_visits(seen.visits, MOST_OF_ONE if alone else MOST_OF_EACH)
+    pictures = [DoorPictures(report.label(door.door_id), door, drawn[door.door_id])
+                for door in report.doors]  # fmt: skip
+    zone = seen.log.info.timezone
+    if not is_one_a_door:
+        plot_sightings(pictures, out, tz=zone, palette=palette)
+        say(f"{out}: {counted(len(pictures), 'door')}.")
+        return
+    _make_folder(out)
+    for each in pictures:
+        plot_sightings([each], out / f"door_{each.figures.door_id}.png", tz=zone, palette=palette)
+    say(f"{out}: {counted(len(pictures), 'picture')}, door_{pictures[0].figures.door_id}.png …")
+
+
+def _make_folder(folder: Path) -> None:
+    from semmap_log.io.disk import output_errors
+
+    with output_errors(folder):
+        folder.mkdir(exist_ok=True)

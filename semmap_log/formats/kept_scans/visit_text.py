@@ -1,0 +1,81 @@
+"""Visits as JSON text."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from math import isnan, nan
+from typing import Any
+
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.formats.kept_scans.kept_visit import DoorLine
+from semmap_log.scans.visit import Visit
+
+_OF_VISIT = {field.name for field in fields(Visit)}
+
+
+@dataclass(frozen=True, slots=True)
+class ToldVisit:
+    """What the text of a visit tells."""
+
+    visit: Visit
+    level: int
+    line: DoorLine
+    stamps_ns: tuple[int, ...]
+    """Of its scans."""
+    event: int | None
+
+
+def text_of(told: ToldVisit) -> str:
+    """Return the text of a visit."""
+    visit = told.visit
+    values = {name: getattr(visit, name) for name in sorted(_OF_VISIT)}
+    return json.dumps({
+        **{name: _null_for_nan(value) for name, value in values.items()},
+        "state": visit.state.name,
+        "level": told.level,
+        "line": told.line,
+        "event": told.event,
+        "scans_after_ns": [stamp - visit.first_ns for stamp in told.stamps_ns],
+    })  # fmt: skip
+
+
+def read_text(text: str) -> ToldVisit:
+    """Return what a text tells; what a later version has added to visits is passed over.
+
+    Raises:
+        ValueError: It is not the text of a visit.
+    """
+    try:
+        found: Any = json.loads(text)
+        given = {name: _given(found, name) for name in _OF_VISIT & found.keys()}
+        visit = Visit(**{
+            **given,
+            "door_id": DoorId(int(found["door_id"])),
+            "state": DoorState[found["state"]],
+            "leaves": tuple(_numbers(leaf) for leaf in found.get("leaves", ())),
+        })  # fmt: skip
+        x, y, theta, width = _numbers(found["line"])
+        event = found.get("event")
+        return ToldVisit(
+            visit,
+            int(found["level"]),
+            (x, y, theta, width),
+            tuple(visit.first_ns + int(after) for after in found["scans_after_ns"]),
+            None if event is None else int(event),
+        )
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"expected the text of a visit, got {text[:60]!r}") from error
+
+
+def _null_for_nan(value: Any) -> Any:
+    return None if isinstance(value, float) and isnan(value) else value
+
+
+def _given(found: Mapping[str, Any], name: str) -> Any:
+    return nan if found[name] is None else found[name]
+
+
+def _numbers(values: Sequence[Any]) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)

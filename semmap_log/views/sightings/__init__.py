@@ -1,0 +1,1 @@
+"""What a person needs to see of a sighting to check it, before any picture is drawn."""
