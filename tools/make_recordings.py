@@ -21,13 +21,11 @@ from pathlib import Path
 from patrol_sim import clinic, office
 from patrol_sim.expected import Moment, expected_json
 from patrol_sim.journal import Entry, Journal, write
+from patrol_sim.laser_plan import plan_events
 
-from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import Event
 from semmap_log.domain.moments import parse_instant
 from semmap_log.errors import SemmapError
-from semmap_log.formats.files.building import read_building
-from semmap_log.importing.import_plan import Present, plan_doors
 from semmap_log.store.compaction import compact
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -110,12 +108,6 @@ def make(recording: Recording, *, maps: Path, out: Path, seed: int) -> None:
     size = sum(path.stat().st_size for path in (out / recording.name).iterdir())
     say(f"{recording.name}: {events:,} events in {len(journal):,} commits, {size:,} bytes, "
         f"{time.monotonic() - began:.1f} s")  # fmt: skip
-
-
-def plan_events(path: Path) -> list[Event]:
-    """Return the events that import a building: its levels, floor plans, doors and their names."""
-    nothing = Present(DoorMap({}, {}), used_ids=frozenset())
-    return list(plan_doors(read_building(path), nothing).events)
 
 
 def shown(what: str) -> Callable[[Sequence[Entry]], Iterable[Entry]]:
