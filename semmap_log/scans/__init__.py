@@ -1,1 +1,8 @@
-"""What a laser sees of the doors: scans in, visits to doors out; numpy only, no ROS, no log."""
+"""What a laser sees of the doors: scans in, visits to doors out; numpy only, no ROS, no log.
+
+    watcher = DoorWatcher()
+    visits = watcher.take(scans, doors)     # of `PlacedScan`s and `DoorPlaces`: those that ended
+    visits += watcher.close()               # those that were still going on
+
+`door_watcher` is its front; `visit` says what a visit tells, `scan_model` what is known beforehand.
+"""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import nan
 
 from semmap_log.domain.doors import DoorId, DoorState
 
@@ -36,6 +37,11 @@ class Visit:
     none did."""
     passed: bool = False
     """The robot drove through."""
+    p_open: float = nan
+    """P(open | open or shut), before which both are alike; NaN: nothing was seen of it."""
+    leaves: tuple[tuple[float, float, float, float], ...] = ()
+    """How its leaves stand most likely: x, y of one end and of the other, m, frame `map`; empty: out
+    of sight."""
     why: str = ""
     """Why it is UNKNOWN, in a few words; empty: it is not."""
     laser: str = ""

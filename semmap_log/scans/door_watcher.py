@@ -1,0 +1,76 @@
+"""Scans in, visits out: the front of this room."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+
+from semmap_log.scans.known_doors import KnownDoors
+from semmap_log.scans.laser_visits import LaserVisits
+from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.scans.scan_model import DEFAULT, ScanModel
+from semmap_log.scans.visit import Visit
+
+
+class DoorWatcher:
+    """Looks at doors through the scans of any number of robots and lasers.
+
+        watcher = DoorWatcher()
+        for scans, doors in what_comes:
+            visits = watcher.take(scans, doors)     # those that ended
+        visits = watcher.close()                    # those that were still going on
+
+    A visit is of one door by one laser of one robot: it ends when the door was out of sight for a
+    while, or has been looked at for long; when the door moved, changed otherwise or was removed;
+    and at `close`. A robot that drove through is a visit of its own, with `passed`. How scans are
+    cut into calls makes no difference; many at once are faster.
+    """
+
+    def __init__(self, model: ScanModel = DEFAULT) -> None:
+        self.model = model
+        self.dropped: Counter[str] = Counter()
+        """Why scans were not used, and how many."""
+        self._lasers: dict[tuple[str, str], LaserVisits] = {}
+        self._doors: KnownDoors | None = None
+
+    def take(self, scans: Sequence[PlacedScan], doors: DoorPlaces) -> list[Visit]:
+        """Look at `scans`, through all of which the doors are these; return the visits that ended.
+
+        The scans of a laser are given in the order of their stamps; those that are not are dropped
+        and counted. The same object `doors` as in the last call costs nothing.
+        """
+        done = self._know(doors)
+        known = self._doors
+        assert known is not None
+        by_laser: dict[tuple[str, str], list[PlacedScan]] = defaultdict(list)
+        for scan in scans:
+            by_laser[scan.robot, scan.laser].append(scan)
+        for (robot, laser), its in by_laser.items():
+            done += self._laser(robot, laser).take(its, known)
+        return _sorted(done)
+
+    def close(self) -> list[Visit]:
+        """Return the visits that have not ended, as far as they went."""
+        if self._doors is None:
+            return []
+        return _sorted([v for laser in self._lasers.values() for v in laser.end(self._doors)])
+
+    def _know(self, doors: DoorPlaces) -> list[Visit]:
+        """Take these doors for those that are there; return the visits to others."""
+        before = self._doors
+        if before is not None and before.places is doors:
+            return []
+        self._doors = KnownDoors(doors, self.model)
+        if before is None:
+            return []
+        gone = self._doors.changed_since(before)
+        return [v for laser in self._lasers.values() for v in laser.end(before, gone)]
+
+    def _laser(self, robot: str, laser: str) -> LaserVisits:
+        if (robot, laser) not in self._lasers:
+            self._lasers[robot, laser] = LaserVisits(robot, laser, self.model, self.dropped)
+        return self._lasers[robot, laser]
+
+
+def _sorted(visits: list[Visit]) -> list[Visit]:
+    return sorted(visits, key=lambda visit: (visit.last_ns, visit.door_id, visit.passed))

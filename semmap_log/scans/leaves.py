@@ -1,0 +1,149 @@
+"""How the leaves of a door may stand: the hypotheses, by the door's kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import cos, pi, radians, sin
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+NEARLY = 0.03
+"""A smaller clear share is shut: up to 12 degrees of a hinged leaf."""
+CLEAR = 0.5
+"""The clear share of the width from which on a door is open."""
+ANGLES = tuple(map(radians, (12, 25, 40, 60, 80, 100)))
+"""Of a hinged leaf that is not shut."""
+SLID = (0.1, 0.25, 0.4, 0.55, 0.75)
+"""Clear shares of a sliding door that stands in between."""
+PRIOR = {"shut": 0.45, "ajar": 0.10, "open": 0.45}
+
+
+class Leaf(NamedTuple):
+    """A leaf as a segment; lengths in widths of the door, its line from (0, 0) to (1, 0)."""
+
+    x: float
+    """Where along the line it begins."""
+    turn: float
+    """Where it points, rad against the line."""
+    length: float
+    y: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leaves:
+    """All hypotheses of a kind of door; a row each; `k` leaves at most."""
+
+    starts: NDArray[np.float32]
+    """(h, k, 2) in widths of the door."""
+    turns: NDArray[np.float32]
+    """(h, k) rad; NaN: no leaf."""
+    lengths: NDArray[np.float32]
+    """(h, k) in widths of the door."""
+    clear: NDArray[np.float64]
+    """(h,) the share of the width that is free."""
+    log_prior: NDArray[np.float64]
+    """(h,)"""
+
+    @property
+    def shut(self) -> NDArray[np.bool_]:
+        return self.clear < NEARLY
+
+    @property
+    def open(self) -> NDArray[np.bool_]:
+        return self.clear >= CLEAR - 1e-6
+
+    @property
+    def ajar(self) -> NDArray[np.bool_]:
+        return ~self.shut & ~self.open
+
+
+Stand = tuple[Sequence[Leaf], float, float]
+"""Leaves, clear share, how likely within its word."""
+
+
+@cache
+def leaves_of(kind: str) -> Leaves:
+    """Return the hypotheses for a value of the annotation `kind`; what is not known is hinged."""
+    return _table(_STANDS.get(kind.strip().lower(), _hinged)())
+
+
+def _hinged() -> Iterable[Stand]:
+    yield (Leaf(0, 0, 1),), 0.0, 1.0
+    for angle in ANGLES:
+        for leaf in _swung(angle, 1.0):
+            yield (leaf,), 1 - max(cos(angle), 0), 0.25
+    yield (), 1.0, 3.0
+
+
+def _swung(angle: float, length: float) -> Iterable[Leaf]:
+    """Yield a leaf at either end, swung to either side."""
+    for side in (1, -1):
+        yield Leaf(0, side * angle, length)
+        yield Leaf(1, pi - side * angle, length)
+
+
+def _double() -> Iterable[Stand]:
+    """Yield two leaves of half the width, each by itself."""
+    angles = (0.0, *map(radians, (25, 50, 90)))
+    ways = [(angle * side) for angle in angles for side in ((1, -1) if angle else (1,))]
+    left = [((Leaf(0, way, 0.5),), 1 - cos(way)) for way in ways] + [((), 1.0)]
+    right = [((Leaf(1, pi - way, 0.5),), 1 - cos(way)) for way in ways] + [((), 1.0)]
+    for one, free in left:
+        for other, also_free in right:
+            yield (*one, *other), (free + also_free) / 2, 1.0
+
+
+def _sliding() -> Iterable[Stand]:
+    """Yield a leaf that slides to either end, or two that part in the middle."""
+    yield (Leaf(0, 0, 1),), 0.0, 1.0
+    for clear in SLID:
+        yield (Leaf(0, 0, 1 - clear),), clear, 1.0
+        yield (Leaf(clear, 0, 1 - clear),), clear, 1.0
+        yield (Leaf(0, 0, (1 - clear) / 2), Leaf((1 + clear) / 2, 0, (1 - clear) / 2)), clear, 1.0
+    yield (), 1.0, 6.0
+
+
+def _folding() -> Iterable[Stand]:
+    """Yield two panels of half the width that fold to either end, to either side."""
+    yield (Leaf(0, 0, 1),), 0.0, 1.0
+    for angle in map(radians, (12, 25, 40, 60, 80)):
+        x, y = 0.5 * cos(angle), 0.5 * sin(angle)
+        for side in (1, -1):
+            panel = Leaf(0, side * angle, 0.5), Leaf(x, -side * angle, 0.5, side * y)
+            yield panel, 1 - cos(angle), 0.25
+            panel = (
+                Leaf(1, pi - side * angle, 0.5),
+                Leaf(1 - x, pi + side * angle, 0.5, side * y),
+            )
+            yield panel, 1 - cos(angle), 0.25
+    yield (), 1.0, 1.0
+
+
+_STANDS = {"double": _double, "sliding": _sliding, "folding": _folding}
+
+
+def _table(stands: Iterable[Stand]) -> Leaves:
+    """Return the arrays of what the hypotheses say."""
+    rows = list(stands)
+    most = max(len(leaves) for leaves, _, _ in rows)
+    none = Leaf(0, np.nan, 0)
+    padded = [[*leaves, *[none] * (most - len(leaves))] for leaves, _, _ in rows]
+    clear = np.array([free for _, free, _ in rows])
+    weights = np.array([weight for _, _, weight in rows])
+    starts = np.array([[(leaf.x, leaf.y) for leaf in row] for row in padded], np.float32)
+    turns = np.array([[leaf.turn for leaf in row] for row in padded], np.float32)
+    lengths = np.array([[leaf.length for leaf in row] for row in padded], np.float32)
+    return Leaves(starts, turns, lengths, clear, np.log(_prior(clear, weights)))
+
+
+def _prior(clear: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return each hypothesis's probability: a share of its word's, by its weight."""
+    prior = np.zeros(len(clear))
+    shut, wide = clear < NEARLY, clear >= CLEAR - 1e-6
+    for word, rows in (("shut", shut), ("ajar", ~shut & ~wide), ("open", wide)):
+        prior[rows] = PRIOR[word] * weights[rows] / weights[rows].sum()
+    return prior

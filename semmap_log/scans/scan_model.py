@@ -1,0 +1,74 @@
+"""What is known beforehand of the laser, of the robot's place and of what lies around doors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import radians
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScanModel:
+    """The numbers of the beam model and of a visit; lengths m, angles rad, times s."""
+
+    sd_range: float = 0.02
+    """Noise of a range."""
+    sd_xy: float = 0.05
+    """Of the laser's place along each axis, where the scan does not tell."""
+    sd_theta: float = radians(1.0)
+    """Of its heading, where the scan does not tell."""
+    least_sd_xy: float = 0.02
+    least_sd_theta: float = radians(0.3)
+    """Told standard deviations below these are not believed."""
+    sd_door: float = 0.04
+    """Of a leaf's place against the map: recesses, mouldings, the drawing."""
+    reach: float = 6.0
+    """Doors whose middle is farther away are not judged."""
+    least_off: float = 0.30
+    """Nearer to the door's line the laser sees it edge on."""
+    flattest: float = radians(15.0)
+    """Angle between beam and line below which a beam is not used."""
+    margin: float = 0.10
+    """Of the line at both ends: taken by the frame."""
+    beams: int = 12
+    """Used of one door in one scan, evenly spaced."""
+    tolerance: float = 0.15
+    """A beam that ends so near to the line ended on it."""
+    short: float = 0.15
+    """P(something stands in front)."""
+    stray: float = 0.03
+    """P(a range that means nothing): mixed pixels."""
+    through_leaf: float = 0.03
+    """P(a beam passes a leaf)."""
+    through_glass: float = 0.6
+    """The same of a glass door."""
+    lost_open: float = 0.06
+    lost_shut: float = 0.04
+    """P(no return) through an opening, off a leaf."""
+    room: float = 3.0
+    """Mean depth of what lies behind a door."""
+    cell: float = 0.10
+    """Beams nearer to each other on the line count once."""
+    most_looks_a_scan: float = 4.0
+    step: float = 0.25
+    """A scan this far from the last one is a new look altogether; nearer ones count for less."""
+    still_s: float = 10.0
+    """A robot that stands gets one new scan's worth in this time."""
+    least_fresh: float = 0.1
+    """Scans wait until they are worth this much of a new look."""
+    most_looks: float = 12.0
+    """What a visit can be worth, however much it saw."""
+    pause_s: float = 5.0
+    """A visit ends this long after the door was last seen ..."""
+    longest_s: float = 20.0
+    """... or this long after it was first seen."""
+    enough: float = 0.7
+    """Looks through the line, or on it, that a word needs."""
+    least_accuracy: float = 0.8
+    """Below it nothing is said."""
+    most_ajar: float = 0.5
+    """P(ajar) above which nothing is said."""
+    lapse: float = 0.02
+    """P(the visit means nothing at all: a wrong map, another door)."""
+
+
+DEFAULT = ScanModel()
