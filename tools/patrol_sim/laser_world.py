@@ -36,7 +36,10 @@ from patrol_sim.laser_plan import LevelPlan, PlanDoor
 from patrol_sim.laser_sensor import Laser, measured
 from patrol_sim.laser_surfaces import Floats, Lines, joined
 from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import SECOND_NS
 
+START_NS = 1_772_442_000 * SECOND_NS
+"""Monday 2 March 2026, 09:00 UTC: when patrols begin."""
 DOUBLE_FROM_M = 1.55
 """A door as wide as that has two leaves, in a building whose kinds are chosen by chance."""
 SWINGS_AWAY = 0.85
