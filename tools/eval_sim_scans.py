@@ -4,6 +4,7 @@
     python tools/eval_sim_scans.py --seeds 1..2 --minutes 4
     python tools/eval_sim_scans.py --draw wrong/         pictures of the visits that went wrong
     python tools/eval_sim_scans.py --json > scores.json
+    python tools/eval_sim_scans.py --visits visits.jsonl    each visit with its truth
 
 The same scans are judged with several localisations: 5 cm and 1 degree told, 10 cm and 2 degrees
 told, and 20 cm and 4 degrees not told (the model takes its own default for it). The truth of a
@@ -21,7 +22,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,9 @@ def main() -> int:
     except SemmapError as error:
         print(f"eval_sim_scans: {error}", file=sys.stderr)
         return 1
+    if args.visits:
+        rows = [json.dumps({**asdict(v), "looks": float(v.looks)}) for v in visits]
+        args.visits.write_text("\n".join(rows) + "\n", encoding="utf-8")
     found = {pose.name: scores([v for v in visits if v.pose == pose.name]) for pose in POSES}
     if args.json:
         print(json.dumps(found, indent=2))
@@ -221,7 +225,6 @@ def _draw_wrong(
         image = drawn(patrol, around(middle, 3.5), at_s=v.first_s, scans=its, believed=believed)
         pose = v.pose.replace(" ", "").replace(",", "_")
         image.save(folder / f"{v.group}_{v.state}_{pose}_{v.seed}_{v.door_id}_{v.first_s:.0f}.png")
-        print(f"\n{v}", file=sys.stderr)
 
 
 def _bar(what: str) -> Callable[[float], None]:
@@ -245,6 +248,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, default=10, help="of each patrol; default: 10")
     parser.add_argument("--hz", type=float, default=10, help="scans a second; default: 10")
     parser.add_argument("--json", action="store_true", help="one document on stdout")
+    parser.add_argument("--visits", type=Path, help="file for all visits, as JSON lines")
     parser.add_argument("--draw", type=Path, help="folder for pictures of visits that went wrong")
     parser.add_argument("--maps", type=Path, default=ROOT.parent / "shared/data/maps",
                         help="folder with the Open-RMF plans; default: %(default)s")  # fmt: skip

@@ -77,7 +77,9 @@ def make(args: argparse.Namespace) -> None:
     write_truth(beside.with_name(beside.name + ".truth.json"), patrol, where, error)
     write_doors(beside.with_name(beside.name + ".doors.jsonl"), patrol)
     if args.picture:
-        drawn(patrol, whole(patrol), at_s=patrol.length_s / 2, believed=where.believed).save(args.picture)
+        drawn(patrol, whole(patrol), at_s=patrol.length_s / 2, believed=where.believed).save(
+            args.picture
+        )
     changes = sum(len(life.told(0.0, patrol.length_s)) - 1 for life in patrol.lives.values()) // 2
     through = sum(map(len, patrol.passages.values()))
     print(f"\r{args.out}: {len(patrol.scan_times_s()):,} scans, {len(patrol.lives)} doors that "
@@ -135,8 +137,11 @@ def _options() -> argparse.Namespace:
     add("--pose-error", type=_pair, default=(0.05, 1.0), metavar="M,DEG",
         help="standard deviations of the localisation; default: 0.05,1")  # fmt: skip
     add("--jumps", type=float, default=0.0, help="a minute, at which it localises anew; default: 0")
-    add("--told", action=argparse.BooleanOptionalAction, default=True,
-        help="/amcl_pose tells the error in its covariance; default: told")  # fmt: skip
+    tells = parser.add_mutually_exclusive_group()
+    tells.add_argument(
+        "--told", action="store_true", default=True, help="/amcl_pose has the covariance; default"
+    )
+    tells.add_argument("--not-told", dest="told", action="store_false", help="no /amcl_pose")
     add("--says", type=_pair, metavar="M,DEG", help="what it tells; default: the truth")
     add("--beams", type=int, default=360)
     add("--field", type=float, default=270.0, help="of view, degrees; default: %(default)s")

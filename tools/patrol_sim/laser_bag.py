@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from patrol_sim.laser_pose import Localisation, PoseError
+from patrol_sim.laser_pose import MAP_HZ, Localisation, PoseError
 from patrol_sim.laser_surfaces import Floats
 from patrol_sim.laser_world import START_NS, Patrol
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, FloorMap
@@ -36,14 +36,12 @@ from semmap_log.formats.ros.ros_types import (
     ros_types,
 )
 
-
 SCAN = BagTopic("/scan", "sensor_msgs/msg/LaserScan", is_latched=False)
 TF = BagTopic("/tf", TRANSFORMS, is_latched=False)
 TF_STATIC = BagTopic("/tf_static", TRANSFORMS, is_latched=True)
 MAP = BagTopic("/map", GRID, is_latched=True)
 AMCL_POSE = BagTopic("/amcl_pose", POSE_WITH_COVARIANCE, is_latched=False)
 
-MAP_HZ = 10
 LATE_NS = 2_000_000
 """From a moment until its transform is recorded; a scan is recorded when its last beam is in."""
 POSE_EVERY_M, POSE_EVERY_RAD, POSE_EVERY_S = 0.2, 0.25, 1.0
@@ -221,13 +219,14 @@ class _Stream:
     ) -> Any:  # fmt: skip
         new = self._new.new
         x, y, z = place
+        quaternion = dict(zip("xyzw", turn, strict=True))
         return new(
             "geometry_msgs/msg/TransformStamped",
             header=self._header(at_ns, number, frames[0]), child_frame_id=frames[1],
             transform=new(
                 "geometry_msgs/msg/Transform",
                 translation=new("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
-                rotation=new("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", turn, strict=True))),
+                rotation=new("geometry_msgs/msg/Quaternion", **quaternion),
             ),
         )  # fmt: skip
 
@@ -316,5 +315,9 @@ def _qos(topic: BagTopic) -> list[Any]:
 
     durability = QosDurability.TRANSIENT_LOCAL if topic.is_latched else QosDurability.VOLATILE
     forever = QosTime(0, 0)
-    return [Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, forever, forever,
-                QosLiveliness.AUTOMATIC, forever, avoid_ros_namespace_conventions=False)]  # fmt: skip
+    return [
+        Qos(
+            QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, forever, forever,
+            QosLiveliness.AUTOMATIC, forever, avoid_ros_namespace_conventions=False,
+        )
+    ]  # fmt: skip

@@ -46,7 +46,7 @@ def cast(origins: Floats, bearings: Floats, ends: Floats, *, most_m: float) -> H
     """
     middle = origins.mean(axis=0)
     spread = float(np.hypot(*(origins - middle).T).max())
-    near = _distances(middle, ends) <= most_m + spread
+    near = distances(middle, ends) <= most_m + spread
     kept = np.flatnonzero(near)
     line, beam = _pairs(bearings, middle, spread, ends[kept])
     return _nearest(origins, bearings, ends, (kept[line], beam), most_m)
@@ -58,7 +58,7 @@ def cast_all(origins: Floats, bearings: Floats, ends: Floats, *, most_m: float) 
     return _nearest(origins, bearings, ends, (line, beam), most_m)
 
 
-def _distances(point: Floats, ends: Floats) -> Floats:
+def distances(point: Floats, ends: Floats) -> Floats:
     """Return how far each line is from a point."""
     start, along = ends[:, :2] - point, ends[:, 2:] - ends[:, :2]
     length = (along**2).sum(axis=1)
@@ -73,7 +73,7 @@ def _pairs(bearings: Floats, middle: Floats, spread: float, ends: Floats) -> tup
     start, end = ends[:, :2] - middle, ends[:, 2:] - middle
     from_, to = np.arctan2(start[:, 1], start[:, 0]), np.arctan2(end[:, 1], end[:, 0])
     turn = np.mod(to - from_ + math.pi, math.tau) - math.pi
-    distance = _distances(middle, ends)
+    distance = distances(middle, ends)
     # A beam does not start in the middle of them all: by so much may its bearing differ.
     slack = 1e-9 + np.arcsin(np.minimum(1.0, spread / np.maximum(distance, 1e-9)))
     low, high = from_ + np.minimum(turn, 0) - slack, from_ + np.maximum(turn, 0) + slack

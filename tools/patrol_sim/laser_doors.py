@@ -62,7 +62,9 @@ class DoorBody:
     def word(self, amounts: Amounts) -> str:
         """Return OPEN, CLOSED or AJAR."""
         opening = self.opening(amounts)
-        return "CLOSED" if opening < SHUT_BELOW else "OPEN" if opening >= OPEN_FROM else "AJAR"
+        return (
+            "CLOSED" if opening < SHUT_BELOW else "OPEN" if opening > OPEN_FROM - 1e-9 else "AJAR"
+        )
 
     def angle_deg(self, amounts: Amounts) -> float | None:
         """Return how far the leaf that is open farthest has swung; None: it slides."""
@@ -70,9 +72,7 @@ class DoorBody:
 
     def lines(self, amounts: Amounts) -> Lines:
         """Return the outlines of its leaves."""
-        return joined(
-            self._slab(start, end) for start, end in self.panels(amounts)
-        )
+        return joined(self._slab(start, end) for start, end in self.panels(amounts))
 
     def panels(self, amounts: Amounts) -> list[tuple[Floats, Floats]]:
         """Return the middle line of each panel of each leaf, m."""
@@ -111,7 +111,9 @@ class DoorBody:
             return bar(start, end, left_m=half, right_m=half, surface=self.surface)
         along = (end - start) / np.hypot(*(end - start))
         stile = STILE_M * along
-        pane = Lines(np.array([[*(start + stile), *(end - stile)]]), np.array([Surface.GLASS], np.int8))
+        pane = Lines(
+            np.array([[*(start + stile), *(end - stile)]]), np.array([Surface.GLASS], np.int8)
+        )
         stiles = [(start, start + stile), (end - stile, end)]
         bars = [bar(a, b, left_m=half, right_m=half, surface=Surface.SHINY) for a, b in stiles]
         return joined([pane, *bars])
@@ -228,12 +230,13 @@ def standing(body: DoorBody, word: str, rng: np.random.Generator) -> Amounts:
         return share, share
     most = 85 if body.kind == FOLDING else 112
     degrees = {
-        "CLOSED": abs(rng.normal(0, 1.0)), "AJAR": rng.uniform(10, 45), "OPEN": rng.uniform(62, most),
+        "CLOSED": abs(rng.normal(0, 1.0)), "AJAR": rng.uniform(10, 45),
+        "OPEN": rng.uniform(62, most),
     }[word]  # fmt: skip
     first = math.radians(degrees)
     if body.kind != DOUBLE:
         return first, first
     if word == "OPEN" and rng.random() < 0.4:  # one leaf of two: half of the width, just open
         return math.radians(max(degrees, 90)), 0.0
-    second = first if word == "CLOSED" else math.radians(degrees * rng.uniform(0.85, 1.0))
-    return first, second
+    lowest = {"CLOSED": 0.0, "AJAR": 10.0, "OPEN": 62.0}[word]
+    return first, math.radians(max(lowest, degrees * rng.uniform(0.85, 1.0)))

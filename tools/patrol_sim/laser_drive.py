@@ -83,7 +83,9 @@ class _Driver:
     ) -> None:
         self._lives = {life.body.drawn.door_id: life for life in lives}
         added = [
-            DoorAdded(door_id=d.door_id, level=plan.level, x=d.x, y=d.y, theta=d.theta, width=d.width)
+            DoorAdded(
+                door_id=d.door_id, level=plan.level, x=d.x, y=d.y, theta=d.theta, width=d.width
+            )
             for d in plan.doors
         ]
         self._routes = FloorRoutes(plan.floor, added, self._lives, cell_m)

@@ -24,7 +24,8 @@ POST_M, PANE_M = 0.05, 1.2
 """A glass wall has posts of that width, so far apart."""
 
 FURNITURE = (
-    ("cabinet", 0.30), ("desk", 0.25), ("table", 0.15), ("chair", 0.2), ("pillar", 0.03), ("bin", 0.07),
+    ("cabinet", 0.30), ("desk", 0.25), ("table", 0.15), ("chair", 0.2), ("pillar", 0.03),
+    ("bin", 0.07),
 )  # fmt: skip
 """What there is, and how much of it."""
 
@@ -75,9 +76,7 @@ def furniture(
 ) -> Lines:  # fmt: skip
     """Return furniture: along walls and in the rooms, clear of doors and of the robot's way."""
     free = FreeFloor(plan.floor)
-    swings = [
-        (np.mean(door.ends, axis=0), door.drawn.width + 0.45) for door in doors
-    ]
+    swings = [(np.mean(door.ends, axis=0), door.drawn.width + 0.45) for door in doors]
     names = [name for name, _ in FURNITURE]
     shares = np.array([share for _, share in FURNITURE])
     placed: list[Lines] = []
@@ -172,9 +171,7 @@ def _glass_wall(wall: Wall) -> list[Lines]:
     """Return panes, and the posts between them."""
     length = float(np.hypot(*(wall.end - wall.start)))
     along = (wall.end - wall.start) / length
-    pane = Lines(
-        np.array([[*wall.start, *wall.end]]), np.array([Surface.GLASS], np.int8)
-    )
+    pane = Lines(np.array([[*wall.start, *wall.end]]), np.array([Surface.GLASS], np.int8))
     posts = np.linspace(0, length, max(2, round(length / PANE_M) + 1))
     turn = math.atan2(along[1], along[0])
     return [

@@ -106,10 +106,10 @@ def placed_scans(
     sd_theta = math.radians(pose.error.sd_theta_deg) if pose.told else math.nan
     for scan in scans:
         base = where.believed_at(patrol.beam_times_s(scan.at_s))
-        origins, bearings = patrol.laser.placed(base, as_told=True)
+        beams = patrol.laser.placed(base, as_told=True)
         yield PlacedScan(
             stamp_ns=START_NS + round(scan.at_s * SECOND_NS), level=patrol.plan.level,
-            laser="laser", origins=origins, bearings=bearings, ranges=scan.ranges,
+            laser="laser", origins=beams.origins, bearings=beams.bearings, ranges=scan.ranges,
             max_range=patrol.laser.range_max, sd_xy=sd_xy, sd_theta=sd_theta,
         )  # fmt: skip
 
@@ -127,10 +127,10 @@ def _truly_placed(patrol: Patrol, scans: Sequence[SimScan]) -> Iterator[PlacedSc
     """Yield scans where they were taken."""
     for scan in scans:
         base = patrol.track.at(patrol.beam_times_s(scan.at_s))
-        origins, bearings = patrol.laser.placed(base, as_told=False)
+        beams = patrol.laser.placed(base, as_told=False)
         stamp_ns = START_NS + round(scan.at_s * SECOND_NS)
-        yield PlacedScan(stamp_ns, patrol.plan.level, "laser", origins, bearings, scan.ranges,
-                         patrol.laser.range_max)  # fmt: skip
+        yield PlacedScan(stamp_ns, patrol.plan.level, "laser", beams.origins, beams.bearings,
+                         scan.ranges, patrol.laser.range_max)  # fmt: skip
 
 
 def _judged(

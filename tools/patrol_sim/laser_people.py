@@ -36,7 +36,9 @@ class Person:
         """Return the middles of both legs, (2, 2) m; None: not there."""
         if not self.times_s[0] <= at_s <= self.times_s[-1]:
             return None
-        x, y = (np.interp([at_s, at_s + 0.1], self.times_s, self.places[:, axis]) for axis in (0, 1))
+        x, y = (
+            np.interp([at_s, at_s + 0.1], self.times_s, self.places[:, axis]) for axis in (0, 1)
+        )
         dx, dy = x[1] - x[0], y[1] - y[0]
         speed = math.hypot(dx, dy) / 0.1
         heading = math.atan2(dy, dx) if speed > 0.05 else self.gait

@@ -84,10 +84,9 @@ def beam_ends(patrol: Patrol, scan: SimScan, believed: Floats | None = None) -> 
     times_s = patrol.beam_times_s(scan.at_s)
     poses = patrol.track.poses if believed is None else believed
     base = np.stack([np.interp(times_s, patrol.track.times_s, column) for column in poses.T], -1)
-    origins, bearings = patrol.laser.placed(base, as_told=believed is not None)
+    beams = patrol.laser.placed(base, as_told=believed is not None)
     back = np.isfinite(scan.ranges)
-    to = np.stack([np.cos(bearings), np.sin(bearings)], -1)
-    ends: Floats = (origins + np.where(back, scan.ranges, 0)[:, None] * to)[back]
+    ends: Floats = beams.origins[back] + scan.ranges[back, None] * beams.to[back]
     return ends
 
 

@@ -110,7 +110,8 @@ def read_plan(path: Path, level: int) -> LevelPlan:
     )  # fmt: skip
     here = tuple(
         event for event in events
-        if getattr(event, "level", level) == level and getattr(event, "door_id", None) in {None, *ids}
+        if getattr(event, "level", level) == level
+        and getattr(event, "door_id", None) in {None, *ids}
     )  # fmt: skip
     lines = np.array([(*a, *b) for a, b in walls[level].walls], float).reshape(-1, 4)
     return LevelPlan(level, lines, doors, floors[level], here)

@@ -10,6 +10,8 @@ import numpy as np
 from patrol_sim.laser_drive import TRACK_HZ, Track
 from patrol_sim.laser_surfaces import Floats
 
+MAP_HZ = 10
+"""It localises so often; in between it trusts its odometry."""
 DRIFT_M = 4.0
 """The localisation's error is another one after so many metres."""
 TURN_AS_M = 0.5
@@ -53,20 +55,23 @@ def localised(track: Track, error: PoseError, *, seed: int) -> Localisation:
     """Return what the robot believes on its way: another one for each seed."""
     drift, jump, slip = (np.random.default_rng([seed, part]) for part in (20, 21, 22))
     sd = np.array([error.sd_xy, error.sd_xy, math.radians(error.sd_theta_deg)])
-    steps = np.diff(track.poses, axis=0)
+    every = TRACK_HZ // MAP_HZ
+    knots_s, knots = track.times_s[::every], track.poses[::every]
+    steps = np.diff(knots, axis=0)
     gone_m = np.hypot(steps[:, 0], steps[:, 1]) + TURN_AS_M * np.abs(steps[:, 2])
     keeps = np.exp(-gone_m / DRIFT_M)
-    jumps = jump.random(len(steps)) < error.jumps_per_min / 60 / TRACK_HZ
+    jumps = jump.random(len(steps)) < error.jumps_per_min / 60 / MAP_HZ
     keeps[jumps] = 0.0
     # An Ornstein-Uhlenbeck process along the way: the same spread everywhere.
     new = np.sqrt(1 - keeps**2)[:, None] * drift.standard_normal((len(steps), 3))
-    errors = np.empty_like(track.poses)
+    errors = np.empty_like(knots)
     errors[0] = drift.standard_normal(3)
     for k in range(len(steps)):
         errors[k + 1] = keeps[k] * errors[k] + new[k]
+    between = np.stack([np.interp(track.times_s, knots_s, e) for e in (errors * sd).T], axis=-1)
     return Localisation(
-        track.times_s, track.poses + errors * sd, _odometry(track, slip),
-        tuple(track.times_s[1:][jumps].tolist()),
+        track.times_s, track.poses + between, _odometry(track, slip),
+        tuple(knots_s[1:][jumps].tolist()),
     )  # fmt: skip
 
 

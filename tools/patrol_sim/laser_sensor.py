@@ -1,9 +1,4 @@
-"""A spinning laser: from what its beams meet to the ranges that it reports.
-
-Each beam is a cone: its two edges are cast, and where they meet different things the echo is mixed.
-What comes back depends on the surface, its distance and the angle; glass lets through, mirrors and
-only sometimes answers.
-"""
+"""A spinning laser: how it is built and mounted, and the ranges that it reports."""
 
 from __future__ import annotations
 
@@ -11,22 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from patrol_sim.laser_casting import NOTHING, Hits, cast, cast_all
-from patrol_sim.laser_people import LEG_M
+from patrol_sim.laser_echoes import Beams, Echoes, echoes_of, merged
 from patrol_sim.laser_surfaces import REFLECTIVITY, Floats, Lines, Surface
 
-MIX_FROM_M = 0.04
-"""Edges of a beam that end so far apart are two echoes."""
-PULSE_M = 0.6
-"""Echoes nearer to each other than this are taken for one in between, by many sensors."""
 FAINT = 0.0009
 """Reflectivity x cosine / range^2 at which half of the echoes are lost."""
+LOST = 0.001
+"""Share of echoes that are lost anyway."""
 STRAY = 0.002
 """Share of ranges that are nonsense: sunlight, another laser."""
-DIRT_M = 0.03
-"""A pane is equally dirty over that length."""
+NOISE_PER_M = 0.0012
 NOISE_FACTOR = np.array([1.0, 1.0, 2.0, 1.6, 1.3, 2.0])
 BIAS_M = np.array([0.0, 0.0, 0.012, -0.008, 0.004, 0.0])
 """Of each surface: dark ones answer late, shiny ones early."""
@@ -77,8 +67,8 @@ class Laser:
         """Between neighbouring beams, s."""
         return self.increment / math.tau / self.hz if self.spins else 0.0
 
-    def placed(self, base: Floats, *, as_told: bool) -> tuple[Floats, Floats]:
-        """Return where each beam starts, (b, 2) m, and points to, (b,) rad.
+    def placed(self, base: Floats, *, as_told: bool) -> Beams:
+        """Return its beams on the map.
 
         Args:
             base: (b, 3) the robot's pose when each is measured.
@@ -90,152 +80,42 @@ class Laser:
         )
         yaw = self.yaw + (0.0 if as_told else math.radians(self.yaw_error_deg))
         turned = -self.angles if self.upside_down else self.angles
-        return origins, base[:, 2] + yaw + turned
+        return Beams(origins, base[:, 2] + yaw + turned)
 
 
 def measured(
-    laser: Laser, origins: Floats, bearings: Floats, lines: Lines, legs: Floats,
-    rng: np.random.Generator,
-) -> Floats:  # fmt: skip
+    laser: Laser, beams: Beams, lines: Lines, legs: Floats, *, rng: np.random.Generator
+) -> Floats:
     """Return the ranges of a scan, (b,) m; inf: no echo.
 
     Args:
         laser: What measures.
-        origins: (b, 2) m, of each beam.
-        bearings: (b,) rad; descending for a laser that hangs upside down.
+        beams: Ascending bearings, or descending ones of a laser that hangs upside down.
         lines: All that there is.
         legs: (n, 2) m: where people's legs are.
         rng: Where all chance comes from.
     """
-    if bearings[0] > bearings[-1]:
-        return measured(laser, origins[::-1], bearings[::-1], lines, legs, rng)[::-1]
-    half = math.radians(laser.divergence_deg) / 2
-    edges = np.repeat(bearings, 2) + np.tile([-half, half], len(bearings))
-    edges = np.maximum.accumulate(edges)  # ascending, however fast the robot turns
-    starts = np.repeat(origins, 2, axis=0)
-    echo = _echoes(laser, starts, edges, lines, legs, rng)
-    return _reported(laser, *_merged(*echo, rng), rng)
+    if beams.bearings[0] > beams.bearings[-1]:
+        return measured(laser, beams.backwards(), lines, legs, rng=rng)[::-1]
+    edges = beams.edges(math.radians(laser.divergence_deg))
+    return _reported(laser, merged(echoes_of(edges, lines, legs, laser.range_max, rng), rng), rng)
 
 
-@dataclass(frozen=True, slots=True)
-class _Echo:
-    """What the edges of beams meet."""
-
-    ranges: Floats
-    surface: NDArray[np.int8]
-    cosine: Floats
-
-
-def _echoes(
-    laser: Laser, origins: Floats, bearings: Floats, lines: Lines, legs: Floats,
-    rng: np.random.Generator,
-) -> tuple[Floats, NDArray[np.int8], Floats]:  # fmt: skip
-    is_glass = lines.surface == Surface.GLASS
-    solid, glass = lines[~is_glass], lines[is_glass]
-    hits = cast(origins, bearings, solid.ends, most_m=laser.range_max)
-    ranges, cosine = hits.ranges, hits.cosine
-    surface = np.where(hits.line == NOTHING, Surface.PAINT, solid.surface[hits.line]).astype(np.int8) \
-        if len(solid) else np.zeros(len(ranges), np.int8)  # fmt: skip
-    _legs_before(origins, bearings, legs, (ranges, surface, cosine))
-    if len(glass):
-        panes = cast(origins, bearings, glass.ends, most_m=laser.range_max)
-        _glass_before(origins, bearings, (solid, glass), panes, (ranges, surface, cosine), rng)
-    return ranges, surface, cosine
-
-
-def _legs_before(
-    origins: Floats, bearings: Floats, legs: Floats,
-    echo: tuple[Floats, NDArray[np.int8], Floats],
-) -> None:  # fmt: skip
-    """Let legs stand in the way of beams."""
-    ranges, surface, cosine = echo
-    for leg in legs:
-        to = leg - origins
-        along = to[:, 0] * np.cos(bearings) + to[:, 1] * np.sin(bearings)
-        aside = to[:, 1] * np.cos(bearings) - to[:, 0] * np.sin(bearings)
-        deep = np.sqrt(np.maximum(LEG_M**2 - aside**2, 0))
-        met = (np.abs(aside) < LEG_M) & (along - deep > 0) & (along - deep < ranges)
-        ranges[met], surface[met] = (along - deep)[met], Surface.CLOTH
-        cosine[met] = deep[met] / LEG_M
-
-
-def _glass_before(
-    origins: Floats, bearings: Floats, lines: tuple[Lines, Lines], panes: Hits,
-    echo: tuple[Floats, NDArray[np.int8], Floats], rng: np.random.Generator,
-) -> None:  # fmt: skip
-    """Let panes answer, mirror, or let through: by their dirt and by the angle."""
-    ranges, surface, cosine = echo
-    solid, glass = lines
-    first = np.flatnonzero(panes.ranges < ranges)
-    if not len(first):
-        return
-    tilt = np.arccos(np.clip(panes.cosine[first], 0, 1))
-    answers = 0.07 + 0.75 * np.exp(-((tilt / math.radians(14)) ** 2))
-    mirrors = 0.05 + 0.6 * (tilt / (math.pi / 2)) ** 4
-    spot = panes.line[first] * 7919 + (panes.along_m[first] / DIRT_M).astype(np.int64)
-    dirt = np.mod(np.sin(spot * 12.9898) * 43758.5453, 1.0)
-    luck = np.where(rng.random(len(first)) < 0.7, dirt, rng.random(len(first)))
-    answered = first[luck < answers]
-    ranges[answered], surface[answered] = panes.ranges[answered], Surface.GLASS
-    cosine[answered] = panes.cosine[answered]
-    mirrored = first[(luck >= answers) & (luck < answers + mirrors)]
-    if len(mirrored):
-        _mirror(origins[mirrored], bearings[mirrored], solid, glass, mirrored, panes, echo)
-
-
-def _mirror(
-    origins: Floats, bearings: Floats, solid: Lines, glass: Lines, beams: NDArray[np.int64],
-    panes: Hits, echo: tuple[Floats, NDArray[np.int8], Floats],
-) -> None:  # fmt: skip
-    """Let beams go on from a pane to where it throws them."""
-    ranges, surface, cosine = echo
-    to = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    from_ = origins + panes.ranges[beams, None] * to
-    pane = glass.ends[panes.line[beams]]
-    thrown = 2 * np.arctan2(pane[:, 3] - pane[:, 1], pane[:, 2] - pane[:, 0]) - bearings
-    near = np.abs(solid.ends.reshape(-1, 2, 2).mean(axis=1) - from_.mean(axis=0)).max(axis=1) < 9
-    hits = cast_all(from_, thrown, solid.ends[near], most_m=10.0)
-    ranges[beams] = panes.ranges[beams] + hits.ranges
-    cosine[beams] = hits.cosine
-    surface[beams] = Surface.SHINY
-
-
-def _merged(
-    ranges: Floats, surface: NDArray[np.int8], cosine: Floats, rng: np.random.Generator
-) -> tuple[Floats, NDArray[np.int8], Floats]:
-    """Return one echo a beam out of those of its two edges."""
-    r, c = ranges.reshape(-1, 2), cosine.reshape(-1, 2)
-    s = surface.reshape(-1, 2)
-    weight = rng.random(len(r))
-    with np.errstate(invalid="ignore"):
-        gap = np.abs(r[:, 0] - r[:, 1])
-        between = weight * r[:, 0] + (1 - weight) * r[:, 1]
-    one = np.where(weight < 0.5, 0, 1)
-    row = np.arange(len(r))
-    either = r[row, one]
-    same = ~(gap > MIX_FROM_M) & np.isfinite(r).all(axis=1)
-    merged = np.where(same, r.mean(axis=1), np.where(gap < PULSE_M, between, either))
-    return merged, s[row, one], c[row, one]
-
-
-def _reported(
-    laser: Laser, ranges: Floats, surface: NDArray[np.int8], cosine: Floats,
-    rng: np.random.Generator,
-) -> Floats:  # fmt: skip
+def _reported(laser: Laser, echoes: Echoes, rng: np.random.Generator) -> Floats:
     """Return what the laser makes of its echoes: noise, losses, whole steps."""
+    ranges, surface, cosine = echoes.ranges, echoes.surface, echoes.cosine
     near = np.where(np.isfinite(ranges), np.maximum(ranges, 0.1), 1.0)
     strength = REFLECTIVITY[surface] * np.maximum(cosine, 0.01) / near**2
     strength = np.where(surface == Surface.GLASS, 1.0, strength)  # its mirror image of the laser
-    sd_m = (laser.sd_m + 0.0012 * near) * NOISE_FACTOR[surface]
+    sd_m = (laser.sd_m + NOISE_PER_M * near) * NOISE_FACTOR[surface]
     sd_m = sd_m * (1 + 0.5 * np.minimum((1 - cosine) / np.maximum(cosine, 0.05), 3.0))
     noisy = ranges + BIAS_M[surface] + sd_m * rng.standard_normal(len(ranges))
-    lost = rng.random(len(ranges)) < FAINT / (FAINT + strength) + 0.001
+    lost = rng.random(len(ranges)) < FAINT / (FAINT + strength) + LOST
     thrown = (surface == Surface.SHINY) & (rng.random(len(ranges)) < (1 - cosine) ** 3)
     stray = rng.random(len(ranges)) < STRAY
     noisy = np.where(stray, rng.uniform(0, laser.range_max, len(ranges)), noisy)
     noisy = np.round(noisy / laser.step_m) * laser.step_m
     gone = (lost | thrown) & ~stray
-    out: Floats = np.where(
-        gone | ~(noisy >= laser.range_min) | (noisy > laser.range_max), math.inf, noisy
-    )
-    return out
+    within = (noisy >= laser.range_min) & (noisy <= laser.range_max)
+    reported: Floats = np.where(~gone & within, noisy, math.inf)
+    return reported

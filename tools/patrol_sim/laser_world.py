@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from patrol_sim.laser_casting import _distances
+from patrol_sim.laser_casting import distances
 from patrol_sim.laser_doors import (
     DOUBLE,
     DOUBLE_SLIDING,
@@ -120,10 +120,10 @@ class Patrol:
         times_s = self.scan_times_s()
         for number, at_s in enumerate(times_s.tolist()):
             base = self.track.at(self.beam_times_s(at_s))
-            origins, bearings = self.laser.placed(base, as_told=False)
+            beams = self.laser.placed(base, as_told=False)
             lines = leaves.around(base[0, :2], at_s)
             legs = legs_at(self.people, at_s, base[0, :2])
-            yield SimScan(at_s, measured(self.laser, origins, bearings, lines, legs, rng))
+            yield SimScan(at_s, measured(self.laser, beams, lines, legs, rng=rng))
             if number % 50 == 0:
                 progress(number / len(times_s))
 
@@ -152,7 +152,7 @@ class _Leaves:
     def around(self, place: Floats, at_s: float) -> Lines:
         if self._still is None or np.hypot(*(place - self._at)) > 1.0:
             still = self._patrol.still
-            self._still = still[_distances(place, still.ends) < self._reach + 1.5]
+            self._still = still[distances(place, still.ends) < self._reach + 1.5]
             self._at = place
         parts = [self._still]
         for door_id, life in self._patrol.lives.items():
@@ -216,8 +216,8 @@ def _some_kind(door: PlanDoor, rng: np.random.Generator) -> str:
 def _side(door: PlanDoor, floor: FreeFloor, rng: np.random.Generator) -> int:
     """Return to which side a leaf swings: mostly into the smaller room, out of people's way."""
     middle = door.ends[0] + door.width / 2 * door.along
-    room = [sum(floor.reach(middle, side * door.left + lean * door.along) for lean in (-0.5, 0, 0.5))
-            for side in (1, -1)]  # fmt: skip
+    leans = [lean * door.along for lean in (-0.5, 0, 0.5)]
+    room = [sum(floor.reach(middle, side * door.left + lean) for lean in leans) for side in (1, -1)]
     smaller = 1 if room[0] < room[1] else -1
     return smaller if rng.random() < SWINGS_AWAY else -smaller
 
