@@ -64,7 +64,9 @@ class Judged:
     """At least so many beams truly came as far as the door: `IN_VIEW`."""
     moved: bool
     group: str
-    """closed, ajar (10 to 45 degrees), open (60 and more), else half."""
+    """closed, ajar (10 to 45 degrees), open (60 and more), slid (a sliding door, partly), half."""
+    towards: bool
+    """Its leaf stands on the robot's side of the line."""
     angle_deg: float
     """NaN: it slides."""
     true_opening: float
@@ -120,7 +122,15 @@ def group_of(life: DoorLife, at_s: float) -> str:
     word, angle = life.body.word(amounts), life.body.angle_deg(amounts)
     if word != "AJAR":
         return word.lower()
-    return "ajar" if angle is None or 10 <= angle <= 45 else "half"
+    return "slid" if angle is None else "ajar" if 10 <= angle <= 45 else "half"
+
+
+def _stands_towards(life: DoorLife, at_s: float, robot: Floats) -> bool:
+    """Tell whether the door's leaf stands on the robot's side of its line."""
+    start, _ = life.body.ends
+    left = life.body.drawn.left
+    tips = [tip for _, tip in life.body.panels(life.amounts(at_s))]
+    return float((np.mean(tips, axis=0) - start) @ left) * float((robot - start) @ left) > 0
 
 
 def _truly_placed(patrol: Patrol, scans: Sequence[SimScan]) -> Iterator[PlacedScan]:
@@ -151,6 +161,7 @@ def _judged(
         truly_passed=any(first_s - 3 <= at_s <= last_s + 3 for at_s in through_s),
         plain=believed.plain(visit), in_view=sum(truly.of(visit)) >= IN_VIEW,
         moved=life.moves(first_s, last_s), group=group_of(life, first_s),
+        towards=_stands_towards(life, first_s, patrol.track.pose((first_s + last_s) / 2)[:2]),
         angle_deg=math.nan if angle is None else angle, true_opening=life.body.opening(amounts),
     )  # fmt: skip
 
