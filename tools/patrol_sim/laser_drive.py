@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -25,8 +25,8 @@ BEFORE_DOOR_M = 1.1
 BEYOND_DOOR_M = 0.8
 PASSABLE = 0.75
 """Clear share of the width that lets the robot through."""
-ASKS = 0.5
-"""Share of shut doors that somebody opens when the robot wants to go through."""
+STARTS = 8
+"""So many places are tried to start from."""
 MOST_GOALS = 12
 """Of so many doors the nearest ones are visited next."""
 
@@ -62,7 +62,8 @@ class Track:
 
 def drive(
     plan: LevelPlan, lives: Sequence[DoorLife], *, length_s: float, cell_m: float,
-    rng: np.random.Generator, progress: Callable[[float], None] = lambda _share: None,
+    asks: float, rng: np.random.Generator,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> Track:  # fmt: skip
     """Return a patrol: from door to door, in and out of rooms; doors on its way are opened for it.
 
@@ -71,16 +72,18 @@ def drive(
         lives: Its doors; those that are opened for the robot change.
         length_s: How long.
         cell_m: Of the grid on which ways are found.
+        asks: Share of shut doors that somebody opens when the robot wants to go through.
         rng: Where all chance comes from.
         progress: Told the share that is done.
     """
-    return _Driver(plan, lives, cell_m, rng).patrol(length_s, progress)
+    return _Driver(plan, lives, cell_m, asks, rng).patrol(length_s, progress)
 
 
 class _Driver:
     def __init__(
-        self, plan: LevelPlan, lives: Sequence[DoorLife], cell_m: float, rng: np.random.Generator
-    ) -> None:
+        self, plan: LevelPlan, lives: Sequence[DoorLife], cell_m: float, asks: float,
+        rng: np.random.Generator,
+    ) -> None:  # fmt: skip
         self._lives = {life.body.drawn.door_id: life for life in lives}
         added = [
             DoorAdded(
@@ -89,7 +92,7 @@ class _Driver:
             for d in plan.doors
         ]
         self._routes = FloorRoutes(plan.floor, added, self._lives, cell_m)
-        self._rng = rng
+        self._asks, self._rng = asks, rng
         self._views = self._viewpoints()
         self._now_s = 0.0
         self._theta = 0.0
@@ -97,7 +100,9 @@ class _Driver:
         self._stubborn: set[DoorId] = set()
 
     def patrol(self, length_s: float, progress: Callable[[float], None]) -> Track:
-        self._point = self._start()
+        self._point, reached = self._start()
+        if not self._asks:  # it stays where it can go by itself
+            self._views = reached
         left = list(self._views)
         while self._now_s < length_s:
             progress(min(1.0, self._now_s / length_s))
@@ -122,25 +127,30 @@ class _Driver:
                     views.append((float(x), float(y)))
         return views
 
-    def _start(self) -> Point:
-        """Return the place from which most others can be reached."""
-        some = [self._views[i] for i in self._rng.permutation(len(self._views))[:5]]
+    def _start(self) -> tuple[Point, list[Point]]:
+        """Return the place from which most others can be reached as doors stand, and those."""
+        some = [self._views[i] for i in self._rng.permutation(len(self._views))[:STARTS]]
+        shut = self._shut(self._lives)
         reached = [
-            sum(math.isfinite(self._routes.length_m(other, one)) for other in self._views)
+            [view for view in self._views if math.isfinite(self._routes.length_m(view, one, shut))]
             for one in some
         ]
-        return some[int(np.argmax(reached))]
+        most = int(np.argmax([len(views) for views in reached]))
+        return some[most], reached[most]
+
+    def _shut(self, doors: Iterable[DoorId]) -> frozenset[DoorId]:
+        """Return which of these doors do not let the robot through now."""
+        return frozenset(
+            door_id for door_id in doors if not self._lets_through(self._lives[door_id])
+        )
 
     def _go(self, goal: Point) -> None:
         """Drive there, as far as doors are opened."""
         for _ in range(6):
-            shut = frozenset(
-                door_id for door_id, life in self._lives.items()
-                if door_id in self._stubborn and not self._lets_through(life)
-            )  # fmt: skip
-            way = self._routes.way(self._point, goal, shut)
+            way = self._routes.way(self._point, goal, self._shut(self._stubborn))
             if way is None:
                 self._stubborn.clear()
+                self._stand(1.0)
                 return
             crossings = self._routes.crossings(way)
             for crossing in crossings:
@@ -163,7 +173,7 @@ class _Driver:
         """Wait until the door is open, if somebody opens it at all."""
         if not self._lets_through(life):
             self._stand(self._rng.uniform(1, 4))
-            if self._rng.random() >= ASKS:
+            if self._rng.random() >= self._asks:
                 return False
             life.change(self._now_s, _wide(life, self._rng), holds_s=MOVES_S + 12)
             self._stand(MOVES_S + 0.5)

@@ -11,6 +11,7 @@ can be judged with many localisations.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -65,6 +66,8 @@ class World:
     wall_m: float = 0.14
     drawing_m: float = 0.02
     """Standard deviation of where a door is drawn, along each axis."""
+    asks: float = 0.5
+    """Share of shut doors that somebody opens when the robot wants to go through."""
     cell_m: float = 0.2
     """Of the grid on which the robot finds its way."""
 
@@ -197,7 +200,7 @@ def simulated(
     walls = walls_of(plan, bodies, wall_m=world.wall_m, glass_share=world.glass_walls,
                      rng=chance["walls"])  # fmt: skip
     track = drive(plan, list(lives.values()), length_s=minutes * 60, cell_m=world.cell_m,
-                  rng=chance["way"], progress=progress)  # fmt: skip
+                  asks=world.asks, rng=chance["way"], progress=progress)  # fmt: skip
     area_m2 = float((np.asarray(plan.floor.cells) == 0).sum()) * plan.floor.resolution**2
     things = furniture(plan, walls, bodies, track.poses[::10, :2], rng=chance["furniture"],
                        pieces=round(area_m2 / 100 * world.furniture_per_100_m2))  # fmt: skip
@@ -226,7 +229,8 @@ def _life(body: DoorBody, world: World, length_s: float, rng: np.random.Generato
     words = ("CLOSED", "AJAR", "OPEN")
     shares = np.array(world.shares) / sum(world.shares)
     life = DoorLife(body, standing(body, str(rng.choice(words, p=shares)), rng))
+    mean_s = 3600 / world.changes_per_hour if world.changes_per_hour else math.inf
     at_s = 0.0
-    while (at_s := at_s + rng.exponential(3600 / world.changes_per_hour)) < length_s:
+    while (at_s := at_s + rng.exponential() * mean_s) < length_s:
         life.change(at_s, standing(body, str(rng.choice(words, p=shares)), rng))
     return life
