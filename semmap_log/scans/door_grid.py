@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.scans.placed_scan import DoorPlaces
+from semmap_log.scans.scan_stack import FARTHEST
 
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Rows of points and of doors, which belong together."""
@@ -18,11 +19,13 @@ class DoorGrid:
 
     def __init__(self, doors: DoorPlaces, *, reach: float) -> None:
         self._reach = reach
-        x, y, theta, width = doors.lines.T
+        x, y, theta, width = doors.lines.reshape(-1, 4).T
         self.middles = np.stack(
             [x + 0.5 * width * np.cos(theta), y + 0.5 * width * np.sin(theta)], axis=1
         )
+        # a door without a place, or with an absurd one, is met nowhere
         usable = np.isfinite(doors.lines).all(1) & (width > 0)
+        usable &= np.abs(self.middles).max(1, initial=0) < FARTHEST
         self._squares = self._by_square(doors.levels, usable)
 
     def _by_square(

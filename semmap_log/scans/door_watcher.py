@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 
-from semmap_log.scans.known_doors import KnownDoors
 from semmap_log.scans.laser_visits import LaserVisits
 from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
 from semmap_log.scans.scan_model import DEFAULT, ScanModel
 from semmap_log.scans.visit import Visit
+from semmap_log.scans.watched_doors import WatchedDoors
 
 
 class DoorWatcher:
@@ -31,7 +31,7 @@ class DoorWatcher:
         self.dropped: Counter[str] = Counter()
         """Why scans were not used, and how many."""
         self._lasers: dict[tuple[str, str], LaserVisits] = {}
-        self._doors: KnownDoors | None = None
+        self._doors: WatchedDoors | None = None
 
     def take(self, scans: Sequence[PlacedScan], doors: DoorPlaces) -> list[Visit]:
         """Look at `scans`, through all of which the doors are these; return the visits that ended.
@@ -60,7 +60,7 @@ class DoorWatcher:
         before = self._doors
         if before is not None and before.places is doors:
             return []
-        self._doors = KnownDoors(doors, self.model)
+        self._doors = WatchedDoors(doors, self.model)
         if before is None:
             return []
         gone = self._doors.changed_since(before)

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.scans.door_beams import Sights, sights_of
-from semmap_log.scans.evidence import Evidence
-from semmap_log.scans.known_doors import KnownDoors
-from semmap_log.scans.likelihood import log_likelihoods
-from semmap_log.scans.passages import Track
+from semmap_log.domain.moments import SECOND_NS
+from semmap_log.scans.door_beams import sights_of
+from semmap_log.scans.passages import Passage, Track
 from semmap_log.scans.placed_scan import PlacedScan
 from semmap_log.scans.scan_model import ScanModel
 from semmap_log.scans.scan_stack import ScanStack, misfit
+from semmap_log.scans.sight_sums import SightSums
+from semmap_log.scans.verdict import Verdict, behind_m
 from semmap_log.scans.visit import Visit
+from semmap_log.scans.visit_sums import VisitSums
+from semmap_log.scans.watched_doors import WatchedDoors
 
 AT_ONCE = 32
-"""Scans whose beams are worked on together: what the processor's cache holds."""
-SECOND_NS = 1_000_000_000
+"""Scans whose beams are worked on together: about what a processor's cache holds."""
 
 
 class LaserVisits:
@@ -30,165 +31,161 @@ class LaserVisits:
 
     def __init__(self, robot: str, laser: str, model: ScanModel, dropped: Counter[str]) -> None:
         self._robot, self._laser, self._model, self._dropped = robot, laser, model, dropped
-        self._open: dict[int, Evidence] = {}
+        self._going: dict[int, VisitSums] = {}
+        self._seen_ns: dict[int, int] = {}
+        """When each door was last seen."""
         self._track = Track()
+        self._last_ns: int | None = None
+        self._newness = _Newness(model)
+
+    def take(self, scans: Iterable[PlacedScan], doors: WatchedDoors) -> list[Visit]:
+        """Look at scans; return the visits that ended, and passages."""
+        done: list[Visit] = []
+        wait: list[PlacedScan] = []
+        for scan in scans:
+            why = misfit(scan) or self._misplaced(scan.stamp_ns)
+            if why:
+                self._dropped[why] += 1
+                continue
+            if self._last_ns is not None and scan.stamp_ns < self._last_ns:
+                done += [*self._look(wait, doors), *self.restart(doors)]
+                wait = []
+            self._last_ns = scan.stamp_ns
+            wait.append(scan)
+            if len(wait) == AT_ONCE:
+                done += self._look(wait, doors)
+                wait = []
+        return done + self._look(wait, doors)
+
+    def end(self, doors: WatchedDoors, ids: Iterable[int] | None = None) -> list[Visit]:
+        """End the visits to these doors, or to all; return those that there were."""
+        chosen = [i for i in (list(self._going) if ids is None else ids) if i in self._going]
+        return [self._judged(door_id, doors) for door_id in chosen]
+
+    def restart(self, doors: WatchedDoors) -> list[Visit]:
+        """End all visits, since the laser's clock went back far; return them."""
+        self._track.forget()
+        self._newness = _Newness(self._model)
+        self._seen_ns.clear()
+        return self.end(doors)
+
+    def _misplaced(self, stamp_ns: int) -> str:
+        """Return why a stamp does not follow the last one; empty: it does, or the clock was set."""
+        if self._last_ns is None or stamp_ns > self._last_ns:
+            return ""
+        if stamp_ns == self._last_ns:
+            return "its stamp is that of the scan before"
+        is_late = self._last_ns - stamp_ns <= self._model.pause_s * SECOND_NS
+        return "its stamp is before that of the scan before" if is_late else ""
+
+    def _look(self, scans: Sequence[PlacedScan], doors: WatchedDoors) -> list[Visit]:
+        if not scans:
+            return []
+        stack = ScanStack.of(scans, self._model)
+        passages = self._track.go(stack, doors)
+        done = [self._passed(passage, doors) for passage in passages]
+        done += self._fold(stack, self._newness.of(stack), doors)
+        now_ns = int(stack.stamps_ns[-1])
+        return done + self.end(doors, [i for i in self._going if self._is_over(i, now_ns)])
+
+    def _fold(
+        self, stack: ScanStack, fresh: NDArray[np.float64], doors: WatchedDoors
+    ) -> list[Visit]:
+        """Take the sights of these scans into visits; return those that ended before."""
+        scan, door = doors.grid.near(stack.levels, stack.places)
+        new = fresh[scan] > 0
+        sights = sights_of(stack, doors.lines, (scan[new], door[new]), self._model)
+        if not len(sights.beams.sight):
+            return []
+        sums = SightSums.of(sights, doors, self._model)
+        done: list[Visit] = []
+        for row in np.flatnonzero(sums.seen).tolist():
+            at = int(sights.door[row])
+            door_id, stamp_ns = int(doors.ids[at]), int(stack.stamps_ns[sights.scan[row]])
+            if door_id in self._going and self._is_over(door_id, stamp_ns):
+                done.append(self._judged(door_id, doors))
+            if door_id not in self._going:
+                self._going[door_id] = VisitSums.begun(stamp_ns, doors.leaves[at])
+            worth = 1.0 if self._was_away(door_id, stamp_ns) else float(fresh[sights.scan[row]])
+            self._going[door_id].add(stamp_ns, sums, sights, row, worth)
+            self._seen_ns[door_id] = stamp_ns
+        return done
+
+    def _was_away(self, door_id: int, now_ns: int) -> bool:
+        """Return whether the door was out of sight: what is seen of it now is new."""
+        seen_ns = self._seen_ns.get(door_id)
+        return seen_ns is None or now_ns - seen_ns > self._model.pause_s * SECOND_NS
+
+    def _is_over(self, door_id: int, now_ns: int) -> bool:
+        long_ns = now_ns - self._going[door_id].first_ns
+        return self._was_away(door_id, now_ns) or long_ns > self._model.longest_s * SECOND_NS
+
+    def _judged(self, door_id: int, doors: WatchedDoors) -> Visit:
+        """End a visit; return what it says."""
+        sums, at = self._going.pop(door_id), doors.row_of[door_id]
+        leaves = doors.leaves[at]
+        verdict = Verdict.of(sums, leaves, self._model, is_glass=bool(doors.glass[at]))
+        return Visit(
+            door_id=DoorId(door_id),
+            first_ns=sums.first_ns,
+            last_ns=sums.last_ns,
+            scans=sums.scans,
+            state=verdict.state,
+            accuracy=max(verdict.p_open, 1 - verdict.p_open),
+            opening=verdict.opening,
+            ajar=verdict.ajar,
+            looks=sums.looks,
+            through=float(sums.through[0]),
+            stopped=float(sums.stopped[0]),
+            behind_m=behind_m(sums),
+            p_open=verdict.p_open,
+            leaves=leaves.on_map(verdict.likeliest, doors.lines[at]),
+            why=verdict.why,
+            laser=self._laser,
+            robot=self._robot,
+        )
+
+    def _passed(self, passage: Passage, doors: WatchedDoors) -> Visit:
+        """Return that the robot drove through."""
+        return Visit(
+            door_id=DoorId(int(doors.ids[passage.door])),
+            first_ns=passage.first_ns,
+            last_ns=passage.last_ns,
+            scans=passage.scans,
+            state=DoorState.OPEN,
+            accuracy=self._model.passed_accuracy,
+            opening=1.0,
+            ajar=0.0,
+            looks=0.0,
+            through=0.0,
+            stopped=0.0,
+            behind_m=nan,
+            passed=True,
+            p_open=self._model.passed_accuracy,
+            laser=self._laser,
+            robot=self._robot,
+        )
+
+
+class _Newness:
+    """How much of a new look each scan is: a robot that parks proves nothing more by parking."""
+
+    def __init__(self, model: ScanModel) -> None:
+        self._model = model
         self._last: tuple[int, float, float] | None = None
         self._fresh = inf
 
-    def take(self, scans: Sequence[PlacedScan], doors: KnownDoors) -> list[Visit]:
-        done: list[Visit] = []
-        good = []
-        for scan in scans:
-            why = misfit(scan) or self._out_of_order(scan, good)
-            if why:
-                self._dropped[why] += 1
-            else:
-                good.append(scan)
-        for begin in range(0, len(good), AT_ONCE):
-            done += self._take(ScanStack.of(good[begin : begin + AT_ONCE], self._model), doors)
-        return done
-
-    def _out_of_order(self, scan, good) -> str:
-        last = good[-1].stamp_ns if good else self._last[0] if self._last else None
-        if last is None or scan.stamp_ns > last:
-            return ""
-        return (
-            "its stamp is that of the scan before"
-            if scan.stamp_ns == last
-            else "its stamp is before the last one"
-        )
-
-    def end(self, doors: KnownDoors, ids: Sequence[int] | None = None) -> list[Visit]:
-        chosen = list(self._open) if ids is None else [i for i in ids if i in self._open]
-        return [self._judged(i, doors) for i in chosen]
-
-    def _judged(self, door_id: int, doors: KnownDoors) -> Visit:
-        evidence = self._open.pop(door_id)
-        return evidence.judged(
-            DoorId(door_id),
-            doors.leaves[doors.row_of[door_id]],
-            self._model,
-            robot=self._robot,
-            laser=self._laser,
-        )
-
-    def _take(self, stack: ScanStack, doors: KnownDoors) -> list[Visit]:
-        done = self._passed(stack, doors)
-        fresh = self._freshness(stack)
-        at, door = doors.grid.near(stack.levels, stack.places)
-        worth = fresh[at] > 0
-        sights = sights_of(stack, doors.lines, (at[worth], door[worth]), self._model)
-        done += self._fold(stack, sights, fresh, doors)
-        now = int(stack.stamps_ns[-1])
-        over = [i for i, e in self._open.items() if self._is_over(e, now)]
-        return done + self.end(doors, over)
-
-    def _is_over(self, evidence: Evidence, now_ns: int) -> bool:
-        return (
-            now_ns - evidence.last_ns > self._model.pause_s * SECOND_NS
-            or now_ns - evidence.first_ns > self._model.longest_s * SECOND_NS
-        )
-
-    def _freshness(self, stack: ScanStack) -> NDArray[np.float64]:
+    def of(self, stack: ScanStack) -> NDArray[np.float64]:
         """Return (t,) what share of a new look each scan is; 0: it waits for the next one."""
         worth = np.zeros(len(stack.stamps_ns))
-        for i, (stamp, (x, y)) in enumerate(
-            zip(stack.stamps_ns.tolist(), stack.places.tolist(), strict=True)
-        ):
+        for i, stamp_ns in enumerate(stack.stamps_ns.tolist()):
+            x, y = stack.places[i].tolist()
             if self._last is not None:
                 moved = float(np.hypot(x - self._last[1], y - self._last[2]))
-                self._fresh += (
-                    moved / self._model.step
-                    + (stamp - self._last[0]) / SECOND_NS / self._model.still_s
-                )
+                waited_s = (stamp_ns - self._last[0]) / SECOND_NS
+                self._fresh += moved / self._model.step + waited_s / self._model.still_s
             if self._fresh >= self._model.least_fresh:
                 worth[i] = min(self._fresh, 1.0)
                 self._fresh = 0.0
-            self._last = (stamp, x, y)
+            self._last = (stamp_ns, x, y)
         return worth
-
-    def _fold(self, stack: ScanStack, sights: Sights, fresh, doors: KnownDoors) -> list[Visit]:
-        done = []
-        beams, model = sights.beams, self._model
-        if not len(beams.pair):
-            return done
-        pairs = len(sights.scan)
-        used = np.bincount(beams.pair, minlength=pairs)
-        asked = np.minimum(sights.number, model.beams)
-        width = doors.lines[sights.door, 3]
-        most = np.minimum(np.minimum(sights.number, width / model.cell), model.most_looks_a_scan)
-        behind = (beams.range - beams.plane) * np.abs(beams.uy)
-        back = np.isfinite(beams.range)
-        through = np.bincount(
-            beams.pair[back & (beams.range > beams.plane + model.tolerance)], minlength=pairs
-        )
-        on = back & (np.abs(beams.range - beams.plane) <= model.tolerance)
-        stopped = np.bincount(beams.pair[on], minlength=pairs)
-        depth = np.bincount(beams.pair[on], behind[on], minlength=pairs)
-        tables = self._tables(sights, doors)
-        for p in np.flatnonzero(used).tolist():
-            door_id, stamp = int(doors.ids[sights.door[p]]), int(stack.stamps_ns[sights.scan[p]])
-            known = self._open.get(door_id)
-            if known is not None and (
-                stamp - known.last_ns > model.pause_s * SECOND_NS
-                or stamp - known.first_ns > model.longest_s * SECOND_NS
-            ):
-                done.append(self._judged(door_id, doors))
-                known = None
-            weight = most[p] / asked[p] * (1.0 if known is None else fresh[sights.scan[p]])
-            if known is None:
-                known = self._open[door_id] = Evidence(
-                    first_ns=stamp, last_ns=stamp, table=np.zeros(tables[p].shape)
-                )
-            known.last_ns = stamp
-            known.scans += 1
-            known.table += weight * tables[p]
-            known.looks += weight * used[p]
-            known.through += weight * through[p]
-            known.stopped += weight * stopped[p]
-            known.behind += weight * depth[p]
-        return done
-
-    def _tables(self, sights: Sights, doors: KnownDoors) -> dict[int, NDArray[np.float32]]:
-        """Return of each sight the sum (s, h) of its beams' log-likelihoods."""
-        beams = sights.beams
-        glass = np.where(doors.glass, self._model.through_glass, self._model.through_leaf)
-        starts = np.flatnonzero(np.diff(beams.pair, prepend=-1))
-        found = {}
-        kinds = doors.kind[sights.door[beams.pair]]
-        for kind in np.unique(kinds):
-            chosen = kinds == kind
-            part = beams.only(chosen)
-            starts = np.flatnonzero(np.diff(part.pair, prepend=-1))
-            table = log_likelihoods(
-                part, doors.kinds[kind], glass[sights.door[part.pair]], self._model
-            )
-            sums = np.add.reduceat(table, starts, axis=0)
-            found |= dict(zip(part.pair[starts].tolist(), sums, strict=True))
-        return found
-
-    def _passed(self, stack: ScanStack, doors: KnownDoors) -> list[Visit]:
-        passages = self._track.go(
-            stack.stamps_ns, stack.places, stack.levels, doors.grid, doors.lines
-        )
-        return [
-            Visit(
-                door_id=DoorId(int(doors.ids[p.door])),
-                first_ns=p.first_ns,
-                last_ns=p.last_ns,
-                scans=0,
-                state=DoorState.OPEN,
-                accuracy=0.999,
-                opening=1.0,
-                ajar=0.0,
-                looks=0.0,
-                through=0.0,
-                stopped=0.0,
-                behind_m=nan,
-                passed=True,
-                p_open=0.999,
-                laser=self._laser,
-                robot=self._robot,
-            )
-            for p in passages
-        ]

@@ -19,6 +19,8 @@ ANGLES = tuple(map(radians, (12, 25, 40, 60, 80, 100)))
 """Of a hinged leaf that is not shut."""
 SLID = (0.1, 0.25, 0.4, 0.55, 0.75)
 """Clear shares of a sliding door that stands in between."""
+STANDING_AT = (0.0, 0.25, 0.5)
+"""Where somebody begins who stands in an open door and fills half of it."""
 PRIOR = {"shut": 0.45, "ajar": 0.10, "open": 0.45}
 
 
@@ -40,27 +42,53 @@ class Leaves:
     starts: NDArray[np.float32]
     """(h, k, 2) in widths of the door."""
     turns: NDArray[np.float32]
-    """(h, k) rad; NaN: no leaf."""
+    """(h, k) rad"""
     lengths: NDArray[np.float32]
-    """(h, k) in widths of the door."""
+    """(h, k) in widths of the door; 0: no leaf."""
     clear: NDArray[np.float64]
     """(h,) the share of the width that is free."""
     log_prior: NDArray[np.float64]
     """(h,)"""
+    standing: NDArray[np.bool_]
+    """(h,) what stops the beams is no leaf, but somebody who stands in an open door."""
+
+    @property
+    def most(self) -> int:
+        """How many leaves a hypothesis has at most."""
+        return int(self.turns.shape[1])
 
     @property
     def shut(self) -> NDArray[np.bool_]:
+        """(h,) which of them are shut."""
         return self.clear < NEARLY
 
     @property
     def open(self) -> NDArray[np.bool_]:
+        """(h,) which of them are open."""
         return self.clear >= CLEAR - 1e-6
 
     @property
     def ajar(self) -> NDArray[np.bool_]:
+        """(h,) which of them are neither."""
         return ~self.shut & ~self.open
 
+    def on_map(self, row: int, line: NDArray[np.float64]) -> tuple[Segment, ...]:
+        """Return where the leaves of a hypothesis stand at a door (x, y, theta, width)."""
+        if self.standing[row]:
+            return ()
+        x, y, theta, width = line.tolist()
+        found = []
+        for k in np.flatnonzero(self.lengths[row] > 0).tolist():
+            (along, off), turn = self.starts[row, k].tolist(), theta + float(self.turns[row, k])
+            x0 = x + width * (along * cos(theta) - off * sin(theta))
+            y0 = y + width * (along * sin(theta) + off * cos(theta))
+            length = width * float(self.lengths[row, k])
+            found.append((x0, y0, x0 + length * cos(turn), y0 + length * sin(turn)))
+        return tuple(found)
 
+
+Segment = tuple[float, float, float, float]
+"""x, y of one end, x, y of the other; m, frame `map`."""
 Stand = tuple[Sequence[Leaf], float, float]
 """Leaves, clear share, how likely within its word."""
 
@@ -77,6 +105,13 @@ def _hinged() -> Iterable[Stand]:
         for leaf in _swung(angle, 1.0):
             yield (leaf,), 1 - max(cos(angle), 0), 0.25
     yield (), 1.0, 3.0
+    yield from _somebody(0.3)
+
+
+def _somebody(weight: float) -> Iterable[Stand]:
+    """Yield an open door half of which is filled by somebody who stands in it."""
+    for x in STANDING_AT:
+        yield (Leaf(x, 0, 0.5),), 1.0, weight
 
 
 def _swung(angle: float, length: float) -> Iterable[Leaf]:
@@ -105,6 +140,7 @@ def _sliding() -> Iterable[Stand]:
         yield (Leaf(clear, 0, 1 - clear),), clear, 1.0
         yield (Leaf(0, 0, (1 - clear) / 2), Leaf((1 + clear) / 2, 0, (1 - clear) / 2)), clear, 1.0
     yield (), 1.0, 6.0
+    yield from _somebody(0.6)
 
 
 def _folding() -> Iterable[Stand]:
@@ -121,6 +157,7 @@ def _folding() -> Iterable[Stand]:
             )
             yield panel, 1 - cos(angle), 0.25
     yield (), 1.0, 1.0
+    yield from _somebody(0.2)
 
 
 _STANDS = {"double": _double, "sliding": _sliding, "folding": _folding}
@@ -130,14 +167,15 @@ def _table(stands: Iterable[Stand]) -> Leaves:
     """Return the arrays of what the hypotheses say."""
     rows = list(stands)
     most = max(len(leaves) for leaves, _, _ in rows)
-    none = Leaf(0, np.nan, 0)
+    none = Leaf(0, 0, 0)
     padded = [[*leaves, *[none] * (most - len(leaves))] for leaves, _, _ in rows]
     clear = np.array([free for _, free, _ in rows])
     weights = np.array([weight for _, _, weight in rows])
     starts = np.array([[(leaf.x, leaf.y) for leaf in row] for row in padded], np.float32)
     turns = np.array([[leaf.turn for leaf in row] for row in padded], np.float32)
     lengths = np.array([[leaf.length for leaf in row] for row in padded], np.float32)
-    return Leaves(starts, turns, lengths, clear, np.log(_prior(clear, weights)))
+    standing = (clear == 1) & ((lengths > 0) & (turns == 0)).any(1)
+    return Leaves(starts, turns, lengths, clear, np.log(_prior(clear, weights)), standing)
 
 
 def _prior(clear: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

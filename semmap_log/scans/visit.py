@@ -29,18 +29,18 @@ class Visit:
     looks: float
     """How many independent looks it is worth."""
     through: float
-    """Looks that went through the line."""
+    """Looks that went through the line; the robot where it is believed to be."""
     stopped: float
     """Looks that ended on it."""
     behind_m: float
-    """Where beams that ended near the line ended, behind (+) or before (-) it, on average, m; NaN:
-    none did."""
+    """Where beams that ended within half a metre of the line ended, behind (+) or before (-) it, on
+    average, m, square to it; NaN: none did. Of a door that is not shut it means nothing."""
     passed: bool = False
     """The robot drove through."""
     p_open: float = nan
     """P(open | open or shut), before which both are alike; NaN: nothing was seen of it."""
     leaves: tuple[tuple[float, float, float, float], ...] = ()
-    """How its leaves stand most likely: x, y of one end and of the other, m, frame `map`; empty: out
+    """How its leaves stand most likely: x, y of one end and of the other, m, frame `map`; none: out
     of sight."""
     why: str = ""
     """Why it is UNKNOWN, in a few words; empty: it is not."""

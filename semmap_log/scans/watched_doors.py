@@ -10,7 +10,7 @@ from semmap_log.scans.placed_scan import DoorPlaces
 from semmap_log.scans.scan_model import ScanModel
 
 
-class KnownDoors:
+class WatchedDoors:
     """Doors by place, by id and by kind."""
 
     def __init__(self, doors: DoorPlaces, model: ScanModel) -> None:
@@ -23,7 +23,7 @@ class KnownDoors:
         self.kind = np.array([number[id(leaves)] for leaves in self.leaves], np.intp)
         self.row_of = {door_id: row for row, door_id in enumerate(doors.ids.tolist())}
 
-    def changed_since(self, before: KnownDoors) -> list[int]:
+    def changed_since(self, before: WatchedDoors) -> list[int]:
         """Return the ids of those doors of `before` that are gone or otherwise now."""
         return [
             door_id

@@ -1,0 +1,77 @@
+"""What a visit has seen so far, as sums."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.scans.door_beams import Sights
+from semmap_log.scans.leaves import Leaves
+from semmap_log.scans.scan_model import ScanModel
+from semmap_log.scans.shifts import LOG_WEIGHTS, SHIFTS
+from semmap_log.scans.sight_sums import SightSums
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(slots=True, eq=False)
+class VisitSums:
+    """The sums of a visit that is still going on; each beam weighed by what a look at it is worth.
+
+    Shifts of the laser stay apart (s,): summed over them scan by scan, one constant error of 10 cm
+    would look like many independent proofs.
+    """
+
+    first_ns: int
+    last_ns: int
+    table: Floats
+    """(s, h): log-likelihoods of the shift and the stand of the leaves."""
+    walls: Floats
+    """(s + 1,): of the shift by the walls beside; the last: the wall is not in line."""
+    through: Floats
+    stopped: Floats
+    deep: Floats
+    """(s,) looks through the line, on it, far behind it."""
+    scans: int = 0
+    looks: float = 0.0
+    wall_looks: float = 0.0
+    near: float = 0.0
+    behind: float = 0.0
+    """Looks that ended near the line, and the sum of how far behind it, m."""
+
+    @classmethod
+    def begun(cls, stamp_ns: int, leaves: Leaves) -> VisitSums:
+        """Return a visit that has seen nothing."""
+        s, h = len(SHIFTS), len(leaves.clear)
+        through, stopped, deep = np.zeros((3, s))
+        return cls(stamp_ns, stamp_ns, np.zeros((s, h)), np.zeros(s + 1), through, stopped, deep)
+
+    def add(self, stamp_ns: int, sums: SightSums, sights: Sights, row: int, fresh: float) -> None:
+        """Take in a sight, which is worth `fresh` of a new scan."""
+        look = fresh * float(sights.looks[row])
+        self.last_ns = stamp_ns
+        self.scans += 1
+        self.table += look * sums.tables[row]
+        self.looks += look * float(sums.seen[row])
+        self.through += look * sums.through[row]
+        self.stopped += look * sums.stopped[row]
+        self.deep += look * sums.deep[row]
+        self.near += look * float(sums.near[row])
+        self.behind += look * float(sums.behind[row])
+        beside = fresh * float(sights.beside_looks[row])
+        self.walls += beside * sums.walls[row]
+        self.wall_looks += beside * float(sums.beside[row])
+
+    def joint(self, leaves: Leaves, model: ScanModel) -> Floats:
+        """Return (s, h): log p(what was seen, shift, stand of the leaves).
+
+        However long a visit is, it is worth `most_looks` at most: what it sees is not independent.
+        """
+        walls = self.walls * (model.most_looks / (model.most_looks + self.wall_looks))
+        in_line = np.logaddexp(
+            np.log(model.wall_in_line) + walls[:-1], np.log(1 - model.wall_in_line) + walls[-1]
+        )
+        table = self.table * (model.most_looks / (model.most_looks + self.looks))
+        return np.asarray(table + (LOG_WEIGHTS + in_line)[:, None] + leaves.log_prior)
