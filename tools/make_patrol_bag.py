@@ -17,23 +17,20 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
-from patrol_sim.laser_bag import FORMATS, Told, write_bag, write_doors, write_truth
+from patrol_sim.laser_bag import FORMATS, Told
 from patrol_sim.laser_picture import drawn, whole
-from patrol_sim.laser_plan import read_plan
-from patrol_sim.laser_pose import PoseError, localised
+from patrol_sim.laser_pose import PoseError
+from patrol_sim.laser_recording import Recipe, make_bag, words_of
 from patrol_sim.laser_sensor import Laser
-from patrol_sim.laser_world import World, simulated
+from patrol_sim.laser_world import World
 
 from semmap_log.errors import SemmapError
 from semmap_log.formats.bags.bag_writing import bytes_of
 
 ROOT = Path(__file__).resolve().parent.parent
 USUAL = World()
-FINE_CELL_M, FINE_M2 = 0.1, 600.0
-"""A small building has a finer grid of ways."""
 
 
 def main() -> int:
@@ -54,36 +51,25 @@ def make(args: argparse.Namespace) -> None:
         SemmapError: The plan cannot be read, or the bag not be written.
     """
     began = time.monotonic()
-    plan = read_plan(_plan_path(args), args.level)
     laser = Laser(
         beams=args.beams, field_deg=args.field, hz=args.hz, range_max=args.range_max,
         step_m=args.step, upside_down=args.upside_down,
     )  # fmt: skip
-    free_m2 = float((plan.floor.cells == 0).sum()) * plan.floor.resolution**2
     world = World(
         mixed_kinds=not args.plan_kinds, glass_doors=args.glass_doors, glass_walls=args.glass_walls,
         changes_per_hour=args.changes, walkers_per_min=args.people,
-        cell_m=FINE_CELL_M if free_m2 < FINE_M2 else USUAL.cell_m,
     )  # fmt: skip
-    patrol = simulated(plan, world, laser, seed=args.seed, minutes=args.minutes,
-                       progress=_bar("driving"))  # fmt: skip
-    error = PoseError(*args.pose_error, jumps_per_min=args.jumps)
-    where = localised(patrol.track, error, seed=args.seed)
-    says = args.says or args.pose_error
-    told = Told(*says) if args.told else None
-    write_bag(args.out, patrol, where, form=args.format or _form_of(args.out), told=told,
-              odom_hz=args.odom_hz, progress=_bar("scanning"))  # fmt: skip
-    beside = args.out.with_suffix("")
-    write_truth(beside.with_name(beside.name + ".truth.json"), patrol, where, error)
-    write_doors(beside.with_name(beside.name + ".doors.jsonl"), patrol)
+    recipe = Recipe(
+        level=args.level, seed=args.seed, minutes=args.minutes, laser=laser, world=world,
+        error=PoseError(*args.pose_error, jumps_per_min=args.jumps),
+        told=Told(*(args.says or args.pose_error)) if args.told else None,
+        form=args.format or ("ros1" if args.out.suffix == ".bag" else "mcap"), odom_hz=args.odom_hz,
+    )  # fmt: skip
+    patrol, where = make_bag(args.out, _plan_path(args), recipe, tell=_bar)
     if args.picture:
-        drawn(patrol, whole(patrol), at_s=patrol.length_s / 2, believed=where.believed).save(
-            args.picture
-        )
-    changes = sum(len(life.told(0.0, patrol.length_s)) - 1 for life in patrol.lives.values()) // 2
-    through = sum(map(len, patrol.passages.values()))
-    print(f"\r{args.out}: {len(patrol.scan_times_s()):,} scans, {len(patrol.lives)} doors that "
-          f"change {changes} times, driven through {through} times, {bytes_of(args.out):,} bytes, "
+        at_s = patrol.length_s / 2
+        drawn(patrol, whole(patrol), at_s=at_s, believed=where.believed).save(args.picture)
+    print(f"\r{args.out}: {words_of(patrol)}, {bytes_of(args.out):,} bytes, "
           f"{time.monotonic() - began:.1f} s", file=sys.stderr)  # fmt: skip
 
 
@@ -103,18 +89,10 @@ def _plan_path(args: argparse.Namespace) -> Path:
     return path
 
 
-def _form_of(out: Path) -> str:
-    return "ros1" if out.suffix == ".bag" else "mcap"
-
-
-def _bar(what: str) -> Callable[[float], None]:
-    """Return a progress bar for a terminal; elsewhere it is silent."""
-
-    def tell(share: float) -> None:
-        if sys.stderr.isatty():
-            print(f"\r{what} {share:.0%}   ", end="", file=sys.stderr, flush=True)
-
-    return tell
+def _bar(what: str, share: float) -> None:
+    """Show how far it is, on a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r{what} {share:.0%}   ", end="", file=sys.stderr, flush=True)
 
 
 def _pair(text: str) -> tuple[float, float]:

@@ -245,7 +245,7 @@ def test_command_makes_bag_truth_and_doors(tmp_path: Path) -> None:
 
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
-    assert "walk.bag: 178 scans, 3 doors that change" in done.stderr
+    assert "walk.bag: 178 scans, 3 doors that move" in done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "corridor.building.yaml", "walk.bag", "walk.doors.jsonl", "walk.png", "walk.truth.json",
     ]  # fmt: skip
