@@ -6,9 +6,9 @@
 The doors live by the habits of `recordings/clinic_week`. Eight times a day a robot drives past them
 and scans; what the estimator makes of it goes into one log, and how the doors really stood at the
 same visits, told with certainty, into another. Both logs learn, and both forecast each door every
-other hour from the second day on: `live` knows all up to then, `habit` all up to the midnight before. The
-figure is the difference of their Brier scores against the truth, with its standard error over
-weeks. Undecided visits are told as UNKNOWN, which is no evidence.
+other hour from the second day on: `live` knows all up to then, `habit` all up to the midnight
+before. The figure is the difference of their Brier scores against the truth, with its standard
+error over weeks. Undecided visits are told as UNKNOWN, which is no evidence.
 """
 
 from __future__ import annotations
