@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
-from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, tell_plan
+from semmap_log.cli.mapping import (
+    MAPPING_HELP,
+    DryRun,
+    MappingFile,
+    PoseTopic,
+    Scan,
+    check_scan,
+    tell_plan,
+    tell_scan_import,
+)
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log_writer import DoorLogWriter
@@ -66,6 +75,8 @@ def run(
         typer.Option("--since-ever", help="The same, before anything that the log tells."),
     ] = False,
     mapping: MappingFile = None,
+    scan: Scan = None,
+    pose_topic: PoseTopic = None,
     map_rules: Annotated[
         MapServer | None,
         typer.Option("--map-rules", help="As which map_server to read a map; nav2."),
@@ -96,6 +107,11 @@ def run(
       *.bag              bag of ROS 1
       *.mcap, *.db3      bag of ROS 2 (or ROS 1 in MCAP), or a folder of rosbag2
 
+    With --scan the laser of a robot sees the doors of the log, as they were then: each visit to a
+    door that decides is a commit of its own, DoorObserved with an accuracy, or DoorPassed; the
+    guide "Doors from a laser" tells more. TF has to lead from map to the laser. Doors that were
+    added later than the scans were there by then with --since.
+
     A door is in the map from when it was added: now, or --at. What is told of earlier times, as by
     last week's sightings, no answer counts. --since says that the doors of a building or a door
     database were there by then, also those that the log has already: their adding is retracted and
@@ -112,14 +128,20 @@ def run(
       semmap-log import office office.building.yaml --since 2026-01-01
       semmap-log import office --since-ever
       semmap-log import office monday.bag --mapping robot.yaml --dry-run | head
+      semmap-log import office patrol.bag --scan
+      semmap-log import office patrol --scan /front/scan --pose-topic /amcl_pose
     """
     import semmap_log as sl
     from semmap_log.importing.importing import ImportOptions, backdate, import_file
+    from semmap_log.importing.scan_topics import ScanOptions
 
     files = files or []
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run)
+    check_scan(scan, pose_topic)
+    topics = None if scan is None else tuple(filter(None, scan))
+    scans = None if topics is None else ScanOptions(topics, pose_topic or "")
     if dry_run:
-        _show(log, files, ImportOptions(mapping=mapping))
+        _show(log, files, ImportOptions(mapping=mapping, scan=scans))
         return
     results = []
     with sl.append(log) as opened:
@@ -127,7 +149,7 @@ def run(
         since_ns = _since_ns(opened, since, since_ever=since_ever)
         options = ImportOptions(
             level=level, windows=windows, tz=tz, update=update, renumber=renumber, at_ns=at_ns,
-            since_ns=since_ns, mapping=mapping,
+            since_ns=since_ns, mapping=mapping, scan=scans,
             map_rules=None if map_rules is None else map_rules.value,
         )  # fmt: skip
         note = sl.Note(actor=actor, reason=reason)
@@ -215,12 +237,17 @@ def _show(log: Path, files: list[Path], options: Any) -> None:
     import semmap_log as sl
     from semmap_log.errors import FormatError
     from semmap_log.formats.bags.bag_reading import is_bag
-    from semmap_log.importing.importing import command_id_of, plan_bag_import
+    from semmap_log.importing.importing import command_id_of, plan_bag_import, plan_scan_import
 
     opened = sl.read(log)
     for file in files:
         if not is_bag(file):
             raise FormatError(file, "--dry-run shows what a bag would bring; this is none")
+        with progress(f"Reading {file.name}", unit="messages") as told:
+            found = plan_scan_import(opened, file, options, told)
+        if found is not None:
+            tell_scan_import(file, found)
+            continue
         known = command_id_of(file, options)
         if any(commit.command_id == known for commit in opened.commits()):
             say(f"{file}: imported before; nothing would be made.")

@@ -12,7 +12,13 @@ from semmap_log.cli.plain_streams import json_text
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from semmap_log.batches.event_batch import EventBatch
+    from semmap_log.domain.commits import Note
+    from semmap_log.domain.events import Event
     from semmap_log.importing.import_plan import ImportPlan
+    from semmap_log.importing.scan_importing import ScanImport
 
 MappingFile = Annotated[
     Path | None,
@@ -22,6 +28,23 @@ MappingFile = Annotated[
 ]
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="ROS: print the events, a JSON line each; write nothing.")
+]
+
+Scan = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--scan",
+        metavar="[TOPIC]",
+        help="ROS: see the doors by a laser; LaserScan, or PointCloud2. For each laser once.",
+    ),
+]
+PoseTopic = Annotated[
+    str | None,
+    typer.Option(
+        "--pose-topic",
+        metavar="TOPIC",
+        help="With --scan: the robot's poses on the map, instead of TF from map.",
+    ),
 ]
 
 MAPPING_HELP = """\
@@ -40,19 +63,49 @@ MAPPING_HELP = """\
         /follow_waypoints/_action/status: patrol
         /front/contact:
           {read: sensor, door: front, states: {open: true, closed: false}}
+        /scan: scan                    a laser: what it sees of the doors
       repeats: 60                      s; sightings of the same are left out
     Every key, with examples: semmap_log/ros_mapping/README.md
 """
 
 
-def tell_plan(file: Path, plan: ImportPlan) -> None:
-    """Print a plan's events, a JSON line each, and say what else there is to it."""
+def check_scan(scan: list[str] | None, pose_topic: str | None) -> None:
+    """Refuse a pose topic without lasers."""
+    if pose_topic is not None and scan is None:
+        raise typer.BadParameter("is for lasers: give --scan, too", param_hint="--pose-topic")
+
+
+def tell_scan_import(file: Path, found: ScanImport) -> None:
+    """Print the events that a bag would bring, those of visits with their notes."""
+    from semmap_log.importing.import_plan import ImportPlan
+
+    for plan in (found.topics, found.earlier):
+        show_events(plan.events)
+    for visit in found.scans.visits:
+        show_events(visit.commit.events, visit.commit.note)
+    seen = sum(len(visit.commit.events) for visit in found.scans.visits)
+    count = found.topics.count + found.earlier.count + seen
+    tell_plan(
+        file,
+        ImportPlan((), count, found.summary, found.left_out, found.warnings),
+    )
+
+
+def show_events(events: Iterable[Event | EventBatch], note: Note | None = None) -> None:
+    """Print events, a JSON line each, with who saw them where that is told."""
     from semmap_log.batches.event_batch import one_by_one
-    from semmap_log.common.texts import told_once
     from semmap_log.formats.json.event_json import event_to_json
 
-    for event in one_by_one(plan.events):
-        typer.echo(json_text(event_to_json(event)))
+    said = {"actor": note.actor, "source": note.source, "reason": note.reason} if note else None
+    for event in one_by_one(events):
+        typer.echo(json_text(event_to_json(event, note=said)))
+
+
+def tell_plan(file: Path, plan: ImportPlan) -> None:
+    """Print a plan's events, a JSON line each, and say what else there is to it."""
+    from semmap_log.common.texts import told_once
+
+    show_events(plan.events)
     say(f"{file}: {counted(plan.count, 'event')}; nothing was written.")
     for text in plan.summary:
         say(f"  {text}")

@@ -10,9 +10,9 @@ import typer
 
 from semmap_log.cli.common import WritableLog, on_stop, print_json, say
 from semmap_log.cli.failures import problems_to_json, tell
-from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile
+from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, PoseTopic, Scan, check_scan
 from semmap_log.cli.plain_streams import json_text
-from semmap_log.cli.recording import Promised, record_topics
+from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 
 
@@ -32,6 +32,8 @@ def run(
     ros1: Ros1 = False,
     ros2: Ros2 = False,
     mapping: MappingFile = None,
+    scan: Scan = None,
+    pose_topic: PoseTopic = None,
     dry_run: DryRun = False,
     ack: Annotated[
         bool,
@@ -70,6 +72,9 @@ def run(
     came, by ROS's time. Exit code 2: it would never start like this (no log, a wrong option or
     mapping).
 
+    With --scan a laser sees the doors of the log: each visit to a door that decides is a commit,
+    once it is over. Without TOPIC: the topics called scan. TF has to lead from map to the laser.
+
     \b
     Durability, when a line is answered:
       event  it survives a power cut (lines that wait already share one sync)
@@ -88,19 +93,23 @@ def run(
       semmap-log record office --ack < events.jsonl
       semmap-log record office --ros1
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
+      semmap-log record office --ros2 --scan
     """
     if ros1 or ros2:
         if ack or strict:
             raise typer.BadParameter(
                 "is about lines of standard input", param_hint="--ack, --strict"
             )
+        check_scan(scan, pose_topic)
         version = chosen_ros(ros1=ros1, ros2=ros2)
         policy = Promised(durability.value, batch_events, batch_ms / 1000)
-        record_topics(context, log, version, mapping, None if dry_run else policy, as_json=as_json)
+        read = Read(mapping, scan, pose_topic)
+        record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
-    if mapping or dry_run or context.obj:
+    if mapping or dry_run or scan is not None or pose_topic is not None or context.obj:
         raise typer.BadParameter(
-            "is for topics: say which ROS, --ros1 or --ros2", param_hint="--mapping, --dry-run"
+            "is for topics: say which ROS, --ros1 or --ros2",
+            param_hint="--mapping, --scan, --pose-topic, --dry-run",
         )
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")

@@ -31,11 +31,21 @@ class Promised(NamedTuple):
     batch_s: float
 
 
+class Read(NamedTuple):
+    """What is read."""
+
+    mapping: Path | None
+    """Which topics are read, and how; None: the well-known ones."""
+    scan: list[str] | None
+    """The topics of lasers; an empty name: those called `scan`; None: those of the mapping."""
+    pose_topic: str | None
+
+
 def record_topics(
     context: typer.Context,
     log: Path,
     version: RosVersion,
-    mapping_file: Path | None,
+    read: Read,
     promised: Promised | None,
     *,
     as_json: bool = False,
@@ -46,7 +56,7 @@ def record_topics(
         context: Of the verb: it has ROS's own arguments.
         log: Where to.
         version: Of ROS.
-        mapping_file: Which topics are read, and how; None: the well-known ones.
+        read: Which topics, and how.
         promised: How durable the events are; None: they are shown, and nothing is written.
         as_json: Of what was written, at the end one document.
 
@@ -59,7 +69,9 @@ def record_topics(
     from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
 
     with stopped_for_good():
-        mapping = WELL_KNOWN if mapping_file is None else read_mapping(mapping_file)
+        mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
+        if read.scan is not None:
+            mapping = mapping.asked_for(read.scan, read.pose_topic or "")
     if promised is None:
         known = sl.read(log) if log.exists() else None
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")

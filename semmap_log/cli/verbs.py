@@ -5,10 +5,12 @@ Help is plain text, as that of any Unix program: no frames, and quick.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from typer import core
@@ -24,6 +26,9 @@ OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
 READER_GONE = 141
 """Exit code where the reader of our output has gone, as `head` does: as of any program that SIGPIPE
 ends."""
+
+NEED_NO_VALUE = {"--scan": re.compile(r"(/\w+)+", re.ASCII)}
+"""Options that may stand alone -> what their values look like."""
 
 HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
 """Verb -> what makes the end of its help, which is asked for only then: it is slow to make."""
@@ -52,7 +57,7 @@ class Verb(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> Any:
         """Take up the command line; of a word that is no option, say which may be meant."""
         try:
-            return super().parse_args(ctx, args)
+            return super().parse_args(ctx, _with_values(args))
         except CLICK_ERROR as error:
             if hasattr(error, "possibilities") and hasattr(error, "option_name"):
                 error.possibilities = self._similar(error.option_name)
@@ -129,6 +134,21 @@ def _uncoloured(tell: Callable[..., Any], ctx: Any, param: Any, value: Any) -> A
     """Call what typer prints something by, in a colour that `plain_streams` would spell out."""
     ctx.color = False
     return tell(ctx, param, value)
+
+
+def _with_values(args: list[str]) -> list[str]:
+    """Return a command line in which the options have a value that need none: an empty one.
+
+    The next word is such a value where it can be one, and is no file that there is.
+    """
+    end = args.index("--") if "--" in args else len(args)
+    made = []
+    for word, following in zip(args[:end], [*args[1:end], ""], strict=False):
+        made.append(word)
+        form = NEED_NO_VALUE.get(word)
+        if form is not None and (not form.fullmatch(following) or Path(following).exists()):
+            made.append("")
+    return made + args[end:]
 
 
 def _offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:

@@ -64,6 +64,31 @@ def plan_bag(
     )
 
 
+def reads_any(path: Path, mapping: RosMapping) -> bool:
+    """Tell whether a bag has a topic that a mapping reads.
+
+    Raises:
+        FormatError: The bag cannot be read.
+    """
+    with open_bag(path) as bag:
+        return any(mapping.rule(c.topic, c.message_type.name) for c in bag.channels)
+
+
+def left_out_of(path: Path, mapping: RosMapping) -> list[str]:
+    """Return the topics of a bag that a mapping does not read, with their types.
+
+    Raises:
+        FormatError: The bag cannot be read.
+    """
+    with open_bag(path) as bag:
+        there = [(channel.topic, channel.message_type.name) for channel in bag.channels]
+    return sorted({_shown(*each) for each in there if mapping.rule(*each) is None})
+
+
+def _shown(topic: str, ros_type: str) -> str:
+    return f"{topic} ({short_name(ros_type)})"
+
+
 @dataclass(frozen=True, slots=True)
 class _BagEvents:
     """The events of a bag that was gone through before, read anew: they are many."""
@@ -138,7 +163,7 @@ class _Passage:
             topic, ros_type = channel.topic, channel.message_type.name
             rule = self.mapping.rule(topic, ros_type)
             if rule is None:
-                others.add(f"{topic} ({short_name(ros_type)})")
+                others.add(_shown(topic, ros_type))
             else:
                 if not any(each.topic == topic for each in chosen):
                     translator.read_topic(topic, rule)

@@ -32,10 +32,17 @@ from semmap_log.importing.importing_lines import plan_event_lines
 from semmap_log.importing.importing_sightings import plan_sightings
 from semmap_log.importing.line_commits import LineOptions
 from semmap_log.importing.line_importing import StoredCommits, append_lines
+from semmap_log.importing.scan_importing import (
+    BagIds,
+    ScanImport,
+    append_with_scans,
+    plan_with_scans,
+)
+from semmap_log.importing.scan_topics import ScanOptions, with_scans
 from semmap_log.io.disk import utf8_name
 from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.mapping_file import read_mapping
-from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
+from semmap_log.ros_mapping.topic_rules import WELL_KNOWN, RosMapping
 
 READABLE = (
     "*.building.yaml (Open-RMF), .yaml (the thesis's, or a map_server map), .csv, .csv.gz, .jsonl, "
@@ -67,6 +74,8 @@ class ImportOptions:
     has from a later time on; None: new ones from `at_ns`."""
     mapping: Path | None = None
     """Bags: how their topics are read; None: the well-known ones."""
+    scan: ScanOptions | None = None
+    """Bags: which lasers are looked through, beside those that the mapping names."""
     map_rules: RulesName | None = None
     """Maps: the server whose cells the picture's pixels become; None: nav2."""
 
@@ -108,6 +117,13 @@ def import_file(
         raise CommandError(f"{path}: a mapping (--mapping) says how bags are read; this is none.")
     if options.map_rules is not None and not is_map(path):
         raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
+    if options.scan is not None and not is_bag(path):
+        raise CommandError(f"{path}: --scan reads the scans of a bag; this is none.")
+    if is_bag(path) and (found := plan_scan_import(log, path, options, progress)) is not None:
+        said = note if note.source else replace(note, source=utf8_name(path))
+        count, first = append_with_scans(log, found, said)
+        plan = ImportPlan((), count, found.summary, found.left_out, found.warnings)
+        return Imported(plan, first)
     is_lines = tells_event_lines(path)
     plan_of = None if is_lines else _planner(path, progress)
     if options.since_ns is not None and plan_of not in (_plan_building, plan_thesis_yaml):
@@ -172,7 +188,7 @@ def _with_backdated(log: DoorLogWriter, plan: ImportPlan, since_ns: int) -> Impo
     )
 
 
-def _backdating(log: DoorLogWriter, doors: Collection[DoorId], since_ns: int) -> ImportPlan:
+def _backdating(log: DoorLog, doors: Collection[DoorId], since_ns: int) -> ImportPlan:
     events = log.backdated(doors, since_ns)
     moved = sum(isinstance(event, DoorAdded) for event in events)
     since = format_local(since_ns, log.info.timezone)
@@ -192,13 +208,49 @@ def plan_bag_import(
         FormatError: The bag or the mapping cannot be read.
         CommandError: The map forbids it; or an option says what of a bag only a mapping can.
     """
-    if replace(options, tz=None, mapping=None) != ImportOptions():
+    return plan_bag(path, log, _mapping_of(path, options), progress=progress)
+
+
+def _mapping_of(path: Path, options: ImportOptions) -> RosMapping:
+    """Return how a bag's topics are read.
+
+    Raises:
+        FormatError: The mapping cannot be read.
+        CommandError: An option says what of a bag only a mapping can.
+    """
+    since_ns = None if options.scan is None else options.since_ns
+    mine = ImportOptions(
+        tz=options.tz, mapping=options.mapping, scan=options.scan, since_ns=since_ns
+    )
+    if options != mine:
         raise CommandError(
             f"{path}: a bag's messages say when they were, and a mapping says how they are read; "
             "leave out --level, --windows, --at, --update, --renumber."
         )
-    mapping = WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
-    return plan_bag(path, log, mapping, progress=progress)
+    return WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
+
+
+def plan_scan_import(
+    log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None
+) -> ScanImport | None:
+    """Return what a bag would bring whose scans are looked through; None: no laser is asked for.
+
+    Raises:
+        FormatError: The bag cannot be read, or no scan of it has a place on the map.
+        CommandError: The map forbids it; or no door was there at the time of the scans.
+    """
+    mapping = with_scans(path, _mapping_of(path, options), options.scan)
+    if not mapping.reads_scans:
+        return None
+    earlier, since_ns = ImportPlan((), 0), options.since_ns
+    if since_ns is not None:
+        earlier = _backdating(log, list(log.replay().doors), since_ns)
+    bag_id = command_id_of(path, ImportOptions())
+    topics_id = command_id_of(path, replace(options, scan=None, since_ns=None))
+    since_id = hashlib.sha256(bag_id + f"since {since_ns}".encode()).digest()[:16]
+    return plan_with_scans(
+        log, path, mapping, BagIds(bag_id, topics_id, since_id), earlier, progress=progress
+    )
 
 
 def tells_event_lines(path: Path) -> bool:

@@ -10,7 +10,7 @@ import queue
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -25,6 +25,9 @@ from semmap_log.formats.ros.ros_decoding import MessageType
 from semmap_log.formats.ros.ros_types import RosVersion, short_name
 from semmap_log.live.ros_node import Received, RosNode
 from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.lasers.lasers import RobotScan
+from semmap_log.ros_mapping.lasers.scan_watch import ScanWatch
+from semmap_log.ros_mapping.lasers.visit_events import VisitCommit
 from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_rules import EXPECTED_TOPICS, RosMapping, TopicRule
 from semmap_log.ros_mapping.translator import Translator
@@ -53,6 +56,9 @@ class EventSink(Protocol):
     def known(self) -> Known:
         """Return what messages are compared with, as it stands."""
 
+    def robot(self) -> str:
+        """Return whose log it is; "": nobody's."""
+
 
 class LogSink:
     """A log that is written."""
@@ -74,6 +80,10 @@ class LogSink:
         """Return what the log knows."""
         return Known.of(self._log)
 
+    def robot(self) -> str:
+        """Return whose log it is."""
+        return self._log.info.robot
+
 
 class PrintedSink:
     """Nothing is written: each event is shown. For a dry run."""
@@ -94,6 +104,10 @@ class PrintedSink:
         """Return what the log knows, if there is one."""
         return Known() if self._log is None else Known.of(self._log)
 
+    def robot(self) -> str:
+        """Return whose log it is, if there is one."""
+        return "" if self._log is None else self._log.info.robot
+
 
 @dataclass(slots=True)
 class RecorderCounts:
@@ -106,10 +120,17 @@ class RecorderCounts:
     """Read."""
     commits: int = 0
     events: int = 0
+    scans: int = 0
+    """That have a place on the map."""
+    visits: int = 0
+    """To doors; those that decided nothing, too."""
 
     def __str__(self) -> str:
         dropped = f", {self.dropped:,} DROPPED (the disk is too slow)" if self.dropped else ""
-        return f"{counted(self.messages, 'message')}, {counted(self.events, 'event')}{dropped}"
+        seen = f", {counted(self.visits, 'visit')} to doors" if self.scans else ""
+        return (
+            f"{counted(self.messages, 'message')}, {counted(self.events, 'event')}{seen}{dropped}"
+        )
 
 
 @dataclass(slots=True)
@@ -126,6 +147,7 @@ class RosRecorder:
     """Set by a signal handler: finish what was received, then return."""
     _complaints: TopicProblems = field(init=False)
     _translator: Translator = field(init=False)
+    _watch: ScanWatch = field(init=False)
     _queue: queue.SimpleQueue[tuple[str, Received] | None] = field(
         default_factory=queue.SimpleQueue
     )
@@ -139,7 +161,9 @@ class RosRecorder:
 
     def __post_init__(self) -> None:
         self._complaints = TopicProblems(self.say)
-        self._translator = Translator(self.mapping, self.sink.known(), self._complaints)
+        known = self.sink.known()
+        self._translator = Translator(self.mapping, known, self._complaints)
+        self._watch = ScanWatch(known, self.sink.robot())
 
     def run(self) -> None:
         """Record; on return everything that was received is written, and lasts.
@@ -166,8 +190,9 @@ class RosRecorder:
             raise self._error
 
     def summary(self) -> tuple[str, ...]:
-        """Return what was wrong with messages, kind by kind."""
-        return self._complaints.lines()
+        """Return what was wrong with messages, kind by kind; and of scans what came of them."""
+        scans = self._watch.lines(self._translator.lasers) if self.mapping.reads_scans else ()
+        return (*self._complaints.lines(), *scans)
 
     # Topics
 
@@ -249,6 +274,11 @@ class RosRecorder:
         try:
             while self._write_waiting():
                 pass
+            with self._lock:
+                scans = self._translator.rest()
+            self._look_through(scans)
+            self._write_visits(self._watch.close())
+            self.sink.settle()
         except BaseException as error:  # noqa: BLE001  whoever runs it raises it
             self._error = error
 
@@ -261,6 +291,7 @@ class RosRecorder:
             self._write_message(*item)
             if self._queue.empty():
                 break
+        self._write_visits(self._watch.take())
         self.sink.settle()
         return item is not None
 
@@ -269,17 +300,47 @@ class RosRecorder:
         message_type = MessageType(got.ros_type, self.node.ros_version, got.definition)
         with self._lock:
             made = self._translator.take(topic, message_type, got.data, got.received_ns)
+        self._look_through(made.scans)
         if not made.events:
             return
+        self._write_visits(self._watch.take())  # through which the doors are as they were
         source = f"{got.topic} of {got.sender}" if got.sender else got.topic
         try:
             self.sink.write(made.events, Note(made.actor, source, made.reason))
         except CommandError as error:
             self._complaints.add(topic, "events that the map forbids; left out", error)
-            self._translator.start_anew(self.sink.known())
+            self._start_anew()
             return
+        self._watch.saw(made.events)
         self.counts.commits += 1
         self.counts.events += len(made.events)
+
+    def _look_through(self, scans: Sequence[RobotScan]) -> None:
+        self.counts.scans += len(scans)
+        self._watch.add(scans)
+
+    def _write_visits(self, visits: Iterable[VisitCommit]) -> None:
+        """Write what visits to doors say, a commit each."""
+        for commit in visits:
+            try:
+                self.sink.write(commit.events, commit.note)
+            except CommandError as error:
+                said = "a sighting by laser that the map forbids; left out"
+                self._complaints.add(commit.note.source, said, error)
+                self._start_anew()
+                continue
+            with self._lock:
+                self._translator.heed(commit.events)
+            self.counts.commits += 1
+            self.counts.events += len(commit.events)
+        self.counts.visits = self._watch.visits
+
+    def _start_anew(self) -> None:
+        """Take the log as it stands: what was made was not stored."""
+        known = self.sink.known()
+        with self._lock:
+            self._translator.start_anew(known)
+        self._watch.start_anew(known)
 
 
 def _check_name(topic: str, ros_version: RosVersion) -> None:

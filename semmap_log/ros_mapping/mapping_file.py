@@ -33,6 +33,7 @@ from semmap_log.ros_mapping.topic_rules import (
     READINGS,
     Accuracy,
     ReadPatrol,
+    ReadScan,
     ReadSensor,
     RosMapping,
     TopicRule,
@@ -153,6 +154,7 @@ class _Form(NamedTuple):
 
 _NAME = _Form(re.compile(r"[^\0]+"), "a name")
 _TYPE = _Form(re.compile(r"[A-Za-z]\w*(/msg)?/[A-Za-z]\w*", re.ASCII), "such as std_msgs/Bool")
+_TOPIC = _Form(re.compile(r"(/\w+)+", re.ASCII), "a topic's whole name, as /amcl_pose")
 _PATH = _Form(re.compile(r"[A-Za-z]\w*(\.[A-Za-z]\w*)*", re.ASCII), "a field's name")
 _SECONDS = ("seconds, 0 to 1e9", (0.0, 1e9))
 
@@ -291,6 +293,19 @@ def _marks(key: str, default: tuple[Value, ...]) -> Callable[[_Keys], tuple[Valu
     return read
 
 
+def _heights(keys: _Keys) -> tuple[float, float]:
+    default, expected = ReadScan().heights, "two numbers, the lower first"
+    node = keys.node("heights")
+    if node is None:
+        return default
+    items = node.items if isinstance(node, Sequence) else []
+    found = [number_of(item, f"{keys.what}: heights", keys.problems) for item in items]
+    if len(found) != 2 or None in found or not found[0] < found[1]:  # type: ignore[operator]
+        keys.refuse("heights", expected)
+        return default
+    return found[0], found[1]  # type: ignore[return-value]
+
+
 _ANY = (-math.inf, math.inf)
 
 _OPTIONS: dict[str, Callable[[_Keys], Any]] = {
@@ -298,11 +313,17 @@ _OPTIONS: dict[str, Callable[[_Keys], Any]] = {
     "doors": _doors,
     "accuracy": _accuracy,
     "unknown": lambda keys: keys.choice("unknown_doors", ("add", "ignore", "error"), default="add"),
+    "robot": lambda keys: keys.text("robot", ""),
     "removes": lambda keys: keys.choice("removes", ("own", "all", "none"), default="own"),
 }
 """How the options are read that several readings share, by the field's name."""
 
 _OWN: dict[type, dict[str, Callable[[_Keys], Any]]] = {
+    ReadScan: {
+        "robot": lambda keys: keys.text("robot", "") if "robot" in keys.found.entries else None,
+        "pose_topic": lambda keys: keys.text("pose_topic", "", _TOPIC),
+        "heights": _heights,
+    },
     ReadSensor: {
         "door": lambda keys: keys.needed_name("door"),
         "path": lambda keys: keys.text("field", "data", _PATH),

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from semmap_log.domain.events import Event, RobotPose
 from semmap_log.formats.parsing.problems import shown
-from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, yaw_of
+from semmap_log.ros_mapping.lasers.lasers import Lasers
+from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, deviations, yaw_of
 from semmap_log.ros_mapping.topic_rules import ReadPose, ReadTransforms
 from semmap_log.ros_mapping.transforms import TransformTree
 
@@ -53,8 +53,12 @@ def _is_same_place(pose: RobotPose, other: RobotPose | None) -> bool:
 class Poses:
     """Reads PoseStamped and PoseWithCovarianceStamped."""
 
-    def __init__(self, topic: str, rule: ReadPose, context: Context, track: PoseFilter) -> None:
+    def __init__(
+        self, topic: str, rule: ReadPose, context: Context, track: PoseFilter, lasers: Lasers
+    ) -> None:
         self._topic = topic
+        self._robot = rule.robot
+        self._lasers = lasers
         self._level = context.level(rule.level)
         self._context = context
         self._track = track
@@ -62,16 +66,12 @@ class Poses:
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return the pose, if the robot has moved."""
         header = got.message.header
-        if header.frame_id.removeprefix("/") != self._context.mapping.map_frame:
-            self._context.complaints.add(
-                self._topic,
-                f"a pose in another frame than {self._context.mapping.map_frame}; passed over",
-                shown(header.frame_id),
-            )
+        if not is_on_map(got, self._context):
             return
+        self._lasers.take_pose(got, self._robot)
         covered = hasattr(got.message.pose, "covariance")
         pose = got.message.pose.pose if covered else got.message.pose
-        sd_xy, sd_theta = _deviations(got.message.pose.covariance) if covered else (math.nan,) * 2
+        sd_xy, sd_theta = deviations(got.message.pose.covariance) if covered else (math.nan,) * 2
         yield from self._track.take(
             RobotPose(
                 level=self._level,
@@ -89,6 +89,16 @@ class Poses:
         return ""
 
 
+def is_on_map(got: TopicMessage, context: Context) -> bool:
+    """Tell whether a pose is in the map's frame; complain if it is not."""
+    frame, on_map = got.message.header.frame_id, context.mapping.map_frame
+    if frame.removeprefix("/") == on_map:
+        return True
+    kind = f"a pose in another frame than {on_map}; passed over"
+    context.complaints.add(got.topic, kind, shown(frame))
+    return False
+
+
 class Transforms:
     """Reads tf2_msgs/TFMessage: the robot is where the chain from map to it says."""
 
@@ -103,11 +113,7 @@ class Transforms:
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return the pose, if the robot has moved."""
         mapping = self._context.mapping
-        is_static = got.topic.endswith("tf_static")
-        changed = {
-            self._tree.take(each, got.received_ns, is_static=is_static)
-            for each in got.message.transforms
-        }
+        changed = take_transforms(got, self._tree, self._context)
         chain = self._tree.chain(mapping.map_frame, mapping.robot_frame)
         if chain is None or changed.isdisjoint(chain):
             return
@@ -129,19 +135,17 @@ class Transforms:
         return ""
 
 
+def take_transforms(got: TopicMessage, tree: TransformTree, context: Context) -> set[str]:
+    """Take a tf2_msgs/TFMessage into a tree; return the frames that it places."""
+    is_static, strays = got.topic.endswith("tf_static"), tree.strays
+    changed = {
+        tree.take(each, got.received_ns, is_static=is_static) for each in got.message.transforms
+    }
+    if tree.strays > strays:
+        kind = "a transform at odds with others of its link"
+        context.complaints.add(got.topic, kind, tree.stray)
+    return changed
+
+
 MOST_LATE_S = 10.0
 """A link of the chain that came so long before the others is one that nobody sends any more."""
-
-
-def _deviations(covariance: Any) -> tuple[float, float]:
-    """Return the standard deviations in the plane and around z; NaN where none is given.
-
-    The covariance is of x, y, z and rotations about X, Y, Z, row by row: 6 x 6. All zeros are what
-    a publisher sends that knows none.
-    """
-    x, y, theta = (float(covariance[i]) for i in (0, 7, 35))
-    in_plane = (x + y) / 2
-    return (
-        math.sqrt(in_plane) if 0 < in_plane < math.inf else math.nan,
-        math.sqrt(theta) if 0 < theta < math.inf else math.nan,
-    )

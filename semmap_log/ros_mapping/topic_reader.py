@@ -27,6 +27,8 @@ class TopicMessage:
     message: Any
     received_ns: int
     """When it came: by the bag, or by the node's clock."""
+    ros_type: str = ""
+    """In the long form."""
 
 
 @dataclass(slots=True)
@@ -144,6 +146,20 @@ def yaw_of(orientation: Any) -> float:
 
 LENGTH_OFF = 0.01
 """tf2 takes no quaternion whose length is further from 1."""
+
+
+def deviations(covariance: Any) -> tuple[float, float]:
+    """Return the standard deviations in the plane and around z; NaN where none is given.
+
+    The covariance is of x, y, z and rotations about X, Y, Z, row by row: 6 x 6. All zeros are what
+    a publisher sends that knows none.
+    """
+    x, y, theta = (float(covariance[i]) for i in (0, 7, 35))
+    in_plane = (x + y) / 2
+    return (
+        math.sqrt(in_plane) if 0 < in_plane < math.inf else math.nan,
+        math.sqrt(theta) if 0 < theta < math.inf else math.nan,
+    )
 
 
 def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
@@ -13,6 +13,9 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.formats.ros.ros_types import (
     DOOR_MAP,
     GRID,
+    LASER_SCAN,
+    ODOMETRY,
+    POINT_CLOUD,
     POSE_STAMPED,
     POSE_WITH_COVARIANCE,
     RMF_DOOR_REQUEST,
@@ -88,6 +91,8 @@ class ReadPose:
     """PoseStamped or PoseWithCovarianceStamped in the map's frame: where the robot is."""
 
     level: str | None = None
+    robot: str = ""
+    """Whose: its lasers learn from it how sure the robot is of its place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +100,35 @@ class ReadTransforms:
     """TF: where the robot is, composed from map to the robot's frame."""
 
     level: str | None = None
+    robot: str = ""
+    """Whose frames they are, where robots have trees of frames each for itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadFrames:
+    """TF, for the robot's lasers only: it makes no poses."""
+
+    robot: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadPlace:
+    """Poses in the map's frame, for the robot's lasers only; Odometry, too."""
+
+    robot: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadScan:
+    """LaserScan or PointCloud2 of a laser: what it sees of the doors."""
+
+    level: str | None = None
+    robot: str | None = None
+    """Whose laser it is; None: the namespace of its topic tells it, where that has frames."""
+    pose_topic: str = ""
+    """Poses of the robot on the map; empty: TF leads from the map to it."""
+    heights: tuple[float, float] = (0.3, 1.5)
+    """Of a cloud: points between these heights over the robot's frame count, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +152,7 @@ class ReadPatrol:
 
 Reading: TypeAlias = (
     ReadDoorMap | ReadRmfState | ReadRmfRequest | ReadSensor | ReadPose | ReadTransforms
-    | ReadFloorMap | ReadPatrol
+    | ReadFloorMap | ReadPatrol | ReadScan | ReadFrames | ReadPlace
 )  # fmt: skip
 
 READINGS: Mapping[str, type[Reading]] = {
@@ -130,6 +164,7 @@ READINGS: Mapping[str, type[Reading]] = {
     "tf": ReadTransforms,
     "floor_map": ReadFloorMap,
     "patrol": ReadPatrol,
+    "scan": ReadScan,
 }
 """By the word that a mapping file uses."""
 
@@ -140,6 +175,9 @@ ONLY_TYPES: Mapping[type[Reading], tuple[str, ...]] = {
     ReadPose: (POSE_STAMPED, POSE_WITH_COVARIANCE),
     ReadTransforms: (TRANSFORMS, "tf/msg/tfMessage"),
     ReadFloorMap: (GRID,),
+    ReadScan: (LASER_SCAN, POINT_CLOUD),
+    ReadFrames: (TRANSFORMS, "tf/msg/tfMessage"),
+    ReadPlace: (POSE_STAMPED, POSE_WITH_COVARIANCE, ODOMETRY),
 }
 """Which messages can be read so; the others take any."""
 
@@ -177,13 +215,89 @@ class RosMapping:
     """A message's own stamp counts if it lies at most that long before the message came."""
     map_frame: str = "map"
     robot_frame: str = "base_link"
+    scans: ReadScan | None = None
+    """How topics called `scan` are read that are not named; None: they are not."""
 
     def rule(self, topic: str, ros_type: str) -> TopicRule | None:
         """Return how a topic is read; None: it is not."""
-        named = self.topics.get(topic)
-        if named is not None or not self.well_known:
-            return named
-        return well_known_rule(topic, ros_type)
+        found = self.topics.get(topic)
+        if found is None and self.well_known:
+            found = well_known_rule(topic, ros_type)
+        if found is None and self.reads_scans:
+            found = self._rule_for_lasers(topic, ros_type)
+        return found
+
+    @property
+    def reads_scans(self) -> bool:
+        """Tell whether any laser is read."""
+        return self.scans is not None or any(True for _ in self.scan_rules())
+
+    def with_scans(self, topics: Collection[str], pose_topic: str = "") -> RosMapping:
+        """Return a mapping that reads scans of these topics, too.
+
+        Args:
+            topics: As the mapping says, where it names them.
+            pose_topic: Of all its lasers, where it is given.
+        """
+        rules = {topic: TopicRule(ReadScan()) for topic in topics} | {
+            topic: rule
+            for topic, rule in self.topics.items()
+            if topic not in topics or isinstance(rule.reading, ReadScan)
+        }
+        for topic, rule in rules.items():
+            if pose_topic and isinstance(rule.reading, ReadScan):
+                rules[topic] = replace(rule, reading=replace(rule.reading, pose_topic=pose_topic))
+        return replace(self, topics=rules)
+
+    def asked_for(self, topics: Collection[str], pose_topic: str = "") -> RosMapping:
+        """Return a mapping that reads scans of these topics; an empty one: all called `scan`."""
+        mapping = self.with_scans([topic for topic in topics if topic], pose_topic)
+        named = any(isinstance(rule.reading, ReadScan) for rule in mapping.topics.values())
+        is_any = "" in topics and not named
+        return replace(mapping, scans=ReadScan(pose_topic=pose_topic)) if is_any else mapping
+
+    def for_lasers_only(self) -> RosMapping:
+        """Return the part of it that places scans; nothing else is read."""
+        kept: dict[str, TopicRule] = {}
+        for topic, rule in self.topics.items():
+            reading = rule.reading
+            if isinstance(reading, ReadTransforms):
+                kept[topic] = replace(rule, reading=ReadFrames(reading.robot))
+            elif isinstance(reading, ReadPose):
+                kept[topic] = replace(rule, reading=ReadPlace(reading.robot))
+            elif isinstance(reading, ReadScan):
+                kept[topic] = rule
+        return replace(self, topics=kept, well_known=False)
+
+    def without_lasers(self) -> RosMapping:
+        """Return all of it but the scans."""
+        kept = {
+            topic: rule
+            for topic, rule in self.topics.items()
+            if not isinstance(rule.reading, ReadScan)
+        }
+        return replace(self, topics=kept, scans=None)
+
+    def scan_rules(self) -> Iterator[ReadScan]:
+        """Yield how lasers are read."""
+        for rule in self.topics.values():
+            if isinstance(rule.reading, ReadScan):
+                yield rule.reading
+        if self.scans is not None:
+            yield self.scans
+
+    def _rule_for_lasers(self, topic: str, ros_type: str) -> TopicRule | None:
+        """Return how a topic is read that a laser needs, or that is one's."""
+        namespace, _, name = topic.strip("/").rpartition("/")
+        if any(topic == laser.pose_topic for laser in self.scan_rules()):
+            return TopicRule(ReadPlace(namespace))
+        if ros_type in ONLY_TYPES[ReadFrames] and name in {"tf", "tf_static"}:
+            return TopicRule(ReadFrames(namespace))
+        if ros_type == POSE_WITH_COVARIANCE and name == "amcl_pose":
+            return TopicRule(ReadPlace(namespace))
+        if ros_type == LASER_SCAN and name == "scan" and self.scans is not None:
+            return TopicRule(self.scans)
+        return None
 
 
 _FLOOR = re.compile(r"/map(?:/(?:level_)?([0-9]{1,5}))?")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from semmap_log.domain.events import DoorObserved, Event
@@ -13,6 +13,8 @@ from semmap_log.formats.ros.ros_types import short_name
 from semmap_log.ros_mapping.door_maps import DoorMaps
 from semmap_log.ros_mapping.floors import FloorMaps
 from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.lasers.laser_topics import LaserScans, RobotFrames, RobotPlaces
+from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
 from semmap_log.ros_mapping.robot_poses import PoseFilter, Poses, Transforms
 from semmap_log.ros_mapping.round_topics import Rounds
 from semmap_log.ros_mapping.state_topics import RmfRequests, RmfStates, SensorReader
@@ -22,16 +24,18 @@ from semmap_log.ros_mapping.topic_rules import (
     ONLY_TYPES,
     ReadDoorMap,
     ReadFloorMap,
+    ReadFrames,
     ReadPatrol,
+    ReadPlace,
     ReadPose,
     ReadRmfRequest,
     ReadRmfState,
+    ReadScan,
     ReadSensor,
     ReadTransforms,
     RosMapping,
     TopicRule,
 )
-from semmap_log.ros_mapping.transforms import TransformTree
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,8 @@ class Made:
     actor: str = ""
     """Who did it, where the message tells."""
     reason: str = ""
+    scans: Sequence[RobotScan] = ()
+    """Those that have their places now: this message's, or such that waited."""
 
 
 class Translator:
@@ -53,7 +59,7 @@ class Translator:
         self.complaints = complaints
         self._context = Context(mapping, known, complaints)
         self._track = PoseFilter(mapping.moved_m, mapping.turned_rad)
-        self._tree = TransformTree()
+        self.lasers = Lasers(mapping, complaints)
         self._readers: dict[str, TopicReader] = {}
         self._rules: dict[str, TopicRule] = {}
 
@@ -90,7 +96,19 @@ class Translator:
         except SemmapError as error:
             self.complaints.add(topic, "a message that cannot be read; passed over", error)
             return Made([])
-        return self._made(TopicMessage(topic, message, received_ns))
+        made = self._made(TopicMessage(topic, message, received_ns, message_type.name))
+        if self.mapping.reads_scans and isinstance(rule.reading, _PLACING):
+            return replace(made, scans=list(self.lasers.placed()))
+        return made
+
+    def rest(self) -> list[RobotScan]:
+        """Return the scans that waited for their places and have them: nothing comes any more."""
+        return list(self.lasers.placed(is_end=True))
+
+    def heed(self, events: Sequence[Event]) -> None:
+        """Take in events that others made: messages are compared with what is known."""
+        for event in events:
+            self._context.known.apply(event)
 
     def start_anew(self, known: Known) -> None:
         """Take the log as it stands for what is known: some events were not stored."""
@@ -117,19 +135,27 @@ class Translator:
         return Made(events, actor, rule.name if isinstance(rule, ReadPatrol) else "")
 
     def _reader(self, topic: str, rule: TopicRule) -> TopicReader:
-        context, track = self._context, self._track
+        context, track, lasers = self._context, self._track, self.lasers
         makers: dict[type, Callable[[Any], TopicReader]] = {
             ReadDoorMap: lambda reading: DoorMaps(topic, reading, context),
             ReadRmfState: lambda reading: RmfStates(topic, reading, context),
             ReadRmfRequest: lambda reading: RmfRequests(topic, reading, context),
             ReadSensor: lambda reading: SensorReader(topic, reading, context),
-            ReadPose: lambda reading: Poses(topic, reading, context, track),
-            ReadTransforms: lambda reading: Transforms(reading, context, track, self._tree),
+            ReadPose: lambda reading: Poses(topic, reading, context, track, lasers),
+            ReadTransforms: lambda reading: Transforms(
+                reading, context, track, lasers.tree(reading.robot)
+            ),
+            ReadScan: lambda reading: LaserScans(topic, reading, context, lasers),
+            ReadFrames: lambda reading: RobotFrames(reading, context, lasers),
+            ReadPlace: lambda reading: RobotPlaces(reading, context, lasers),
             ReadFloorMap: lambda reading: FloorMaps(topic, reading, context),
             ReadPatrol: lambda reading: Rounds(reading, context),
         }
         return makers[type(rule.reading)](rule.reading)
 
+
+_PLACING = (ReadScan, ReadFrames, ReadPlace, ReadTransforms, ReadPose)
+"""What can give a scan its place."""
 
 _TROUBLE = (SemmapError, AttributeError, TypeError, ValueError, OverflowError, IndexError)
 """What a message raises that is another than its name says, or holds what cannot be."""

@@ -16,6 +16,7 @@ from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
 from mutation.kernel_guards import KERNELS
+from mutation.laser_input_guards import LASER_INPUT
 from mutation.level_guards import LEVELS
 from mutation.line_guards import LINES
 from mutation.live_guards import LIVE_ROOMS
@@ -383,5 +384,5 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS, *OPRS,
+    *KERNELS, *OPRS, *LASER_INPUT,
 )  # fmt: skip

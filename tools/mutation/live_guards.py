@@ -24,8 +24,8 @@ RECORDING = (
     guard("a writer's error is not hidden", "RosRecorder.run",
           "if self._error is not None: raise self._error", "",
           "test_ros_recorder"),
-    guard("what the map forbids is not known", "RosRecorder._write_message",
-          "self._translator.start_anew(self.sink.known())", "",
+    guard("what the map forbids is not known", "RosRecorder._start_anew",
+          "self._translator.start_anew(known)", "",
           "test_ros_recorder"),
     guard("topics that come late are found", "RosRecorder._tick",
           "now >= self._next_look", "False", "test_ros_recorder"),
@@ -38,7 +38,7 @@ RECORDING = (
     guard("a late topic that cannot be read", "RosRecorder._look",
           "CommandError", "RosError", "test_ros_recorder"),
     guard("lines are no topics", "record.run",
-          "mapping or dry_run or context.obj", "False", "test_record_topics"),
+          "mapping or dry_run or scan is not None or pose_topic is not None or context.obj", "False", "test_record_topics"),
 )  # fmt: skip
 
 READING = (

@@ -1,0 +1,294 @@
+"""A bag's laser scans into a log: what they saw of the doors, a commit for each visit.
+
+The bag is gone through once before anything is written: it is read whole, or nothing comes of it.
+Each visit has an id of its own, made of the bag's bytes and of what was seen when: an import that
+was interrupted goes on where it stopped, and the same bag again changes nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from semmap_log.batches.event_batch import one_by_one
+from semmap_log.common.texts import command_line
+from semmap_log.domain.commits import Note
+from semmap_log.domain.events import Event
+from semmap_log.domain.moments import format_local
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.errors import CommandError, FormatError
+from semmap_log.formats.bags.bag_protocol import BagChannel, BagReader
+from semmap_log.formats.bags.bag_reading import open_bag
+from semmap_log.importing.bag_importing import left_out_of, plan_bag, reads_any
+from semmap_log.importing.doors_then import DoorsThen
+from semmap_log.importing.import_plan import ImportPlan
+from semmap_log.importing.seen_before import PlannedVisit, SeenBefore
+from semmap_log.io.progress import Progress
+from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
+from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
+from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit, named
+from semmap_log.ros_mapping.topic_problems import TopicProblems
+from semmap_log.ros_mapping.topic_rules import RosMapping
+from semmap_log.ros_mapping.translator import Translator
+
+AT_ONCE = 64
+"""Scans that are looked through together: faster than one by one."""
+TOLD_EVERY = 1000
+"""Messages between two words of progress."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScanPlan:
+    """What a bag's scans bring."""
+
+    visits: Sequence[PlannedVisit]
+    summary: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BagIds:
+    """Of what ids of commits are made, 16 bytes each."""
+
+    bag: bytes
+    """Its bytes alone: so a visit is the same by whatever options it was found."""
+    topics: bytes
+    """Of the commit of the other topics: the same as without scans."""
+    earlier: bytes
+    """Of the commit that says that doors were there earlier."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScanImport:
+    """What a bag brings whose scans are looked through, in the order in which it is written."""
+
+    ids: BagIds
+    topics: ImportPlan
+    earlier: ImportPlan
+    """Doors that were there by then."""
+    scans: ScanPlan
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """What all of it does, in words."""
+        return (*self.topics.summary, *self.earlier.summary, *self.scans.summary)
+
+    left_out: tuple[str, ...]
+    """Topics that nothing reads."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about it."""
+        return tuple(dict.fromkeys((*self.topics.warnings, *self.scans.warnings)))
+
+
+def plan_with_scans(
+    log: DoorLog, path: Path, mapping: RosMapping, ids: BagIds, earlier: ImportPlan, *,
+    progress: Progress | None = None,
+) -> ScanImport:  # fmt: skip
+    """Return what a bag would bring; nothing is written.
+
+    Args:
+        log: As it stands.
+        path: The bag.
+        mapping: How its topics are read, the lasers among them.
+        ids: See there.
+        earlier: What says that doors were there by then.
+        progress: Told (messages read, messages in all).
+
+    Raises:
+        FormatError: The bag cannot be read, or no scan of it has a place on the map.
+        CommandError: The map forbids it; or no door was there at the time of the scans.
+    """
+    topics, others = ImportPlan((), 0), mapping.without_lasers()
+    left_out = tuple(left_out_of(path, mapping))
+    if reads_any(path, others) and not _is_stored(log, ids.topics):
+        topics = plan_bag(path, log, others, progress=progress)
+    others_events = [*one_by_one(earlier.events), *one_by_one(topics.events)]
+    scans = plan_scans(path, log, mapping, others_events, bag_id=ids.bag, progress=progress)
+    return ScanImport(ids, topics, earlier, scans, left_out)
+
+
+def append_with_scans(log: DoorLogWriter, found: ScanImport, note: Note) -> tuple[int, int | None]:
+    """Append what is not stored yet; return how many events that is, and the first one's number."""
+    first: int | None = None
+    count = 0
+    for plan, command_id in (
+        (found.topics, found.ids.topics),
+        (found.earlier, found.ids.earlier),
+    ):
+        if plan.count:
+            done = log.append(plan.events, note=note, command_id=command_id, content=command_id)
+            first = done.first_event if first is None else first
+            count += plan.count
+    for each in found.scans.visits:
+        said = named(each.commit, note)
+        done = log.append(
+            said.events, note=said.note, command_id=each.command_id, content=each.command_id,
+            sync=False,
+        )  # fmt: skip
+        first = done.first_event if first is None else first
+        count += len(said.events)
+    log.sync()
+    return count, first
+
+
+def _is_stored(log: DoorLog, command_id: bytes) -> bool:
+    return any(commit.command_id == command_id for commit in log.commits())
+
+
+def plan_scans(
+    path: Path, log: DoorLog, mapping: RosMapping, others: Sequence[Event] = (), *,
+    bag_id: bytes, progress: Progress | None = None,
+) -> ScanPlan:  # fmt: skip
+    """Return what the scans of a bag say of the doors.
+
+    Args:
+        path: The bag.
+        log: Whose doors are looked at, as they were when the scans were made.
+        mapping: Which lasers are read, and how.
+        others: What comes into the log before the scans: it may tell of doors.
+        bag_id: Digest of the bag.
+        progress: Told (messages read, messages in all).
+
+    Raises:
+        FormatError: The bag cannot be read, or no scan of it has a place on the map.
+        CommandError: No door was there at the time of the scans; or a level is not told.
+    """
+    return _Scanning(path, log, mapping.for_lasers_only(), DoorsThen(log, others)).plan(
+        bag_id, progress
+    )
+
+
+@dataclass(slots=True)
+class _Scanning:
+    """One going through the lasers' topics of a bag."""
+
+    path: Path
+    log: DoorLog
+    mapping: RosMapping
+    doors: DoorsThen
+    complaints: TopicProblems = field(default_factory=TopicProblems)
+    sightings: LaserSightings = field(init=False)
+    _first: RobotScan | None = None
+
+    def __post_init__(self) -> None:
+        self.sightings = LaserSightings(self.doors, robot=self.log.info.robot)
+
+    def plan(self, bag_id: bytes, progress: Progress | None) -> ScanPlan:
+        known = Known.of(self.log)
+        translator = Translator(self.mapping, known, self.complaints)
+        visits = list(self._visits(translator, progress))
+        self._refuse_nothing(translator.lasers)
+        ids = (_visit_id(bag_id, self.mapping, each) for each in visits)
+        planned = [PlannedVisit(*pair) for pair in zip(ids, visits, strict=True)]
+        before = SeenBefore.of(self.log, visits)
+        unknown = [each for each in planned if not before.holds(each)]
+        new = [each for each in unknown if not before.overlaps(each)]
+        warnings = list(self._warnings(translator.lasers, known))
+        if len(new) < len(unknown):
+            told = f"{len(unknown) - len(new):,}"
+            warnings.append(f"left out, since the log has visits of that laser then: {told}")
+        summary = list(counts_of(translator.lasers, self.sightings))
+        if len(unknown) < len(planned):
+            summary.append(f"visits imported before: {len(planned) - len(unknown):,}")
+        return ScanPlan(new, tuple(summary), tuple(warnings))
+
+    def _visits(self, translator: Translator, progress: Progress | None) -> Iterator[VisitCommit]:
+        waiting: list[RobotScan] = []
+        for scan in self._scans(translator, progress):
+            self._first = self._first or scan
+            waiting.append(scan)
+            if len(waiting) >= AT_ONCE:
+                yield from self.sightings.take(waiting)
+                waiting.clear()
+        yield from self.sightings.take(waiting)
+        yield from self.sightings.close()
+
+    def _scans(self, translator: Translator, progress: Progress | None) -> Iterator[RobotScan]:
+        with open_bag(self.path) as bag:
+            channels = self._channels(bag, translator)
+            fixed = [each for each in channels if each.topic.endswith("tf_static")]
+            for message in bag.messages(fixed):  # they hold all the time, also before they came
+                channel = message.channel
+                translator.take(channel.topic, channel.message_type, message.data, message.at_ns)
+            in_all = bag.count(channels)
+            for count, message in enumerate(bag.messages(channels), start=1):
+                if progress is not None and count % TOLD_EVERY == 0:
+                    progress(count, max(in_all, count))
+                channel = message.channel
+                yield from translator.take(
+                    channel.topic, channel.message_type, message.data, message.at_ns
+                ).scans
+        yield from translator.rest()
+
+    def _channels(self, bag: BagReader, translator: Translator) -> list[BagChannel]:
+        chosen: list[BagChannel] = []
+        for channel in bag.channels:
+            rule = self.mapping.rule(channel.topic, channel.message_type.name)
+            if rule is not None:
+                if not any(each.topic == channel.topic for each in chosen):
+                    translator.read_topic(channel.topic, rule)
+                chosen.append(channel)
+        return chosen
+
+    def _refuse_nothing(self, lasers: Lasers) -> None:
+        """Return if a scan has a place, and a door was there then.
+
+        Raises:
+            FormatError: No scan has a place.
+            CommandError: No door was there.
+        """
+        if not any(each.received for each in lasers.counts.values()):
+            raise FormatError(self.path, "no scans: the topics that are read have no messages")
+        if self._first is None:
+            raise FormatError(self.path, _no_place(lasers, self.mapping, self.complaints))
+        if self.sightings.tally.levels:
+            return
+        now = sum(door.is_placed for door in self.log.replay().doors.values())
+        if not now:
+            raise CommandError(
+                f"{self.log.path}: no door of the log has a place; add them (`add`, `import`) "
+                "before scans are asked about them."
+            )
+        since = format_local(self._first.scan.stamp_ns, self.log.info.timezone)
+        line = command_line("import", self.log.path, str(self.path), "--scan", "--since", since)
+        raise CommandError(
+            f"{self.path}: the log's doors ({now}) were all added later than these scans, of "
+            f"{since}. If they were there already, say so: {line}"
+        )
+
+    def _warnings(self, lasers: Lasers, known: Known) -> Iterator[str]:
+        yield from self.complaints.lines()
+        zone = self.log.info.timezone
+        yield from oddities_of(lasers, self.sightings, known, lambda ns: format_local(ns, zone))
+
+
+def _no_place(lasers: Lasers, mapping: RosMapping, complaints: TopicProblems) -> str:
+    """Return why no scan has a place, and what to do."""
+    scans = sum(each.received for each in lasers.counts.values())
+    why = "; ".join(f"{topic}: {text}" for topic, text in lasers.why_not.items())
+    if not why:
+        return f"none of its {scans:,} scans can be used: {'; '.join(complaints.lines())}"
+    on_map = mapping.map_frame
+    return (
+        f"none of its {scans:,} scans has a place in the frame {on_map} ({why}). TF has to lead "
+        f"from {on_map} to the laser: record /tf and /tf_static while the robot localises (amcl, "
+        "slam_toolbox), or play the bag through it and record that; or name a topic with the "
+        "robot's pose on the map, as --pose-topic /amcl_pose. A map frame of another name is "
+        "told by a mapping file: frames: {map: NAME}"
+    )
+
+
+def _visit_id(bag_id: bytes, mapping: RosMapping, commit: VisitCommit) -> bytes:
+    """Return the id of a visit's commit: the same for the same visit in the same bag."""
+    visit = commit.visit
+    key = (
+        "visit", mapping.map_frame, visit.robot, visit.laser, visit.door_id, visit.first_ns,
+        visit.last_ns, visit.passed,
+    )  # fmt: skip
+    return hashlib.sha256(bag_id + repr(key).encode()).digest()[:16]

@@ -1,0 +1,1 @@
+"""A laser's messages and TF in, scans with their places on the map out; visits to events."""

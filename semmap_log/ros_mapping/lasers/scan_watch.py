@@ -1,0 +1,59 @@
+"""What a recorder does with scans as they come: it looks through those that came together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from semmap_log.domain.events import Event
+from semmap_log.domain.moments import format_local
+from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.lasers.door_places import DoorsNow
+from semmap_log.ros_mapping.lasers.lasers import Lasers, RobotScan
+from semmap_log.ros_mapping.lasers.scan_words import counts_of, oddities_of
+from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit
+
+
+class ScanWatch:
+    """Looks at the doors that are known, as they are."""
+
+    def __init__(self, known: Known, robot: str) -> None:
+        self._known = known
+        self._doors = DoorsNow(known)
+        self._sightings = LaserSightings(self._doors, robot)
+        self._waiting: list[RobotScan] = []
+
+    def add(self, scans: Sequence[RobotScan]) -> None:
+        """Have scans wait for `take`."""
+        self._waiting += scans
+
+    def take(self) -> Iterator[VisitCommit]:
+        """Look through the scans that wait; yield the visits that ended."""
+        if self._waiting:
+            scans, self._waiting = self._waiting, []
+            yield from self._sightings.take(scans)
+
+    def close(self) -> Iterator[VisitCommit]:
+        """The same, and all visits end."""
+        yield from self.take()
+        yield from self._sightings.close()
+
+    def saw(self, events: Iterable[Event]) -> None:
+        """Take note of events that are known by now."""
+        self._doors.saw(events)
+
+    def start_anew(self, known: Known) -> None:
+        """Take other knowledge for what is known."""
+        self._known = known
+        self._doors = self._sightings.doors = DoorsNow(known)
+
+    @property
+    def visits(self) -> int:
+        """How many visits there were."""
+        return self._sightings.tally.visits.total() + self._sightings.tally.passages
+
+    def lines(self, lasers: Lasers) -> Iterator[str]:
+        """Yield what there was of scans and visits, and what is odd about it."""
+        yield from counts_of(lasers, self._sightings)
+        yield from oddities_of(
+            lasers, self._sightings, self._known, lambda ns: format_local(ns, "UTC")
+        )

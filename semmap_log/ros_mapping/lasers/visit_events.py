@@ -1,0 +1,150 @@
+"""Visits to doors, as the commits that they become."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from typing import Protocol
+
+from semmap_log.domain.commits import Note
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import DoorObserved, DoorPassed, Event, RobotPose
+from semmap_log.ros_mapping.lasers.lasers import RobotScan
+from semmap_log.ros_mapping.lasers.visit_tally import VisitTally
+from semmap_log.scans.door_watcher import DoorWatcher
+from semmap_log.scans.placed_scan import DoorPlaces
+from semmap_log.scans.visit import Visit
+
+METHOD = "leaf-likelihood"
+"""How a laser's scans are judged: part of a sighting's source."""
+KEEP_NS = 60 * 10**9
+"""Of where the robot was: longer than any visit."""
+
+
+class DoorsOverTime(Protocol):
+    """The doors over time."""
+
+    def at(self, when_ns: int) -> DoorPlaces:
+        """Return those of a moment; the same object as before where nothing changed."""
+
+
+@dataclass(frozen=True, slots=True)
+class VisitCommit:
+    """What a visit says, for the log."""
+
+    visit: Visit
+    events: list[Event]
+    note: Note
+
+
+def source_of(visit: Visit) -> str:
+    """Return what a visit's commit names as its source: the laser and the method.
+
+    The same for the same laser in every bag, so that `calibrate --source` finds it.
+    """
+    return f"scan:{visit.laser} {METHOD}"
+
+
+@dataclass(slots=True)
+class LaserSightings:
+    """Looks at doors through scans, and makes commits of the visits that decide something."""
+
+    doors: DoorsOverTime
+    robot: str = ""
+    """Who saw it, where a scan does not tell."""
+    tally: VisitTally = field(default_factory=VisitTally)
+    _watcher: DoorWatcher = field(default_factory=DoorWatcher)
+    _tracks: dict[tuple[str, str], _Track] = field(default_factory=dict)
+
+    def take(self, scans: Sequence[RobotScan]) -> Iterator[VisitCommit]:
+        """Look at scans, in the order in which they were placed; yield what ended."""
+        for each in scans:
+            key = (each.scan.robot, each.scan.laser)
+            self._tracks.setdefault(key, _Track()).add(each.pose)
+            self.tally.stood(each.pose, self.doors.at(each.scan.stamp_ns))
+        for places, group in groupby(scans, lambda each: self.doors.at(each.scan.stamp_ns)):
+            yield from self._made(self._watcher.take([each.scan for each in group], places))
+        for track in self._tracks.values():
+            track.forget()
+
+    def close(self) -> Iterator[VisitCommit]:
+        """Yield what the visits say that were going on."""
+        yield from self._made(self._watcher.close())
+
+    @property
+    def not_used(self) -> Counter[str]:
+        """Why scans that have a place were not looked through, and how many."""
+        return self._watcher.dropped
+
+    def _made(self, visits: Sequence[Visit]) -> Iterator[VisitCommit]:
+        for visit in visits:
+            self.tally.add(visit)
+            if visit.passed or visit.state is not DoorState.UNKNOWN:
+                note = Note(actor=visit.robot or self.robot, source=source_of(visit))
+                yield VisitCommit(visit, [*self._poses(visit), _said(visit)], note)
+
+    def _poses(self, visit: Visit) -> list[Event]:
+        """Return where the robot was when it first saw the door, and when it last did."""
+        track = self._tracks[visit.robot, visit.laser]
+        found = [track.at(when_ns) for when_ns in (visit.first_ns, visit.last_ns)]
+        poses = [pose for pose in found if pose is not None]
+        return [*dict.fromkeys(poses)]
+
+
+def _said(visit: Visit) -> Event:
+    """Return what a visit that decided says; of the moment of the last scan that saw the door.
+
+    Until then all that it rests on had been seen, and of later it says nothing.
+    """
+    if visit.passed:
+        return DoorPassed(door_id=visit.door_id, passed=True, happened_ns=visit.last_ns)
+    accuracy = min(max(visit.accuracy, 0.5), 1.0)
+    return DoorObserved(
+        door_id=visit.door_id,
+        state=visit.state,
+        accuracy_open=accuracy,
+        accuracy_closed=accuracy,
+        opening=visit.opening,
+        happened_ns=visit.last_ns,
+    )
+
+
+@dataclass(slots=True)
+class _Track:
+    """Where a robot was at the scans of the last minute."""
+
+    stamps: list[int] = field(default_factory=list)
+    poses: list[RobotPose] = field(default_factory=list)
+
+    def add(self, pose: RobotPose) -> None:
+        assert pose.happened_ns is not None
+        self.stamps.append(pose.happened_ns)
+        self.poses.append(pose)
+
+    def at(self, when_ns: int) -> RobotPose | None:
+        """Return where it was at a scan; None: that is too long ago."""
+        place = bisect_left(self.stamps, when_ns)
+        is_there = place < len(self.stamps) and self.stamps[place] == when_ns
+        return self.poses[place] if is_there else None
+
+    def forget(self) -> None:
+        old = bisect_left(self.stamps, self.stamps[-1] - KEEP_NS)
+        if old > len(self.stamps) // 2:
+            del self.stamps[:old], self.poses[:old]
+
+
+def named(commit: VisitCommit, note: Note) -> VisitCommit:
+    """Return a commit that says who imported it, and what it belongs to: the file.
+
+    Args:
+        commit: Its source stays what it is.
+        note: Of the import; its source is the file.
+    """
+    said = replace(
+        note, actor=note.actor or commit.note.actor, source=commit.note.source,
+        correlation=note.correlation or note.source,
+    )  # fmt: skip
+    return replace(commit, note=said)

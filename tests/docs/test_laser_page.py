@@ -1,0 +1,44 @@
+"""The page about lasers, run with a bag of a robot that drives by a door twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from doc_pages import ROOT, Runner, blocks_of
+
+from semmap_log.ros_mapping.mapping_file import read_mapping
+from semmap_log.ros_mapping.topic_rules import ReadScan
+from tests.formats.bags.bags_of_others import write_ros1
+from tests.ros_mapping.laser_room import drives_by
+
+PAGE = (ROOT / "docs" / "guides" / "doors_from_a_laser.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_what_the_page_says_about_a_bag(tmp_path: Path) -> None:
+    """
+    From the bag to the door map, and back to the truth.
+    """
+    runner = Runner(tmp_path)
+    write_ros1(tmp_path / "patrol.bag", drives_by(1))
+
+    for block in blocks_of(PAGE):
+        runner.run(block)
+
+    assert 4 == len(blocks_of(PAGE))
+
+
+def test_the_mapping_of_the_page_can_be_read(tmp_path: Path) -> None:
+    """
+    With the lasers that it names.
+    """
+    text = PAGE.partition("```yaml\n")[2].partition("```")[0]
+    (tmp_path / "robot.yaml").write_text(text, encoding="utf-8")
+
+    mapping = read_mapping(tmp_path / "robot.yaml")
+
+    lasers = [rule.reading for rule in mapping.topics.values()
+              if isinstance(rule.reading, ReadScan)]  # fmt: skip
+    assert [None, None, "tug2"] == [laser.robot for laser in lasers]
+    assert "/tug2/amcl_pose" == lasers[2].pose_topic

@@ -1,0 +1,224 @@
+"""`record --scan`: what a laser sees while it drives, in memory and on a real ROS."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.events import DoorObserved, RobotPose
+from semmap_log.importing.importing import ImportOptions, import_file
+from semmap_log.importing.scan_topics import ScanOptions
+from semmap_log.live.ros_recorder import LogSink, PrintedSink, RosRecorder
+from semmap_log.ros_mapping.topic_rules import WELL_KNOWN, ReadScan, RosMapping
+from tests.formats.bags.bags_of_others import Said, write_mcap
+from tests.live.memory_node import MemoryNode
+from tests.live.ros_world import RosWorld
+from tests.live.running import wait_until
+from tests.live.test_record_ros import _talking
+from tests.ros_mapping.laser_room import DOOR, LaserRoom, drives_by
+from tests.ros_mapping.robots import START, Robot, S
+
+SCANS = replace(WELL_KNOWN, scans=ReadScan())
+LONG_AGO = START - 3600 * S
+
+
+def _office(path: Path, **door: Any) -> Path:
+    x, y, theta, width = DOOR
+    with sl.create(path, tz="UTC", robot="tug1", compact=False) as log:
+        log.add_door(x=x, y=y, theta=theta, width=width, name="lab", at=LONG_AGO)
+    return path
+
+
+def _recorded(path: Path, said: Iterable[Said], mapping: RosMapping = SCANS) -> RosRecorder:
+    """Record what is said; all of its topics are there from the start."""
+    all_said = list(said)
+
+    def during(node: MemoryNode) -> None:
+        for each in all_said:
+            node.say(each)
+
+    node = MemoryNode(during, {each.topic: each.ros_type for each in all_said})
+    with sl.append(path, durability="none", compact=False) as log:
+        recorder = RosRecorder(node, mapping, LogSink(log), lambda _: None)  # type: ignore[arg-type]
+        recorder.run()
+    return recorder
+
+
+def _events(path: Path) -> list[str]:
+    batches = sl.read(path).batches(kinds=[DoorObserved, RobotPose])
+    return [repr(each.event) for batch in batches for each in batch]
+
+
+def test_live_or_from_a_bag_the_sightings_are_the_same(tmp_path: Path) -> None:
+    """
+    States, accuracies, openings, times, poses; and both say who saw it with what.
+    """
+    said = drives_by()
+    live, imported = (_office(tmp_path / name) for name in ("live", "imported"))
+    write_mcap(tmp_path / "x.mcap", said)
+    with sl.append(imported) as log:
+        import_file(log, tmp_path / "x.mcap", ImportOptions(scan=ScanOptions()))
+
+    recorder = _recorded(live, said)
+
+    assert 6 == len(_events(live))
+    assert _events(imported) == _events(live)
+    assert (192, 2) == (recorder.counts.scans, recorder.counts.visits)
+    notes = {
+        (entry.actor, entry.source)
+        for log in (live, imported)
+        for entry in sl.read(log).history(kinds=[DoorObserved])
+    }
+    assert {("tug1", "scan:laser leaf-likelihood")} == notes
+    assert any("1 OPEN, 1 CLOSED" in line for line in recorder.summary())
+
+
+def test_the_bag_of_a_drive_that_was_recorded_adds_nothing(tmp_path: Path) -> None:
+    """
+    They are the same looks.
+    """
+    said, live = drives_by(), _office(tmp_path / "live")
+    write_mcap(tmp_path / "x.mcap", said)
+    _recorded(live, said)
+    before = _events(live)
+
+    with sl.append(live) as log:
+        imported = import_file(log, tmp_path / "x.mcap", ImportOptions(scan=ScanOptions()))
+
+    assert None is imported.first_event
+    assert before == _events(live)
+
+
+def test_a_door_that_comes_while_it_records_is_seen_from_then_on(tmp_path: Path) -> None:
+    """
+    A server's DoorMap adds it between two drives.
+    """
+    sl.create(tmp_path / "office", tz="UTC", compact=False).close()
+    x, y, theta, width = DOOR
+    door = {"door_id": 7, "pos_x": x, "pos_y": y, "pos_theta": theta, "width": width}
+    server = Said("/doors", *Robot().door_map([door]), START + 30 * S)
+    said = sorted([server, *drives_by()], key=lambda each: each.at_ns)
+
+    _recorded(tmp_path / "office", said)
+
+    (seen,) = [
+        each.event for batch in sl.read(tmp_path / "office").batches(kinds=[DoorObserved])
+        for each in batch
+    ]  # fmt: skip
+    assert isinstance(seen, DoorObserved)
+    assert (7, DoorState.CLOSED) == (seen.door_id, seen.state)
+
+
+def test_a_door_that_is_removed_while_it_is_looked_at_is_told_up_to_then(tmp_path: Path) -> None:
+    """
+    And nothing is said of it afterwards.
+    """
+    office = _office(tmp_path / "office")
+    x, y, theta, width = DOOR
+    door = {"door_id": 1, "pos_x": x, "pos_y": y, "pos_theta": theta, "width": width}
+    server = [
+        Said("/doors", *Robot().door_map([door]), START + S),
+        Said("/doors", *Robot().door_map([]), START + 9 * S),
+    ]
+    recorder = _recorded(
+        office, sorted([*server, *LaserRoom().said()], key=lambda each: each.at_ns)
+    )
+
+    assert [] == [line for line in recorder.summary() if "forbids" in line]
+    assert 0 == len(sl.read(office).replay())
+    seen = [line for line in _events(office) if line.startswith("DoorObserved")]
+    assert 1 == len(seen)
+
+
+def test_scans_are_not_read_unless_asked_for(tmp_path: Path) -> None:
+    """
+    Nor TF, whose messages are many.
+    """
+    office = _office(tmp_path / "office")
+
+    recorder = _recorded(office, LaserRoom(seconds=2.0).said(), WELL_KNOWN)
+
+    assert [] == _events(office)
+    assert (0, 0) == (recorder.counts.received, recorder.counts.scans)
+
+
+def test_a_dry_run_shows_sightings_with_their_sources(tmp_path: Path) -> None:
+    """
+    And writes nothing.
+    """
+    office, shown = _office(tmp_path / "office"), []
+
+    def during(node: MemoryNode) -> None:
+        for each in LaserRoom().said():
+            node.say(each)
+
+    node = MemoryNode(during, {each.topic: each.ros_type for each in LaserRoom(seconds=1).said()})
+    sink = PrintedSink(lambda event, note: shown.append((event, note.source)), sl.read(office))
+    RosRecorder(node, SCANS, sink, lambda _: None).run()  # type: ignore[arg-type]
+
+    assert ["RobotPose", "RobotPose", "DoorObserved"] == [type(e).__name__ for e, _ in shown]
+    assert {"scan:laser leaf-likelihood"} == {source for _, source in shown}
+    assert [] == _events(office)
+
+
+def test_a_laser_on_a_real_ros_sees_a_door(ros: RosWorld, tmp_path: Path) -> None:
+    """
+    /scan, /tf and a latched /tf_static, as a robot publishes them, now; Ctrl-C ends a visit.
+    """
+    office = _office(tmp_path / "office")
+    version: Any = 1 if ros.version == 1 else 2
+    room = LaserRoom(version=version, beams=180, scan_hz=5.0, tf_hz=10.0)
+    recorder_args = ("record", office, ros.option, "--scan")
+
+    with _talking(ros) as talker, ros.semmap(*recorder_args) as recorder:
+        room.begins_s = (time.time_ns() - START) / S
+        (fixed, *_) = room.statics()
+        talker.say("/tf_static", (fixed.ros_type, fixed.data), latched=True)
+        (first, *_) = room.tf()
+        talker.say("/tf", (first.ros_type, first.data))
+        talker.say("/scan", _of(room, 0.0))
+        for topic in ("/scan", "/tf", "/tf_static"):
+            recorder.wait_for(f"{topic}: recording")
+        talker.wait()
+        room.begins_s = (time.time_ns() - START) / S
+        for each in room.said():
+            if each.topic != "/tf_static":
+                time.sleep(max(0.0, (each.at_ns - time.time_ns()) / S))
+                talker.say(each.topic, (each.ros_type, each.data))
+        talker.wait()
+        time.sleep(1.0)
+        assert 0 == recorder.stop()
+
+    wait_until(lambda: len(_events(office)) > 0, "a sighting")
+    (seen,) = [
+        each.event for batch in sl.read(office).batches(kinds=[DoorObserved]) for each in batch
+    ]
+    assert isinstance(seen, DoorObserved)
+    assert (1, DoorState.OPEN) == (seen.door_id, seen.state)
+    (entry,) = sl.read(office).history(kinds=[DoorObserved])
+    assert ("tug1", "scan:laser leaf-likelihood") == (entry.actor, entry.source)
+
+
+def _of(room: LaserRoom, t: float) -> tuple[str, bytes]:
+    sent = room.sent(room.scan(t), t)
+    return sent.ros_type, sent.data
+
+
+@pytest.mark.parametrize("topic", ["/r1/scan", "/scan"])
+def test_only_topics_called_scan_are_read_where_none_is_named(topic: str) -> None:
+    """
+    A filtered copy beside them would be seen as another laser.
+    """
+    laser = "sensor_msgs/msg/LaserScan"
+
+    assert SCANS.rule(topic, laser) is not None
+    assert SCANS.rule("/scan_filtered", laser) is None
+    assert SCANS.rule(topic, "std_msgs/msg/Bool") is None
+    assert WELL_KNOWN.rule(topic, laser) is None
