@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from patrol_sim.laser_bag import FORMATS, Told, write_bag, write_doors, write_truth
 from patrol_sim.laser_pose import Localisation, PoseError, localised
-from patrol_sim.laser_world import START_NS
+from patrol_sim.laser_world import START_NS, Patrol
 from rosbags.highlevel import AnyReader
 
 import semmap_log as sl
@@ -23,6 +23,7 @@ from semmap_log.importing.importing import ImportOptions, import_file
 from tests.patrol_sim.corridor import building, patrol
 
 ERROR = PoseError(0.05, 1.0)
+SHORT_MIN = 0.4
 TOOL = Path(__file__).parents[2] / "tools" / "make_patrol_bag.py"
 TYPES = {
     "/scan": "sensor_msgs/msg/LaserScan",
@@ -33,15 +34,19 @@ TYPES = {
 }
 
 
+def short(*, upside_down: bool = False) -> Patrol:
+    return patrol(minutes=SHORT_MIN, upside_down=upside_down)
+
+
 def where(*, upside_down: bool = False) -> Localisation:
-    return localised(patrol(upside_down=upside_down).track, ERROR, seed=3)
+    return localised(short(upside_down=upside_down).track, ERROR, seed=3)
 
 
 def written(folder: Path, form: str, **options: Any) -> Path:
     path = folder / ("patrol.bag" if form == "ros1" else "patrol")
     usual = {"told": Told(0.05, 1.0)}
     upside_down = options.pop("upside_down", False)
-    one = patrol(upside_down=upside_down)
+    one = short(upside_down=upside_down)
     write_bag(path, one, where(upside_down=upside_down), form=form, **{**usual, **options})
     return path
 
@@ -79,7 +84,7 @@ def test_bag_is_read_back(tmp_path: Path, form: str) -> None:
 
     assert set(found) == set(TYPES)
     assert [m.header.frame_id for _, m in found["/scan"][:1]] == ["laser"]
-    scans = patrol().scans
+    scans = short().scans
     assert len(found["/scan"]) == len(scans)
     for (_, message), scan in zip(found["/scan"], scans, strict=True):
         assert ns(message.header.stamp) == START_NS + round(scan.at_s * 1e9)
@@ -138,10 +143,10 @@ def test_frames_compose_to_what_is_believed(tmp_path: Path, form: str, upside_do
                 chain[frames][ns(t.header.stamp)] = moved
     assert set(chain) == {("map", "odom"), ("odom", "base_link"), ("base_link", "laser")}
     [laser] = chain["base_link", "laser"].values()
-    one, believed = patrol(upside_down=upside_down), where(upside_down=upside_down)
+    one, believed = short(upside_down=upside_down), where(upside_down=upside_down)
     scan = found["/scan"][0][1]
 
-    for stamp_ns, correction in list(chain["map", "odom"].items())[::50]:
+    for stamp_ns, correction in list(chain["map", "odom"].items())[::20]:
         placed = correction @ chain["odom", "base_link"][stamp_ns] @ laser
         base = believed.believed_at(np.full(one.laser.beams, (stamp_ns - START_NS) / 1e9))
         beams = one.laser.placed(base, as_told=True)
@@ -157,8 +162,8 @@ def test_rates_of_transforms(tmp_path: Path) -> None:
     found = messages(written(tmp_path, "mcap", odom_hz=20))
     counts = Counter(t.child_frame_id for _, m in found["/tf"] for t in m.transforms)
 
-    assert counts["odom"] == pytest.approx(900, abs=2)
-    assert counts["base_link"] == pytest.approx(1800, abs=2)
+    assert counts["odom"] == pytest.approx(10 * 60 * SHORT_MIN, abs=2)
+    assert counts["base_link"] == pytest.approx(20 * 60 * SHORT_MIN, abs=2)
 
 
 def test_pose_tells_its_covariance_or_is_not_there(tmp_path: Path) -> None:
@@ -174,7 +179,7 @@ def test_pose_tells_its_covariance_or_is_not_there(tmp_path: Path) -> None:
 
 def test_map_is_the_plans(tmp_path: Path) -> None:
     [(_, grid)] = messages(written(tmp_path, "ros1"))["/map"]
-    floor = patrol().plan.floor
+    floor = short().plan.floor
 
     assert grid.header.frame_id == "map"
     assert (grid.info.height, grid.info.width) == floor.cells.shape
@@ -226,7 +231,7 @@ def test_doors_can_be_imported(tmp_path: Path) -> None:
 )
 def test_name_that_does_not_fit_is_refused(tmp_path: Path, name: str, form: str) -> None:
     with pytest.raises(OutputError, match=f"{name}: for {form} expected a name with"):
-        write_bag(tmp_path / name, patrol(), where(), form=form, told=None)
+        write_bag(tmp_path / name, short(), where(), form=form, told=None)
     assert not (tmp_path / name).exists()
 
 
