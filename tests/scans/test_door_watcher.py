@@ -228,7 +228,7 @@ def test_bearings_may_descend() -> None:
     assert much_the_same(the_visit(scans, places()), the_visit(turned, places()))
 
 
-@pytest.mark.parametrize("seam", np.linspace(0, 2 * pi, 9).tolist())
+@pytest.mark.parametrize("seam", [0.0, 0.9, 1.1, 1.2, 1.3, pi / 2, 3.0, 5.5, 7.4])
 def test_where_a_whole_turn_begins_makes_no_difference(seam: float) -> None:
     """
     A laser that sees all around: its first beam may point at the door.
