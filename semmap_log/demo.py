@@ -13,6 +13,7 @@ import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
 from semmap_log.common.texts import command_line, counted
 from semmap_log.costmaps import CostmapOptions, costmap_at
+from semmap_log.demo_scans import SCANS, SeenByLaser, see_by_laser
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import Retracted, RobotPose
@@ -49,6 +50,8 @@ class Demo:
     """Events recorded live."""
     moments: tuple[DoorMap, DoorMap, DoorMap]
     """The door map at the end of the first part, in the middle of the second, and at the end."""
+    seen: SeenByLaser
+    """What a laser's scans of another patrol said, beside the truth."""
     beliefs: Sequence[DoorBelief]
     """How likely each door was open in the middle of the second, from what was known then."""
 
@@ -93,11 +96,14 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
     report = folder / "report.html"
     export(made, report)
     tell(f"{report}: the history as a page for any browser")
+    tell(f"{folder / SCANS}: what a laser sees of the doors, from a bag of its scans")
+    recordings = shipped_recording(RECORDING).parent
+    seen = see_by_laser(folder, recordings, tz=info.timezone)
     rrd, problem = _rrd(made, folder / f"{RECORDING}.rrd")
     return Demo(
         folder=folder, log=path, yaml=yaml, costmap=costmap, report=report,
         rrd=rrd, rrd_problem=problem, copied=half, recorded=recorded,
-        moments=(first, middle, last),
+        moments=(first, middle, last), seen=seen,
         beliefs=probabilities(made, at=middle.moment_ns),
     )  # fmt: skip
 

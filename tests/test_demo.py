@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.demo import run_demo, shipped_recording
+from semmap_log.demo_scans import _truth
 from semmap_log.errors import LogExistsError
 
 
@@ -42,6 +44,48 @@ def test_it_says_what_it_does_not_know(tmp_path: Path) -> None:
     assert [True, True, False] == [main.is_known, coe.is_known, hardware.is_known]
     assert main.p_open > coe.p_open > 0.5
     assert made.moments[1].at_ns == main.known_ns == main.time_ns
+
+
+def test_it_sees_doors_by_laser_and_tells_the_truth_beside(tmp_path: Path) -> None:
+    """
+    Of the shipped bag: passages as often as the truth has them; where the door stood still it was
+    as said; where it moved, that is told.
+    """
+    seen = run_demo(tmp_path / "demo").seen
+    truth = json.loads((shipped_recording("office").parent / "office_scans.truth.json").read_text())
+
+    through = sum(len(door["driven_through_s"]) for door in truth["doors"])
+    assert through == sum(door.passed for door in seen.doors)
+    sighted = [door for door in seen.doors if not door.passed]
+    assert {"OPEN", "CLOSED"} == {door.said for door in sighted}
+    still = [door for door in sighted if door.truth in {"OPEN", "CLOSED"}]
+    assert len(still) >= 5
+    assert all(door.said == door.truth for door in still)
+    assert [door.happened_ns for door in seen.doors] == sorted(d.happened_ns for d in seen.doors)
+    assert seen.log.name == "office_scans"
+    assert len(sl.read(seen.log).replay().doors) == 3
+
+
+@pytest.mark.parametrize(
+    ("from_s", "to_s", "told"),
+    [
+        pytest.param(-5.0, 3.0, "OPEN", id="before the first move"),
+        pytest.param(11.0, 11.5, "MOVING", id="while it moved"),
+        pytest.param(5.0, 12.0, "OPEN, then CLOSED", id="over a change"),
+        pytest.param(12.5, 30.0, "CLOSED", id="after it"),
+    ],
+)
+def test_truth_of_a_while(from_s: float, to_s: float, told: str) -> None:
+    """
+    How a door stood over a while, moves left out.
+    """
+    rows = [
+        {"from_s": 0.0, "state": "OPEN"},
+        {"from_s": 10.0, "state": "MOVING"},
+        {"from_s": 12.0, "state": "CLOSED"},
+    ]
+
+    assert told == _truth(rows, from_s, to_s)
 
 
 @pytest.mark.slow

@@ -205,6 +205,35 @@ def test_tool_remakes_the_office(tmp_path: Path, shared_data: Path) -> None:
 
 
 @pytest.mark.slow
+def test_tool_remakes_the_scans(tmp_path: Path, shared_data: Path) -> None:
+    """The same recipe gives the same messages, the same truth and the same doors."""
+    done = make("--only", "office_scans", "--out", tmp_path, "--maps", shared_data / "maps")
+
+    assert done.returncode == 0, done.stderr
+    for name in ("office_scans.truth.json", "office_scans.doors.jsonl"):
+        assert (RECORDINGS / name).read_bytes() == (tmp_path / name).read_bytes()
+    old, new = (folder / "office_scans.mcap" for folder in (RECORDINGS, tmp_path))
+    assert messages(old) == messages(new)
+
+
+def test_scans_are_what_readme_says() -> None:
+    """Counts, doors and passages that the README tells; small enough for a repository."""
+    bag = RECORDINGS / "office_scans.mcap"
+    truth = json.loads((RECORDINGS / "office_scans.truth.json").read_text())
+    scans = Counter(topic for topic, *_ in messages(bag))["/scan"]
+    hardware = next(door for door in truth["doors"] if door["name"] == "hardware_door")
+    readme = README.read_text()
+
+    assert f"{scans:,} scans of 180 beams" in readme
+    assert len(hardware["driven_through_s"]) == 4
+    assert not any(door["glass"] for door in truth["doors"])
+    assert {"OPEN", "CLOSED", "AJAR"} <= {
+        row["state"] for door in truth["doors"] for row in door["states"]
+    }
+    assert bag.stat().st_size <= 1_000_000
+
+
+@pytest.mark.slow
 def test_another_seed_is_another_day(tmp_path: Path, shared_data: Path) -> None:
     """Another seed makes another recording, which is whole as well."""
     done = make(

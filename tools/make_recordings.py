@@ -1,6 +1,6 @@
 """Make the recordings that ship in `recordings/`: the same seed gives the same bytes.
 
-    python tools/make_recordings.py                  both, about a minute
+    python tools/make_recordings.py                  all, about a minute
     python tools/make_recordings.py --only office    a second
 
 What is in them, and what their doors and the robot go through, is told in recordings/README.md.
@@ -21,13 +21,12 @@ from pathlib import Path
 from patrol_sim import clinic, office
 from patrol_sim.expected import Moment, expected_json
 from patrol_sim.journal import Entry, Journal, write
+from patrol_sim.laser_plan import plan_events
+from patrol_sim.laser_recording import OFFICE_SCANS, make_bag, words_of
 
-from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import Event
 from semmap_log.domain.moments import parse_instant
 from semmap_log.errors import SemmapError
-from semmap_log.formats.files.building import read_building
-from semmap_log.importing.import_plan import Present, plan_doors
 from semmap_log.store.compaction import compact
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -55,11 +54,12 @@ RECORDINGS = (
     Recording("clinic_week", "rmf_clinic/clinic.building.yaml", "rmf_clinic", clinic.TZ,
               clinic.ROBOT, clinic.tell, clinic.moments, compacted=True),
 )  # fmt: skip
+SCANS, SCANS_PLAN = "office_scans", "rmf_office/office.building.yaml"
 
 
 def main() -> int:
     """Make what the command line asks for; 0 good, 1 our error."""
-    names = [recording.name for recording in RECORDINGS]
+    names = [*(recording.name for recording in RECORDINGS), SCANS]
     parser = argparse.ArgumentParser(description="Make the recordings that ship with the project.")
     parser.add_argument(
         "--out", type=Path, default=ROOT / "recordings", help="default: %(default)s"
@@ -73,6 +73,8 @@ def main() -> int:
     try:
         for recording in chosen:
             make(recording, maps=args.maps, out=args.out, seed=args.seed)
+        if args.only in (None, SCANS):
+            make_scans(maps=args.maps, out=args.out)
     except (SemmapError, OSError) as error:
         print(f"make_recordings: {error}", file=sys.stderr)
         return 1
@@ -81,12 +83,7 @@ def main() -> int:
 
 def make(recording: Recording, *, maps: Path, out: Path, seed: int) -> None:
     """Make a recording, its expected states and its licence in `out`, replacing what is there."""
-    plan_path = maps / recording.plan
-    if not plan_path.is_file():
-        raise FileNotFoundError(
-            f"{plan_path}: expected the Open-RMF plan {recording.plan}, found nothing; "
-            "say with --maps where the plans are (open-rmf/rmf_demos, rmf_demos_maps/maps)"
-        )
+    plan_path = _existing(maps / recording.plan)
     began = time.monotonic()
     say(f"{recording.name}: letting doors live and the robot drive …")
     rng = random.Random(f"{recording.name} {seed}")
@@ -112,10 +109,27 @@ def make(recording: Recording, *, maps: Path, out: Path, seed: int) -> None:
         f"{time.monotonic() - began:.1f} s")  # fmt: skip
 
 
-def plan_events(path: Path) -> list[Event]:
-    """Return the events that import a building: its levels, floor plans, doors and their names."""
-    nothing = Present(DoorMap({}, {}), used_ids=frozenset())
-    return list(plan_doors(read_building(path), nothing).events)
+def make_scans(*, maps: Path, out: Path) -> None:
+    """Make the bag of scans, its truth and its doors in `out`, replacing what is there."""
+    out.mkdir(parents=True, exist_ok=True)
+    bag = out / f"{SCANS}.mcap"
+    patrol, _ = make_bag(bag, _existing(maps / SCANS_PLAN), OFFICE_SCANS)
+    say(f"{SCANS}: {words_of(patrol)}, {bag.stat().st_size:,} bytes")
+
+
+def _existing(plan_path: Path) -> Path:
+    """Return the path of a plan.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    if not plan_path.is_file():
+        raise FileNotFoundError(
+            f"{plan_path}: expected the Open-RMF plan {plan_path.parent.name}/{plan_path.name}, "
+            "found nothing; say with --maps where the plans are (open-rmf/rmf_demos, "
+            "rmf_demos_maps/maps)"
+        )
+    return plan_path
 
 
 def shown(what: str) -> Callable[[Sequence[Entry]], Iterable[Entry]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -16,6 +17,8 @@ from semmap_log.common.texts import PROGRAM, command_line, counted
 
 if TYPE_CHECKING:
     from semmap_log.demo import Demo
+    from semmap_log.demo_scans import SeenByLaser
+    from semmap_log.views.column_table import ColumnTable
 
 
 def run(
@@ -26,7 +29,7 @@ def run(
     *,
     as_json: AsJson = False,
 ) -> None:
-    """Record a patrol, replay it to three moments, tell how likely the doors are open, export it.
+    """Record a patrol, replay it, tell how likely doors are open, see them by laser, export it all.
 
     Works on a shipped recording: no network, no ROS, well under a minute.
 
@@ -51,6 +54,8 @@ def run(
         console().print(door_table(door_map, tz=tz))
     typer.echo("\nHow likely they were open in the middle of it, from what was known then:")
     console().print(belief_table(made.beliefs, tz=tz))
+    typer.echo("\nWhat a laser's scans of four minutes said of the doors, beside the truth:")
+    console().print(_seen_table(made.seen, tz))
     end_ns = made.moments[-1].at_ns
     assert end_ns is not None
     picture = f"{made.rrd.name}   the history, for the rerun viewer" if made.rrd else "no picture"
@@ -58,6 +63,7 @@ def run(
     typer.echo(
         f"\nMade in {made.folder}:\n"
         f"  {made.log.name}/      the log: {copied} copied, {made.recorded} recorded\n"
+        f"  {made.seen.log.name}/   another log: what the laser saw of the doors\n"
         f"  {made.yaml.name}   the doors, for the thesis's server\n"
         f"  {made.costmap.name}  the costmap in the middle of it\n"
         f"  {made.report.name}  the history, for any browser\n"
@@ -80,10 +86,25 @@ def run(
     )  # fmt: skip
 
 
+def _seen_table(seen: SeenByLaser, tz: str) -> ColumnTable:
+    """Return what the scans said and what was true, a row a visit."""
+    from semmap_log.domain.moments import format_short
+    from semmap_log.views.column_table import ColumnTable, TableColumn
+
+    columns = ("time", "door", "scans say", "accuracy", "truth")
+    table = ColumnTable([TableColumn(title, title) for title in columns])
+    for door in seen.doors:
+        said = f"{door.said} (driven through)" if door.passed else door.said
+        time = format_short(door.happened_ns, tz)
+        table.add(time, door.name, said, f"{door.accuracy:.3f}", door.truth)
+    return table
+
+
 def _to_json(made: Demo) -> dict[str, Any]:
     return {
         "folder": str(made.folder),
         "log": str(made.log),
+        "seen_by_laser": [asdict(seen) for seen in made.seen.doors],
         "events": made.copied + made.recorded,
         "files": [
             str(path)

@@ -76,6 +76,11 @@ class DoorTruth:
         """Return when it last changed before then."""
         return self._times[max(0, bisect_right(self._times, at_ns) - 1)]
 
+    def changes(self, start_ns: int, end_ns: int) -> list[tuple[int, DoorState]]:
+        """Return how it changed after `start_ns`, up to `end_ns`."""
+        first, last = (bisect_right(self._times, moment) for moment in (start_ns, end_ns))
+        return list(zip(self._times[first:last], self._states[first:last], strict=True))
+
     def hold(self, start_ns: int, end_ns: int, state: DoorState) -> None:
         """Let it stand so from start to end, whatever its habit; then its habit has it back."""
         first, last = (bisect_right(self._times, moment) for moment in (start_ns, end_ns))

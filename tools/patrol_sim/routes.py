@@ -59,10 +59,12 @@ class FloorRoutes:
         inside = 0 <= row < rows and 0 <= column < columns
         return inside and math.isfinite(self._cost[row, column])
 
-    def length_m(self, source: Point, target: Point) -> float:
-        """Return how far it is, walls shunned, all portals open; inf: there is no way."""
+    def length_m(
+        self, source: Point, target: Point, shut: frozenset[DoorId] = frozenset()
+    ) -> float:
+        """Return how far it is, walls shunned, the other portals open; inf: there is no way."""
         row, column = self._cell(source)
-        return self._tree(target, frozenset()).length[row, column]
+        return self._tree(target, shut).length[row, column]
 
     def way(
         self, source: Point, target: Point, shut: frozenset[DoorId] = frozenset()

@@ -11,8 +11,8 @@ from pathlib import Path
 from semmap_log.domain.doors import MAX_LEVEL, Level
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.building_level import Storey, StoreyReader
-from semmap_log.formats.files.door_table import DoorTable, TableDoor
-from semmap_log.formats.files.floor_plan import draw_floor
+from semmap_log.formats.files.door_table import DoorTable
+from semmap_log.formats.files.floor_plan import Outlines, draw_floor
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, load_yaml
 from semmap_log.formats.parsing.yaml_values import described, mapping_of, number_of
@@ -35,33 +35,55 @@ def read_building(path: Path, *, level: str | None = None, resolution: float = 0
         FormatError: The file cannot be read, is not such a building, or has no such level.
     """
     problems = Problems(path)
+    root, readers = _level_readers(path, level, problems)
+    doors = [door for reader in readers for door in reader.doors()]
+    plans = {reader.number: reader.outlines() for reader in readers}
+    problems.raise_any()
+    maps = [
+        draw_floor(plan, level=number, resolution=resolution, path=path)
+        for number, plan in plans.items()
+        if plan.walls
+    ]
+    levels = [Level(r.number, r.storey.name, r.storey.elevation_m) for r in readers]
+    return DoorTable(path, tuple(doors), tuple(levels), tuple(maps), tuple(_lifts(root)))
+
+
+def read_outlines(path: Path) -> dict[int, Outlines]:
+    """Return each level's walls, doors and floors as lines, by the numbers of `read_building`.
+
+    Raises:
+        FormatError: The file cannot be read, or is not such a building.
+    """
+    problems = Problems(path)
+    _, readers = _level_readers(path, None, problems)
+    outlines = {reader.number: reader.outlines() for reader in readers}
+    problems.raise_any()
+    return outlines
+
+
+def _level_readers(
+    path: Path, level: str | None, problems: Problems
+) -> tuple[Mapping, list[StoreyReader]]:
+    """Return the file's root, and what reads its levels: of that name, or all.
+
+    Raises:
+        FormatError: The file cannot be read, is not such a building, or has no such level.
+    """
     root = mapping_of(load_yaml(path), "a building", problems)
     problems.raise_any()
     assert root is not None
     in_pixels = _in_pixels(root, problems)
     storeys = _storeys(root, problems)
     problems.raise_any()
-    numbered = [
-        (n, storey) for n, storey in enumerate(storeys, start=1) if level in (None, storey.name)
+    readers = [
+        StoreyReader(n, storey, problems, in_pixels=in_pixels)
+        for n, storey in enumerate(storeys, start=1)
+        if level in (None, storey.name)
     ]
-    if level is not None and not numbered:
+    if level is not None and not readers:
         names = ", ".join(storey.name for storey in storeys) or "(none)"
         raise FormatError(path, f"expected one of the levels {names}; got {shown(level)}")
-
-    doors: list[TableDoor] = []
-    plans = []
-    for number, storey in numbered:
-        reader = StoreyReader(number, storey, problems, in_pixels=in_pixels)
-        doors += reader.doors()
-        plans.append((number, reader.outlines()))
-    problems.raise_any()
-    maps = [
-        draw_floor(plan, level=number, resolution=resolution, path=path)
-        for number, plan in plans
-        if plan.walls
-    ]
-    levels = [Level(number, storey.name, storey.elevation_m) for number, storey in numbered]
-    return DoorTable(path, tuple(doors), tuple(levels), tuple(maps), tuple(_lifts(root)))
+    return root, readers
 
 
 def _in_pixels(root: Mapping, problems: Problems) -> bool:
