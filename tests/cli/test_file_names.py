@@ -14,7 +14,8 @@ from semmap_log.errors import LogError
 
 READS_A_ZIP = {
     "best-time", "calibrate", "costmap", "diff", "evaluate", "export", "history", "info", "play",
-    "probabilities", "replay", "report", "scan-report", "show", "tail", "timeline", "verify", "view",
+    "probabilities", "replay", "report", "scan-report", "show", "tail", "timeline", "verify",
+    "view",
 }  # fmt: skip
 """`serve` reads one with --read-only; it says nothing of it."""
 
