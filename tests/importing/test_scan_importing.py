@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -185,8 +187,9 @@ def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> N
 
     _import(office, tmp_path / "x.mcap", ImportOptions())
     assert [DoorState.OPEN] == _states(office)
-    _import(office, tmp_path / "x.mcap")
+    imported = _import(office, tmp_path / "x.mcap")
 
+    assert (5, 6) == (imported.first_event, imported.plan.count)
     assert [DoorState.OPEN, DoorState.OPEN, DoorState.CLOSED] == _states(office)
     assert ["lab", "front"] == [door.name for door in sl.read(office).replay().doors.values()]
 
@@ -362,6 +365,32 @@ def test_of_several_lasers_the_one_called_scan_is_read(office: Path, tmp_path: P
     assert ["scans of /scan: 192, 192 on the map"] == list(imported.plan.summary[:1])
 
 
+def test_two_lasers_of_a_robot_see_a_door_each(office: Path, tmp_path: Path) -> None:
+    """
+    Their sightings name them: `calibrate` takes each by itself.
+    """
+    front = LaserRoom(state=lambda _: SHUT)
+    rear = LaserRoom(
+        state=lambda _: SHUT, laser_frame="rear", mount=moved(-0.2, 0) @ turned("z", math.pi)
+    )
+    said = [
+        *front.said(), *rear.statics(),
+        *(replace(each, topic="/rear/scan") for each in rear.scans()),
+    ]  # fmt: skip
+    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
+
+    assert 0 == _run(
+        "import", office, tmp_path / "x.mcap", "--scan", "/scan", "--scan", "/rear/scan"
+    )
+
+    seen = {(entry.source, entry.event.state)
+            for entry in sl.read(office).history(kinds=[DoorObserved])}  # fmt: skip
+    assert {
+        ("scan:laser leaf-likelihood", DoorState.CLOSED),
+        ("scan:rear leaf-likelihood", DoorState.CLOSED),
+    } == seen
+
+
 def test_doors_that_are_never_near_are_a_wrong_frame_maybe(tmp_path: Path) -> None:
     """
     With how near the nearest was.
@@ -479,14 +508,16 @@ def test_scan_stands_alone_or_before_a_topic_or_a_file(
     What follows it is a topic if it can be one and is no file.
     """
     path = _mcap(tmp_path)
-    folder = tmp_path / "patrol"
-    write_ros2(folder, drives_by())
 
     for words in (
         ("--scan", path), ("--scan", "/scan", path), (path, "--scan"), (path, "--scan=/scan"),
-        (path, "--scan", "--json"), ("--scan", folder),
+        (path, "--scan", "--json"),
     ):  # fmt: skip
         assert 0 == _run("import", office, *words), words
+    with TemporaryDirectory(prefix="patrol") as folder:  # whose name could be that of a topic
+        write_ros2(Path(folder) / "bag", drives_by())
+        assert re.fullmatch(r"(/\w+)+", folder)
+        assert 0 == _run("import", office, "--scan", Path(folder) / "bag")
 
     assert 2 == _run("import", office, path, "--pose-topic", "/amcl_pose")
     assert 1 == _run("import", office, path, "--scan", "/rear")
