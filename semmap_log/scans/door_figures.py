@@ -10,10 +10,11 @@ from math import isfinite, nan, sqrt
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.scans.visit import Visit
 
-A_LOOK = 0.9
-"""Fewer looks do not tell where a leaf is: they met its frame, or by chance something else."""
-NEARLY_ALL = 0.75
-"""Of the looks at a door: where as many end near its line, it is shut."""
+LEAST_LOOKS = 2.0
+"""Of a visit: fewer do not tell where a leaf is; they met its frame, or by chance another thing."""
+NEARLY_ALL, MANY_MORE = 0.75, 2.5
+"""Of the looks at a door: where as many end near its line, it is shut. Where many more do, these
+ended well before it: at somebody, or at a leaf that stands toward the robot."""
 
 MOST_AJAR = 0.5
 """P(ajar) from which on a leaf is not where its line is, wherever that is drawn."""
@@ -66,11 +67,9 @@ class DoorFigures:
     """That is said of those that are decided by beams."""
     opening: Mean = field(default_factory=Mean)
     """The clear share of the width, 0..1, where beams saw anything of it."""
-    near: float = 0.0
-    """Looks that ended near the line, of visits to a leaf that may be shut, wherever its line is
-    drawn."""
     behind_m: Mean = field(default_factory=Mean)
-    """Where those ended: behind (+) the line or before (-), as the robot sees it."""
+    """Where beams ended that ended near the line, behind (+) or before (-) it, as the robot sees
+    it: in visits to a leaf that may be shut, wherever its line is drawn."""
     left_m: Mean = field(default_factory=Mean)
     """The same to the left (+) or right (-) of the line, where a visit tells from which side."""
     sides: set[int] = field(default_factory=set)
@@ -101,7 +100,6 @@ class DoorFigures:
 
     def _place(self, visit: Visit) -> None:
         """Take where beams ended."""
-        self.near += visit.near
         self.behind_m.add(visit.behind_m)
         if visit.side:
             self.sides.add(visit.side)
@@ -143,7 +141,8 @@ def is_undecided(visit: Visit) -> bool:
 def _may_be_shut(visit: Visit) -> bool:
     """Tell whether nearly all beams ended near the line, and the door is not open or ajar."""
     stands = visit.state is DoorState.OPEN or visit.ajar >= MOST_AJAR
-    return not stands and visit.near >= max(A_LOOK, NEARLY_ALL * visit.looks)
+    met = NEARLY_ALL * visit.looks <= visit.near <= MANY_MORE * visit.looks
+    return not stands and met and visit.looks >= LEAST_LOOKS
 
 
 def _overlap(one: tuple[int, int], other: tuple[int, int]) -> bool:

@@ -12,8 +12,8 @@ from semmap_log.scans.door_figures import DoorFigures, Mean
 
 FEW = 5
 """Habits are told of doors with at least so many visits."""
-LEAST_LOOKS, LEAST_OFFSETS = 3.0, 3
-"""That ended near a line, and visits that they are of, before it is said where."""
+LEAST_OFFSETS = 3
+"""Visits that an offset is told of."""
 OFF_M = 0.12
 """Less is a leaf in its recess, as drawings go."""
 SURE = 3.0
@@ -79,7 +79,7 @@ def _contradiction(door: DoorFigures) -> str:
 
 
 def _offset(door: DoorFigures) -> str:
-    if door.near < LEAST_LOOKS or door.behind_m.count < LEAST_OFFSETS:
+    if door.behind_m.count < LEAST_OFFSETS:
         return ""
     # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
     if len(door.sides) > 1 and _is_off(door.left_m):

@@ -26,7 +26,7 @@ def test_what_the_page_says_about_a_bag(tmp_path: Path) -> None:
     for block in blocks_of(PAGE):
         runner.run(block)
 
-    assert 4 == len(blocks_of(PAGE))
+    assert 6 == len(blocks_of(PAGE))
 
 
 def test_the_mapping_of_the_page_can_be_read(tmp_path: Path) -> None:

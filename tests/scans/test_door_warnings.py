@@ -76,17 +76,14 @@ def test_leaves_that_lie_behind_from_both_sides_are_behind() -> None:
 
 @pytest.mark.parametrize(
     "behind",
-    [[0.3, 0.3, 0.3], [0.08] * 20, [0.6, -0.4, 0.5, -0.2, 0.3]],
-    ids=["too few looks", "a recess", "by chance"],
+    [[0.3, 0.3], [0.08] * 20, [0.6, -0.4, 0.5, -0.2, 0.3]],
+    ids=["too few visits", "a recess", "by chance"],
 )
 def test_no_offset_is_told_of_little(behind: list[float]) -> None:
     """
-    Few looks, a leaf in its recess and scattered ends tell nothing of the line.
+    Few visits, a leaf in its recess and scattered ends tell nothing of the line.
     """
-    visits = [
-        some_visit(7, n, state=CLOSED, behind_m=at, looks=0.95, near=0.95)
-        for n, at in enumerate(behind)
-    ]
+    visits = [some_visit(7, n, state=CLOSED, behind_m=at) for n, at in enumerate(behind)]
 
     assert not _texts(visits)
 
@@ -97,14 +94,16 @@ def test_visits_that_met_a_leaf_tell_where_it_is() -> None:
     door: however many there are.
     """
     told = [some_visit(7, n, state=CLOSED, behind_m=0.14) for n in range(3)]
+    toward = [some_visit(7, n, state=CLOSED, behind_m=-0.3, near=40.0) for n in range(20)]
     ajar = [some_visit(7, n, state=CLOSED, behind_m=0.3, ajar=0.6) for n in range(20)]
-    grazing = [some_visit(7, n, state=CLOSED, behind_m=0.3, looks=0.5, near=0.4) for n in range(20)]
+    grazing = [some_visit(7, n, state=CLOSED, behind_m=0.3, looks=1.9, near=1.9) for n in range(20)]
     beyond = [some_visit(7, n, state=CLOSED, behind_m=0.3, looks=9.0) for n in range(20)]
     wide = [some_visit(7, n, behind_m=0.3, passed=n == 0) for n in range(20)]
 
     assert "0.14 m behind its line on average (3 visits)" in _texts(told)[0]
     assert not _texts(told[:2])
     assert not _texts(ajar)
+    assert not _texts(toward)
     assert not _texts(grazing)
     assert not _texts(beyond)
     assert not _texts(wide)

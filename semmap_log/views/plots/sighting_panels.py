@@ -50,7 +50,7 @@ AROUND_M = 1.6
 """What is shown around a door, beside its width."""
 MOST_BEAMS = 80
 """So many lines of beams are drawn in a picture; more would be one area."""
-WORD_LETTERS, SMALL_LETTERS, BIG_LETTERS = 44, 34, 22
+WORD_LETTERS, SMALL_LETTERS, BIG_LETTERS = 50, 33, 22
 """In a line above a picture; where there are fewer, they are larger."""
 _LOOK = {
     Fate.aside: (PLOT_BEAM_ASIDE, 1.2),
@@ -177,7 +177,7 @@ def _write(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
     lines: list[tuple[str, float, float, dict[str, Any]]] = [
         (said, 0.34, _size(said), {"color": text, "weight": "bold"}),
         (when(visit, tz), 0.18, 8, {"color": "black"}),
-        (grounds(visit), 0.04, 6.5, {"color": PLOT_WORDS}),
+        (grounds(visit), 0.04, 6.2, {"color": PLOT_WORDS}),
     ]
     for line, above_in, size, look in lines:
         panel.text(0, 1 + above_in / PANEL_IN, printable(_short(line)), fontsize=size,
@@ -187,7 +187,7 @@ def _write(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
 def _size(verdict: str) -> float:
     """Return how large a verdict is written, points, so that it does not reach the next one."""
     letters = len(verdict)
-    return 9.5 if letters < BIG_LETTERS else 7.5 if letters < SMALL_LETTERS else 6.3
+    return 9.5 if letters < BIG_LETTERS else 7.5 if letters < SMALL_LETTERS else 5.8
 
 
 def _frame(panel: Any, scene: DoorScene) -> None:
