@@ -38,7 +38,7 @@ ORDER = [
     {"live"},
     {"planners"},
     {"oprs"},
-    {"demo"},
+    {"demonstration"},
     {"cli"},
     {"__main__"},
 ]

@@ -16,8 +16,8 @@ from semmap_log.cli.common import AsJson, console, print_json, say
 from semmap_log.common.texts import PROGRAM, command_line, counted
 
 if TYPE_CHECKING:
-    from semmap_log.demo import Demo
-    from semmap_log.demo_scans import SeenByLaser
+    from semmap_log.demonstration.demo import Demo
+    from semmap_log.demonstration.demo_scans import SeenByLaser
     from semmap_log.views.column_table import ColumnTable
 
 
@@ -38,7 +38,7 @@ def run(
       semmap-log demo
       semmap-log demo /tmp/look
     """
-    from semmap_log.demo import run_demo
+    from semmap_log.demonstration.demo import run_demo
     from semmap_log.domain.moments import format_short
     from semmap_log.views.belief_table import belief_table
     from semmap_log.views.tables import door_table

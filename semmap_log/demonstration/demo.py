@@ -13,7 +13,7 @@ import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
 from semmap_log.common.texts import command_line, counted
 from semmap_log.costmaps import CostmapOptions, costmap_at
-from semmap_log.demo_scans import SCANS, SeenByLaser, see_by_laser
+from semmap_log.demonstration.demo_scans import SCANS, SeenByLaser, see_by_laser
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import Retracted, RobotPose
@@ -114,7 +114,7 @@ def shipped_recording(name: str) -> Path:
     Raises:
         NotALogError: It is not there: the package was installed without its recordings.
     """
-    package = Path(__file__).parent
+    package = Path(__file__).parents[1]
     for folder in (package / "recordings", package.parent / "recordings"):
         if (folder / name).is_dir():
             return folder / name
