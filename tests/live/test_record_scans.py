@@ -42,7 +42,8 @@ def _recorded(path: Path, said: Iterable[Said], mapping: RosMapping = SCANS) -> 
 
     def during(node: MemoryNode) -> None:
         for each in all_said:
-            node.say(each)
+            if each.topic in node.takers:  # others nobody hears
+                node.say(each)
 
     node = MemoryNode(during, {each.topic: each.ros_type for each in all_said})
     with sl.append(path, durability="none", compact=False) as log:

@@ -654,6 +654,7 @@ def test_answers_that_nobody_takes_fill_no_memory(
     """
     Those that come at once, and those that are found later; and the passer may come to itself.
     """
+    assert "NIL" == kernel.answer("(ASK up (DOOR_OPEN DOOR_99))", "up")  # from here on it serves
     session = world.service._session
     assert session is not None
     monkeypatch.setattr(kernel_session, "MOST_ANSWER_BYTES", 5000)
