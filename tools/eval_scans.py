@@ -156,9 +156,9 @@ def _of_log(name: str, figures: Scores) -> str:
     if virtual:
         lines += [
             *_rows(virtual, WORDS[::-1], "virtual leaf "),
-            f"{_summary(virtual)}",
-            f"  wrong {_with_error(virtual, 'wrong')}, "
-            f"ajar read OPEN {_with_error(virtual, 'ajar_open')}; {virtual['seeds']} seeds",
+            _summary(virtual),
+            f"  wrong {_with_error(virtual, 'wrong')}; ajar read OPEN "  # noqa: ISC004
+            f"{_with_error(virtual, 'ajar_open')}; {virtual['seeds']} seeds",
         ]
     return "\n".join(lines)
 
@@ -176,7 +176,8 @@ def _summary(figures: Scores) -> str:
     return (
         f"  decided visits: {figures['wrong']:.2%} wrong, said accuracy "
         f"{figures['said_accuracy']:.4f}, was {1 - figures['wrong']:.4f}; undecided "
-        f"{figures['undecided']:.1%}; ECE {figures['ece']:.4f}, worst bin {figures['worst_bin']:.2f}"
+        f"{figures['undecided']:.1%}; ECE {figures['ece']:.4f}, "
+        f"worst bin {figures['worst_bin']:.2f}"
     )
 
 

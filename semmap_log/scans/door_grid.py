@@ -19,13 +19,14 @@ class DoorGrid:
 
     def __init__(self, doors: DoorPlaces, *, reach: float) -> None:
         self._reach = reach
-        x, y, theta, width = doors.lines.reshape(-1, 4).T
+        lines = doors.lines.reshape(-1, 4)
+        # a door without a place, or with an absurd one, is met nowhere
+        usable = (np.abs(lines) < FARTHEST).all(1) & (lines[:, 3] > 0)
+        x, y, theta, width = np.where(usable[:, None], lines, 0).T
         self.middles = np.stack(
             [x + 0.5 * width * np.cos(theta), y + 0.5 * width * np.sin(theta)], axis=1
         )
-        # a door without a place, or with an absurd one, is met nowhere
-        usable = np.isfinite(doors.lines).all(1) & (width > 0)
-        usable &= np.abs(self.middles).max(1, initial=0) < FARTHEST
+        """(d, 2) m"""
         self._squares = self._by_square(doors.levels, usable)
 
     def _by_square(

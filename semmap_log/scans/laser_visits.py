@@ -174,6 +174,7 @@ class _Newness:
         self._model = model
         self._last: tuple[int, float, float] | None = None
         self._fresh = inf
+        self._looked_ns = 0
 
     def of(self, stack: ScanStack) -> NDArray[np.float64]:
         """Return (t,) what share of a new look each scan is; 0: it waits for the next one."""
@@ -184,8 +185,9 @@ class _Newness:
                 moved = float(np.hypot(x - self._last[1], y - self._last[2]))
                 waited_s = (stamp_ns - self._last[0]) / SECOND_NS
                 self._fresh += moved / self._model.step + waited_s / self._model.still_s
-            if self._fresh >= self._model.least_fresh:
+            is_old = stamp_ns - self._looked_ns >= self._model.least_often_s * SECOND_NS
+            if self._fresh >= self._model.least_fresh or is_old:
                 worth[i] = min(self._fresh, 1.0)
-                self._fresh = 0.0
+                self._fresh, self._looked_ns = 0.0, stamp_ns
             self._last = (stamp_ns, x, y)
         return worth

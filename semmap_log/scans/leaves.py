@@ -133,14 +133,16 @@ def _double() -> Iterable[Stand]:
 
 
 def _sliding() -> Iterable[Stand]:
-    """Yield a leaf that slides to either end, or two that part in the middle."""
+    """Yield a leaf that slides to either end, or two that part in the middle.
+
+    Somebody who stands in such a door looks like the leaf.
+    """
     yield (Leaf(0, 0, 1),), 0.0, 1.0
     for clear in SLID:
         yield (Leaf(0, 0, 1 - clear),), clear, 1.0
         yield (Leaf(clear, 0, 1 - clear),), clear, 1.0
         yield (Leaf(0, 0, (1 - clear) / 2), Leaf((1 + clear) / 2, 0, (1 - clear) / 2)), clear, 1.0
     yield (), 1.0, 6.0
-    yield from _somebody(0.6)
 
 
 def _folding() -> Iterable[Stand]:
