@@ -47,11 +47,11 @@ def log_likelihoods(beams: DoorBeams, leaves: Leaves, glass: Floats, model: Scan
     `glass` (m,): P(the beam passes a leaf).
     """
     view = _View.of(beams, glass, model)
-    origins = np.stack([*shifted(beams), np.ones_like(view.plane)], axis=2).astype(np.float32)
+    x, y = (_single(column)[:, :, None] for column in shifted(beams))
     table = np.repeat(view.free[:, :, None], len(leaves.clear), axis=2)
     nearest = np.broadcast_to(view.wall_at[:, :, None], table.shape)
     for k in range(leaves.most):
-        far, along = _met(beams, view, origins, leaves, k)
+        far, along = _met(beams, view, leaves, k, x, y)
         met = np.abs(along, out=along) <= 0.5
         met &= far > view.blind[:, None, None]
         met &= far < nearest
@@ -142,11 +142,11 @@ def _chance(far: Table, view: _View) -> Table:
 
 
 def _met(
-    beams: DoorBeams, view: _View, origins: Table, leaves: Leaves, k: int
+    beams: DoorBeams, view: _View, leaves: Leaves, k: int, x: Table, y: Table
 ) -> tuple[Table, Table]:
     """Return (m, s, h) how far a leaf lies beyond where the beam ended, and where on it: -0.5..0.5.
 
-    Both are linear in where the beam begins, so that all shifts are one product of matrices.
+    Both are linear in where the beam begins: `x` and `y` (m, s, 1).
     """
     ex, ey = np.cos(leaves.turns[:, k], dtype=float), np.sin(leaves.turns[:, k], dtype=float)
     ux, uy = beams.ux[:, None], beams.uy[:, None]
@@ -155,10 +155,17 @@ def _met(
     sine = np.where(np.abs(sine) < LEAST_SINE, LEAST_SINE, sine)
     much = view.scale[:, None] / sine
     ended = (view.ended * view.scale)[:, None]
-    far = np.stack([-ey * much, ex * much, (ax * ey - ay * ex) * much - ended], axis=1)
+    far = _linear(x, y, -ey * much, ex * much, (ax * ey - ay * ex) * much - ended)
     share = 1 / (sine * np.maximum(leaves.lengths[:, k], LEAST_LENGTH) * beams.width[:, None])
-    along = np.stack([-uy * share, ux * share, (ax * uy - ay * ux) * share - 0.5], axis=1)
-    return origins @ _single(far), origins @ _single(along)
+    return far, _linear(x, y, -uy * share, ux * share, (ax * uy - ay * ux) * share - 0.5)
+
+
+def _linear(x: Table, y: Table, by_x: Floats, by_y: Floats, fixed: Floats) -> Table:
+    """Return (m, s, h): x by_x + y by_y + fixed, of (m, s, 1) and (m, h)."""
+    found = x * _single(by_x)[:, None, :]
+    found += y * _single(by_y)[:, None, :]
+    found += _single(fixed)[:, None, :]
+    return found
 
 
 def wall_log_likelihoods(beams: DoorBeams, model: ScanModel) -> Floats:

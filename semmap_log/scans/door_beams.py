@@ -41,7 +41,7 @@ class DoorBeams:
     reaches: NDArray[np.bool_]
     """(m,) it did not end well before the line."""
 
-    def only(self, chosen: NDArray[np.bool_]) -> DoorBeams:
+    def only(self, chosen: NDArray[np.bool_] | Rows) -> DoorBeams:
         """Return the chosen beams."""
         return DoorBeams(*(getattr(self, field.name)[chosen] for field in fields(self)))
 

@@ -22,8 +22,8 @@ from semmap_log.scans.visit import Visit
 from semmap_log.scans.visit_sums import VisitSums
 from semmap_log.scans.watched_doors import WatchedDoors
 
-AT_ONCE = 32
-"""Scans whose beams are worked on together: about what a processor's cache holds."""
+AT_ONCE = 64
+"""Scans that are worked on together."""
 
 
 class LaserVisits:

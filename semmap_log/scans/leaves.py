@@ -105,7 +105,7 @@ def _hinged() -> Iterable[Stand]:
         for leaf in _swung(angle, 1.0):
             yield (leaf,), 1 - max(cos(angle), 0), 0.25
     yield (), 1.0, 3.0
-    yield from _somebody(0.3)
+    yield from _somebody(0.1)
 
 
 def _somebody(weight: float) -> Iterable[Stand]:
@@ -159,7 +159,7 @@ def _folding() -> Iterable[Stand]:
             )
             yield panel, 1 - cos(angle), 0.25
     yield (), 1.0, 1.0
-    yield from _somebody(0.2)
+    yield from _somebody(0.1)
 
 
 _STANDS = {"double": _double, "sliding": _sliding, "folding": _folding}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,9 @@ from semmap_log.scans.watched_doors import WatchedDoors
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
+
+AT_ONCE = 256
+"""Beams whose tables are made together: what a processor's cache holds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,13 +76,24 @@ def _tables(
     kinds = doors.kind[door]
     found: dict[int, NDArray[np.float32]] = {}
     for kind in np.unique(kinds).tolist():
-        chosen = kinds == kind
-        beams = sights.beams.only(chosen)
-        table = log_likelihoods(beams, doors.kinds[kind], glass[door[chosen]], model)
-        starts = _starts(beams.sight)
-        sums = np.add.reduceat(table, starts, axis=0)
-        found |= dict(zip(beams.sight[starts].tolist(), sums, strict=True))
+        chosen = np.flatnonzero(kinds == kind)
+        for rows in _blocks(sights.beams.sight[chosen]):
+            beams = sights.beams.only(chosen[rows])
+            through = glass[door[chosen[rows]]]
+            table = log_likelihoods(beams, doors.kinds[kind], through, model)
+            starts = _starts(beams.sight)
+            sums = np.add.reduceat(table, starts, axis=0)
+            found |= dict(zip(beams.sight[starts].tolist(), sums, strict=True))
     return found
+
+
+def _blocks(sight: Rows) -> Iterator[slice]:
+    """Yield slices of whole sights, of about `AT_ONCE` beams each."""
+    starts = _starts(sight)
+    block = starts // AT_ONCE
+    ends = [*starts[_starts(block)].tolist(), len(sight)]
+    for start, end in pairwise(ends):
+        yield slice(start, end)
 
 
 def _by_sight(values: NDArray[np.generic], sight: Rows, count: int) -> Floats:
