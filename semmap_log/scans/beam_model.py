@@ -44,33 +44,33 @@ LEAST_LENGTH = 1e-3
 def log_likelihoods(beams: DoorBeams, leaves: Leaves, glass: Floats, model: ScanModel) -> Table:
     """Return (m, s, h): log p(range | shift of the laser, stand of the leaves) of each beam.
 
-    `glass` (m,): P(the beam passes a leaf).
+    `glass` (m,): P(the beam passes a leaf). Beams run fastest in memory: there are most of them.
     """
     view = _View.of(beams, glass, model)
-    x, y = (_single(column)[:, :, None] for column in shifted(beams))
-    table = np.repeat(view.free[:, :, None], len(leaves.clear), axis=2)
-    nearest = np.broadcast_to(view.wall_at[:, :, None], table.shape)
+    table = np.repeat(view.free[None], len(leaves.clear), axis=0)
+    nearest = np.broadcast_to(view.wall_at, table.shape)
     for k in range(leaves.most):
-        far, along = _met(beams, view, leaves, k, x, y)
+        far, along = _met(beams, view, leaves, k)
         met = np.abs(along, out=along) <= 0.5
-        met &= far > view.blind[:, None, None]
+        met &= far > view.blind
         met &= far < nearest
-        met &= leaves.lengths[:, k] > 0
+        met &= (leaves.lengths[:, k] > 0)[:, None, None]
         np.copyto(table, _chance(far, view), where=met)
         if k + 1 < leaves.most:
             nearest = np.where(met, far, nearest)
-    return np.log(table, out=table)
+    return np.asarray(np.log(table, out=table).transpose(2, 1, 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """What of the mixture does not depend on the leaves; (m, s), or (m,) where shifts do not count.
+    """What of the mixture does not depend on the leaves; (s, m), or (m,) where shifts do not count.
 
     Distances are in noise scales beyond where the beam ended.
     """
 
-    plane: Floats
-    """m"""
+    x: Table
+    y: Table
+    """Where the beam begins, m."""
     scale: Floats
     """(m,) noise scales in a metre."""
     ended: Floats
@@ -94,77 +94,77 @@ class _View:
 
     @classmethod
     def of(cls, beams: DoorBeams, glass: Floats, model: ScanModel) -> _View:
-        lost = ~np.isfinite(beams.range)
+        lost = ~beams.came_back
         ended = np.where(lost, beams.max_range, beams.range)
         spread = _spread(beams, model)
         scale = 1 / (sqrt(FREEDOM) * spread)
-        plane = shifted_planes(beams)
-        where = shifted(beams)[0] + plane * beams.ux[:, None]
-        wall = (where < 0) | (where > beams.width[:, None])
-        past = ended[:, None] - plane
+        x, y = (column.T for column in shifted(beams))
+        plane = shifted_planes(beams).T
+        where = x + plane * beams.ux
+        wall = (where < 0) | (where > beams.width)
+        past = ended - plane
         hit = (1 - model.short - model.stray) * (1 - model.lost)
-        stray = (model.stray / beams.max_range)[:, None]
+        stray = model.stray / beams.max_range
         short = model.short / np.maximum(plane, 0.1)
         tail = np.exp(-np.clip(past, 0, None) / model.room)
         depth = np.where(past > -LEAST_RANGE, tail / model.room, 0)
         peak = hit * (1 - glass) * HEIGHT / spread
-        noise = peak[:, None] * (1 + (past * scale[:, None]) ** 2) ** -2
+        noise = peak * (1 + (past * scale) ** 2) ** -2
         free = np.where(wall, noise, hit * depth) + np.where(past < 0, short, 0) + stray
         gone = np.where(wall, model.lost, model.lost + (1 - model.lost) * tail)
-        off_leaf = model.lost + glass[:, None] * (gone - model.lost)
+        off_leaf = model.lost + glass * (gone - model.lost)
         return cls(
-            plane=plane,
+            x=_single(x),
+            y=_single(y),
             scale=scale,
             ended=ended,
             blind=_single((LEAST_RANGE - ended) * scale),
-            wall_at=_single(np.where(wall, -past * scale[:, None], np.inf)),
-            before=_single((-past - model.before) * scale[:, None]),
-            free=_single(np.where(lost[:, None], gone, free)),
+            wall_at=_single(np.where(wall, -past * scale, np.inf)),
+            before=_single((-past - model.before) * scale),
+            free=_single(np.where(lost, gone, free)),
             peak=_single(np.where(lost, 0, peak)),
-            ends_short=_single(np.where(lost[:, None], off_leaf, short + stray)),
-            ends_beyond=_single(
-                np.where(lost[:, None], off_leaf, hit * glass[:, None] * depth + stray)
-            ),
+            ends_short=_single(np.where(lost, off_leaf, short + stray)),
+            ends_beyond=_single(np.where(lost, off_leaf, hit * glass * depth + stray)),
             persuades=np.float32(model.persuades),
         )
 
 
 def _chance(far: Table, view: _View) -> Table:
-    """Return (m, s, h) p of the ranges, were a leaf met at `far`."""
+    """Return (h, s, m) p of the ranges, were a leaf met at `far`."""
     chance = far * far
     chance += 1
     chance *= chance
     np.reciprocal(chance, out=chance)
-    chance *= view.peak[:, None, None]
-    np.multiply(chance, view.persuades, out=chance, where=far < view.before[:, :, None])
-    chance += np.where(far > 0, view.ends_short[:, :, None], view.ends_beyond[:, :, None])
+    chance *= view.peak
+    np.multiply(chance, view.persuades, out=chance, where=far < view.before)
+    chance += np.where(far > 0, view.ends_short, view.ends_beyond)
     return chance
 
 
-def _met(
-    beams: DoorBeams, view: _View, leaves: Leaves, k: int, x: Table, y: Table
-) -> tuple[Table, Table]:
-    """Return (m, s, h) how far a leaf lies beyond where the beam ended, and where on it: -0.5..0.5.
+def _met(beams: DoorBeams, view: _View, leaves: Leaves, k: int) -> tuple[Table, Table]:
+    """Return (h, s, m) how far a leaf lies beyond where the beam ended, and where on it: -0.5..0.5.
 
-    Both are linear in where the beam begins: `x` and `y` (m, s, 1).
+    Both are linear in where the beam begins.
     """
-    ex, ey = np.cos(leaves.turns[:, k], dtype=float), np.sin(leaves.turns[:, k], dtype=float)
-    ux, uy = beams.ux[:, None], beams.uy[:, None]
-    ax, ay = (leaves.starts[:, k, i] * beams.width[:, None] for i in (0, 1))
+    turn = leaves.turns[:, k, None].astype(np.float64)
+    ex, ey = np.cos(turn), np.sin(turn)
+    ux, uy = beams.ux, beams.uy
+    ax, ay = (leaves.starts[:, k, i, None] * beams.width for i in (0, 1))
     sine = ux * ey - uy * ex
     sine = np.where(np.abs(sine) < LEAST_SINE, LEAST_SINE, sine)
-    much = view.scale[:, None] / sine
-    ended = (view.ended * view.scale)[:, None]
-    far = _linear(x, y, -ey * much, ex * much, (ax * ey - ay * ex) * much - ended)
-    share = 1 / (sine * np.maximum(leaves.lengths[:, k], LEAST_LENGTH) * beams.width[:, None])
-    return far, _linear(x, y, -uy * share, ux * share, (ax * uy - ay * ux) * share - 0.5)
+    much = view.scale / sine
+    ended = view.ended * view.scale
+    far = _linear(view, -ey * much, ex * much, (ax * ey - ay * ex) * much - ended)
+    length = np.maximum(leaves.lengths[:, k, None], LEAST_LENGTH) * beams.width
+    share = 1 / (sine * length)
+    return far, _linear(view, -uy * share, ux * share, (ax * uy - ay * ux) * share - 0.5)
 
 
-def _linear(x: Table, y: Table, by_x: Floats, by_y: Floats, fixed: Floats) -> Table:
-    """Return (m, s, h): x by_x + y by_y + fixed, of (m, s, 1) and (m, h)."""
-    found = x * _single(by_x)[:, None, :]
-    found += y * _single(by_y)[:, None, :]
-    found += _single(fixed)[:, None, :]
+def _linear(view: _View, by_x: Floats, by_y: Floats, fixed: Floats) -> Table:
+    """Return (h, s, m): x by_x + y by_y + fixed, the factors (h, m)."""
+    found = view.x * _single(by_x)[:, None]
+    found += view.y * _single(by_y)[:, None]
+    found += _single(fixed)[:, None]
     return found
 
 
@@ -195,4 +195,4 @@ def _spread(beams: DoorBeams, model: ScanModel) -> Floats:
 
 
 def _single(values: Floats) -> Table:
-    return values.astype(np.float32)
+    return np.ascontiguousarray(values, np.float32)

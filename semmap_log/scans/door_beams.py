@@ -71,6 +71,8 @@ class Sights:
     """Through the door's line."""
     looks: Floats
     """(p,) how many looks one of them is worth."""
+    hidden: Floats
+    """(p,) how many beams towards the line ended well before it."""
     beside: DoorBeams
     """To the wall at both ends of the line."""
     beside_looks: Floats
@@ -101,6 +103,7 @@ def sights_of(stack: ScanStack, lines: Floats, pairs: Pairs, model: ScanModel) -
     crossing = _towards(stack, near, [inner], model.beams)
     beams = _beams(stack, near, crossing, model)
     inside = (beams.where > 0) & (beams.where < beams.width)
+    hidden = np.bincount(beams.sight[inside & ~beams.reaches], minlength=len(width))
     beams = beams.only(inside & (beams.reaches | _swept(beams)))
     outer = [
         (np.full(len(width), -model.beside), np.full(len(width), -model.margin)),
@@ -114,6 +117,7 @@ def sights_of(stack: ScanStack, lines: Floats, pairs: Pairs, model: ScanModel) -
         near.door,
         beams,
         crossing.looks(width, model),
+        hidden.astype(np.float64),
         beside,
         walls.looks(2 * (model.beside - model.margin), model),
     )
@@ -165,7 +169,7 @@ def _towards(
     stack: ScanStack, near: _Near, between: list[tuple[Floats, Floats]], most: int
 ) -> _Chosen:
     """Return evenly spaced beams to between two places on each line, at `most` of each stretch."""
-    parts = [_stretch(stack, near, *ends, most) for ends in between]
+    parts = [_evenly(stack, near, *ends, most) for ends in between]
     sight = np.concatenate([part.sight for part in parts])
     order = np.argsort(sight, kind="stable")
     row = np.concatenate([part.row for part in parts])
@@ -173,7 +177,7 @@ def _towards(
     return _Chosen(sight[order], row[order], np.asarray(number), np.asarray(chosen))
 
 
-def _stretch(stack: ScanStack, near: _Near, start: Floats, end: Floats, most: int) -> _Chosen:
+def _evenly(stack: ScanStack, near: _Near, start: Floats, end: Floats, most: int) -> _Chosen:
     """Return evenly spaced beams to between `start` and `end` (p,) m on each line.
 
     A scan of a whole turn begins and ends in the same direction: what lies there is looked at by

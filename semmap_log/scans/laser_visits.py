@@ -60,7 +60,7 @@ class LaserVisits:
     def end(self, doors: WatchedDoors, ids: Iterable[int] | None = None) -> list[Visit]:
         """End the visits to these doors, or to all; return those that there were."""
         chosen = [i for i in (list(self._going) if ids is None else ids) if i in self._going]
-        return [self._judged(door_id, doors) for door_id in chosen]
+        return [self._ended(door_id, doors) for door_id in chosen]
 
     def restart(self, doors: WatchedDoors) -> list[Visit]:
         """End all visits, since the laser's clock went back far; return them."""
@@ -103,7 +103,7 @@ class LaserVisits:
             at = int(sights.door[row])
             door_id, stamp_ns = int(doors.ids[at]), int(stack.stamps_ns[sights.scan[row]])
             if door_id in self._going and self._is_over(door_id, stamp_ns):
-                done.append(self._judged(door_id, doors))
+                done.append(self._ended(door_id, doors))
             if door_id not in self._going:
                 self._going[door_id] = VisitSums.begun(stamp_ns, doors.leaves[at])
             worth = 1.0 if self._was_away(door_id, stamp_ns) else float(fresh[sights.scan[row]])
@@ -120,7 +120,7 @@ class LaserVisits:
         long_ns = now_ns - self._going[door_id].first_ns
         return self._was_away(door_id, now_ns) or long_ns > self._model.longest_s * SECOND_NS
 
-    def _judged(self, door_id: int, doors: WatchedDoors) -> Visit:
+    def _ended(self, door_id: int, doors: WatchedDoors) -> Visit:
         """End a visit; return what it says."""
         sums, at = self._going.pop(door_id), doors.row_of[door_id]
         leaves = doors.leaves[at]

@@ -15,7 +15,7 @@ NEARLY = 0.03
 """A smaller clear share is shut: up to 12 degrees of a hinged leaf."""
 CLEAR = 0.5
 """The clear share of the width from which on a door is open."""
-ANGLES = tuple(map(radians, (12, 25, 40, 60, 80, 100)))
+ANGLES = tuple(map(radians, (12, 24, 36, 48, 60, 80, 100)))
 """Of a hinged leaf that is not shut."""
 SLID = (0.1, 0.25, 0.4, 0.55, 0.75)
 """Clear shares of a sliding door that stands in between."""

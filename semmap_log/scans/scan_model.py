@@ -85,6 +85,9 @@ class ScanModel:
     """Looks through the line, or on it, that a word needs."""
     most_deep: float = 0.3
     """CLOSED needs that fewer looks went deep, as a share of those that ended on the line."""
+    most_hidden: float = 0.8
+    """Share of the beams towards the door that something before it stopped: more, and what the
+    others met is as likely its edge as the door."""
     least_accuracy: float = 0.8
     """Below it nothing is said."""
     most_ajar_shut: float = 0.5

@@ -65,12 +65,18 @@ class _Looks:
     through: float
     stopped: float
     deep: float
+    hidden: float
+    """Share of the looks towards the door that ended well before it."""
 
     @classmethod
     def of(cls, sums: VisitSums, share: Floats, leaves: Leaves, p_open: float) -> _Looks:
         by_shift = share[:, leaves.open if p_open > 0.5 else leaves.shut].sum(1)
         by_shift /= max(float(by_shift.sum()), np.finfo(float).tiny)
-        return cls(*(float(by_shift @ n) for n in (sums.through, sums.stopped, sums.deep)))
+        through, stopped, deep = (
+            float(by_shift @ looks) for looks in (sums.through, sums.stopped, sums.deep)
+        )
+        hidden = sums.hidden / max(sums.hidden + sums.looks, 1e-9)
+        return cls(through, stopped, deep, hidden)
 
 
 def _why(p_open: float, ajar: float, looks: _Looks, model: ScanModel, *, is_glass: bool) -> str:
@@ -84,6 +90,8 @@ def _why(p_open: float, ajar: float, looks: _Looks, model: ScanModel, *, is_glas
         return "it may be ajar"
     if max(p_open, 1 - p_open) < model.least_accuracy:
         return "open and shut are nearly as likely"
+    if looks.hidden > model.most_hidden:
+        return "something before it hides it"
     if is_open and looks.through < model.enough:
         return "too few beams went through"
     if not is_open and looks.stopped < model.enough:

@@ -37,6 +37,8 @@ class VisitSums:
     scans: int = 0
     looks: float = 0.0
     wall_looks: float = 0.0
+    hidden: float = 0.0
+    """Looks that ended well before the line."""
     near: float = 0.0
     behind: float = 0.0
     """Looks that ended near the line, and the sum of how far behind it, m."""
@@ -58,6 +60,7 @@ class VisitSums:
         self.through += look * sums.through[row]
         self.stopped += look * sums.stopped[row]
         self.deep += look * sums.deep[row]
+        self.hidden += look * float(sights.hidden[row])
         self.near += look * float(sums.near[row])
         self.behind += look * float(sums.behind[row])
         beside = fresh * float(sights.beside_looks[row])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import cos, exp, hypot, inf, isinf, log, pi, sin, sqrt
 
 import numpy as np
@@ -119,6 +120,29 @@ def test_many_beams_at_once_are_each_as_alone(kind: str, glass: float) -> None:
     assert wrong <= 0.002 * table.size
 
 
+def test_a_stand_without_a_leaf_stops_no_beam() -> None:
+    """
+    Nor one that crosses the line just where a leaf would begin.
+    """
+    beams, leaves = some_beams(8, seed=1), leaves_of("double")
+    beams = replace(
+        beams,
+        x=np.full(8, 0.0004),
+        y=np.full(8, -2.0),
+        ux=np.zeros(8),
+        uy=np.ones(8),
+        range=np.full(8, 2.0),
+        plane=np.full(8, 2.0),
+        width=np.ones(8),
+    )
+
+    table = log_likelihoods(beams, leaves, np.full(8, 0.01), MODEL)
+
+    (gone,) = np.flatnonzero((leaves.lengths == 0).all(1)).tolist()
+    alone = [one_log_likelihood(beams, i, SHIFTS[0], leaves, gone, glass=0.01) for i in range(8)]
+    assert table[:, 0, gone] == pytest.approx(alone, abs=0.01)
+
+
 def test_a_beam_that_ends_on_the_line_is_likelier_off_a_shut_leaf() -> None:
     beams = some_beams(200, seed=9)
     on_line, deep = np.abs(beams.range - beams.plane) < 0.03, beams.range > beams.plane + 0.6
@@ -137,9 +161,7 @@ def test_walls_beside_a_door_tell_how_far_the_laser_is_off() -> None:
     """
     beams = some_beams(300, seed=4)
     behind = np.hypot(beams.ux, beams.uy) * 0.2 / np.abs(beams.uy)
-    beams = DoorBeams(**{
-        name: getattr(beams, name) for name in DoorBeams.__dataclass_fields__
-    } | {"range": beams.plane + behind, "sd": np.full(300, 0.057)})  # fmt: skip
+    beams = replace(beams, range=beams.plane + behind, sd=np.full(300, 0.057))
 
     table = wall_log_likelihoods(beams, MODEL).sum(0)
 

@@ -140,6 +140,7 @@ def test_what_ended_well_before_the_door_says_nothing_unless_a_leaf_may_be_there
     far, near = np.array([[-0.6, 4.0, 0.0, 1.2]]), np.array([[-0.6, 1.6, 0.0, 1.2]])
 
     assert 0 == len(sights(scan, far).beams.range)
+    assert sights(scan, far).hidden[0] > 50
     swept = sights(scan, near).beams
     assert len(swept.range)
     assert not swept.reaches.any()
@@ -151,3 +152,4 @@ def test_a_beam_that_was_not_measured_says_nothing() -> None:
     none = replaced(scan, ranges=np.full(500, np.nan))
 
     assert 0 == len(sights(none, doors).beams.range)
+    assert 0 == sights(none, doors).hidden.sum()

@@ -7,6 +7,8 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from semmap_log.domain.doors import DoorState
 from semmap_log.scans.door_watcher import DoorWatcher
@@ -42,6 +44,30 @@ def much_the_same(one: Visit, other: Visit) -> bool:
         and one.looks == pytest.approx(other.looks)
         and one.opening == pytest.approx(other.opening, abs=1e-2)
     )
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    turn=st.floats(-pi, pi),
+    away=st.floats(0.6, 1.8),
+    width=st.floats(0.7, 1.3),
+    recess=st.floats(-0.03, 0.06),
+    heading=st.floats(-1.0, 1.0),
+)
+def test_wherever_a_door_lies_shut_is_never_open_nor_open_shut(
+    turn: float, away: float, width: float, recess: float, heading: float
+) -> None:
+    walls = ((-20.0, 1, 0, 1), (width, 1, 20, 1), (-2, 1, -2, 4), (3, 1, 3, 4), (-2, 4, 3, 4))
+    track = tuple((x, 1 - away, heading) for x in np.arange(-1.5, 2.6, 0.5).tolist())
+    c, s = cos(turn), sin(turn)
+    line = (-s + 3, c - 2, turn, width)
+    for leaves, wrong in [
+        (((0.0, 1 + recess, width, 1 + recess),), DoorState.OPEN),
+        ((), DoorState.CLOSED),
+    ]:
+        scans = [moved(scan, 3, -2, turn) for scan in Drive((*walls, *leaves), track).scans()]
+        (visit,) = seen(scans, places(line))
+        assert visit.state is not wrong
 
 
 @pytest.mark.parametrize("recess", [-0.02, 0, 0.05])
@@ -85,9 +111,9 @@ def test_a_leaf_that_is_ajar_is_not_open_whichever_way_it_swings(
 
 
 def test_the_likeliest_leaf_lies_where_the_leaf_is() -> None:
-    visit = the_visit(past(leaf(40, at_end=True)).scans(), places())
+    visit = the_visit(past(leaf(36, at_end=True)).scans(), places())
 
-    assert visit.leaves == (pytest.approx(leaf(40, at_end=True), abs=0.05),)
+    assert visit.leaves == (pytest.approx(leaf(36, at_end=True), abs=0.05),)
 
 
 @pytest.mark.parametrize(
@@ -228,7 +254,7 @@ def test_bearings_may_descend() -> None:
     assert much_the_same(the_visit(scans, places()), the_visit(turned, places()))
 
 
-@pytest.mark.parametrize("seam", np.linspace(0, 2 * pi, 9).tolist())
+@pytest.mark.parametrize("seam", [0.0, 0.9, 1.1, 1.2, 1.3, pi / 2, 3.0, 5.5, 7.4])
 def test_where_a_whole_turn_begins_makes_no_difference(seam: float) -> None:
     """
     A laser that sees all around: its first beam may point at the door.

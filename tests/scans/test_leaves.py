@@ -45,14 +45,14 @@ def test_a_hinged_door_has_leaves_at_both_ends_to_both_sides() -> None:
     leaves = leaves_of("hinged")
 
     assert leaves.clear[row_of(leaves, (10, 20, 10, 22))] == 0
-    in_line, across = 2 * cos(radians(40)), 2 * cos(radians(50))
+    in_line, across = 2 * cos(radians(36)), 2 * cos(radians(54))
     for segment in [
         (10, 20, 10 - across, 20 + in_line),
         (10, 20, 10 + across, 20 + in_line),
         (10, 22, 10 - across, 22 - in_line),
         (10, 22, 10 + across, 22 - in_line),
     ]:
-        assert leaves.clear[row_of(leaves, segment)] == pytest.approx(1 - cos(radians(40)))
+        assert leaves.clear[row_of(leaves, segment)] == pytest.approx(1 - cos(radians(36)))
 
 
 def test_the_leaves_of_a_double_door_stand_each_by_itself() -> None:

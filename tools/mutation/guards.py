@@ -28,6 +28,7 @@ from mutation.picture_guards import PICTURES
 from mutation.planner_file_guards import PLANNER_FILES
 from mutation.planner_guards import PLANNERS
 from mutation.ros_mapping_guards import ROS_MAPPING
+from mutation.scan_guards import SCANS
 from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
 
@@ -384,5 +385,5 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS, *OPRS, *LASER_INPUT,
+    *KERNELS, *OPRS, *LASER_INPUT, *SCANS,
 )  # fmt: skip

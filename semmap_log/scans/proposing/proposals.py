@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import cos, hypot, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,12 @@ class Proposal:
     """Visits that took a leaf between shut and open for likely."""
     passed: int
     """How often the robot drove through."""
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Of the line, m."""
+        half = self.width / 2
+        return self.x + half * cos(self.theta), self.y + half * sin(self.theta)
 
 
 def proposals_of(
@@ -193,10 +200,5 @@ def _apart(proposals: Sequence[Proposal]) -> list[Proposal]:
 
 
 def _distance(one: Proposal, other: Proposal) -> float:
-    x, y = (
-        a.x + a.width / 2 * np.cos(a.theta) - b.x - b.width / 2 * np.cos(b.theta)
-        if axis == 0
-        else a.y + a.width / 2 * np.sin(a.theta) - b.y - b.width / 2 * np.sin(b.theta)
-        for axis, (a, b) in enumerate([(one, other)] * 2)
-    )
-    return float(np.hypot(x, y))
+    (x, y), (other_x, other_y) = one.middle, other.middle
+    return hypot(x - other_x, y - other_y)
