@@ -20,6 +20,7 @@ from semmap_log.cli.mapping import (
 )
 
 if TYPE_CHECKING:
+    from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
 
 
@@ -136,12 +137,15 @@ def run(
     from semmap_log.importing.scan_topics import ScanOptions
 
     files = files or []
-    _check_together(files, since, since_ever=since_ever, dry_run=dry_run)
     check_scan(scan, pose_topic)
     topics = None if scan is None else tuple(filter(None, scan))
     scans = None if topics is None else ScanOptions(topics, pose_topic or "")
+    is_by_scans = scans is not None
+    _check_together(files, since, since_ever=since_ever, dry_run=dry_run, by_scans=is_by_scans)
     if dry_run:
-        _show(log, files, ImportOptions(mapping=mapping, scan=scans))
+        reader = sl.read(log)
+        since_ns = _time_ns(reader, since, "--since")
+        _show(reader, files, ImportOptions(mapping=mapping, scan=scans, since_ns=since_ns))
         return
     results = []
     with sl.append(log) as opened:
@@ -172,7 +176,7 @@ run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"
 
 
 def _check_together(
-    files: list[Path], since: str | None, *, since_ever: bool, dry_run: bool
+    files: list[Path], since: str | None, *, since_ever: bool, dry_run: bool, by_scans: bool
 ) -> None:
     """Refuse options that need others, or exclude them."""
     if since is not None and since_ever:
@@ -185,7 +189,9 @@ def _check_together(
         )
     if not files and not is_dated:
         raise typer.BadParameter("give at least one file", param_hint="FILE")
-    if dry_run and is_dated:
+    if by_scans and since_ever:
+        raise typer.BadParameter("of scans, say when: --since TIME", param_hint="--since-ever")
+    if dry_run and is_dated and not by_scans:
         raise typer.BadParameter("shows what a bag would bring", param_hint="--dry-run")
 
 
@@ -213,7 +219,7 @@ def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int
 
 
 def _time_ns(
-    log: DoorLogWriter, text: str | None, option: str, *, now_ns: int | None = None
+    log: DoorLog, text: str | None, option: str, *, now_ns: int | None = None
 ) -> int | None:
     """Return the time that an option tells; None: it was not given.
 
@@ -228,18 +234,16 @@ def _time_ns(
     return moment.ns
 
 
-def _show(log: Path, files: list[Path], options: Any) -> None:
+def _show(opened: DoorLog, files: list[Path], options: Any) -> None:
     """Print the events that bags would bring to the log as it is, one a line.
 
     Raises:
         FormatError: A file is no bag, or cannot be read.
     """
-    import semmap_log as sl
     from semmap_log.errors import FormatError
     from semmap_log.formats.bags.bag_reading import is_bag
     from semmap_log.importing.importing import command_id_of, plan_bag_import, plan_scan_import
 
-    opened = sl.read(log)
     for file in files:
         if not is_bag(file):
             raise FormatError(file, "--dry-run shows what a bag would bring; this is none")

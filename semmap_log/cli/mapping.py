@@ -35,7 +35,7 @@ Scan = Annotated[
     typer.Option(
         "--scan",
         metavar="[TOPIC]",
-        help="ROS: see the doors by a laser; LaserScan, or PointCloud2. For each laser once.",
+        help="ROS: see the doors by a laser; a PointCloud2 has to be named. Repeatable.",
     ),
 ]
 PoseTopic = Annotated[

@@ -83,8 +83,7 @@ class LinkHistory:
         after = before if self.holds else np.minimum(before + 1, last - first - 1)
         stamps = stamps[first:last]
         gap = np.maximum(stamps[after] - stamps[before], 1)
-        share = (times - stamps[before]) / gap if not self.holds else np.zeros(len(times))
-        share = np.where(after == before, 0.0, share)
+        share = np.where(after == before, 0.0, (times - stamps[before]) / gap)
         shifts, turns = (
             np.array([getattr(pose, name) for pose in self.poses[first:last]], float)
             for name in ("shift", "turn")

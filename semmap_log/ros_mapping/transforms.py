@@ -81,7 +81,7 @@ class TransformTree:
     ) -> None:  # fmt: skip
         """Take in where a frame stands in its parent."""
         link = self._links.get(child)
-        if link is not None and link.parent != parent:
+        if self.keep_ns and link is not None and link.parent != parent:
             self._note(f"{child} stands in {parent}, and stood in {link.parent}")
         if link is None or (link.parent, link.is_static) != (parent, is_static):
             history = LinkHistory(0 if is_static else self.keep_ns, holds)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -184,8 +187,9 @@ def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> N
 
     _import(office, tmp_path / "x.mcap", ImportOptions())
     assert [DoorState.OPEN] == _states(office)
-    _import(office, tmp_path / "x.mcap")
+    imported = _import(office, tmp_path / "x.mcap")
 
+    assert (5, 6) == (imported.first_event, imported.plan.count)
     assert [DoorState.OPEN, DoorState.OPEN, DoorState.CLOSED] == _states(office)
     assert ["lab", "front"] == [door.name for door in sl.read(office).replay().doors.values()]
 
@@ -361,6 +365,32 @@ def test_of_several_lasers_the_one_called_scan_is_read(office: Path, tmp_path: P
     assert ["scans of /scan: 192, 192 on the map"] == list(imported.plan.summary[:1])
 
 
+def test_two_lasers_of_a_robot_see_a_door_each(office: Path, tmp_path: Path) -> None:
+    """
+    Their sightings name them: `calibrate` takes each by itself.
+    """
+    front = LaserRoom(state=lambda _: SHUT)
+    rear = LaserRoom(
+        state=lambda _: SHUT, laser_frame="rear", mount=moved(-0.2, 0) @ turned("z", math.pi)
+    )
+    said = [
+        *front.said(), *rear.statics(),
+        *(replace(each, topic="/rear/scan") for each in rear.scans()),
+    ]  # fmt: skip
+    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
+
+    assert 0 == _run(
+        "import", office, tmp_path / "x.mcap", "--scan", "/scan", "--scan", "/rear/scan"
+    )
+
+    seen = {(entry.source, entry.event.state)
+            for entry in sl.read(office).history(kinds=[DoorObserved])}  # fmt: skip
+    assert {
+        ("scan:laser leaf-likelihood", DoorState.CLOSED),
+        ("scan:rear leaf-likelihood", DoorState.CLOSED),
+    } == seen
+
+
 def test_doors_that_are_never_near_are_a_wrong_frame_maybe(tmp_path: Path) -> None:
     """
     With how near the nearest was.
@@ -391,19 +421,31 @@ def test_doors_of_another_level_are_not_seen(tmp_path: Path) -> None:
     assert any("scans are of level 1, the doors on level 2" in e for e in imported.plan.warnings)
 
 
-def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("y", "said"),
+    [
+        (1.2, ""),
+        (1.15, ""),
+        (1.06, "door 1 (lab): beams end 0.14 m behind its line"),
+        (1.34, "door 1 (lab): beams end 0.14 m before its line"),
+    ],
+)
+def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(
+    y: float, said: str, tmp_path: Path
+) -> None:
     """
-    Beams end on the wall, not on the line.
+    Beams end on the leaf, not on the line, at each visit to it while it is shut.
     """
     with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.add_door(x=4.0, y=1.06, theta=0.0, width=0.9, name="lab", at=LONG_AGO)
-    write_mcap(tmp_path / "x.mcap", LaserRoom(state=lambda _: SHUT).said())
+        log.add_door(x=4.0, y=y, theta=0.0, width=0.9, name="lab", at=LONG_AGO)
+    shut = [LaserRoom(state=lambda _: SHUT, begins_s=at) for at in (0.0, 60.0, 120.0)]
+    write_mcap(tmp_path / "x.mcap", [each for room in shut for each in room.said()])
 
     imported = _import(tmp_path / "office", tmp_path / "x.mcap")
 
-    (said,) = [each for each in imported.plan.warnings if "its line" in each]
-    assert said.startswith("door 1 (lab): beams end 0.1")
-    assert "behind its line on average" in said
+    assert [said] * bool(said) == [
+        each.partition(";")[0] for each in imported.plan.warnings if "its line" in each
+    ]
 
 
 def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -> None:
@@ -417,7 +459,7 @@ def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -
 
     assert [DoorState.OPEN] * 5 == _states(office)
     (text,) = [each for each in imported.plan.warnings if "glass" in each]
-    assert text.startswith("door 1 (lab): open at all 5 visits and never driven through")
+    assert text.startswith("door 1 (lab): open at all 5 visits that decided, never driven through")
 
 
 def test_a_pose_that_jumps_is_told_with_when_and_how_far(office: Path, tmp_path: Path) -> None:
@@ -466,19 +508,44 @@ def test_scan_stands_alone_or_before_a_topic_or_a_file(
     What follows it is a topic if it can be one and is no file.
     """
     path = _mcap(tmp_path)
-    folder = tmp_path / "patrol"
-    write_ros2(folder, drives_by())
 
     for words in (
         ("--scan", path), ("--scan", "/scan", path), (path, "--scan"), (path, "--scan=/scan"),
-        (path, "--scan", "--json"), ("--scan", folder),
+        (path, "--scan", "--json"),
     ):  # fmt: skip
         assert 0 == _run("import", office, *words), words
+    with TemporaryDirectory(prefix="patrol") as folder:  # whose name could be that of a topic
+        write_ros2(Path(folder) / "bag", drives_by())
+        assert re.fullmatch(r"(/\w+)+", folder)
+        assert 0 == _run("import", office, "--scan", Path(folder) / "bag")
 
     assert 2 == _run("import", office, path, "--pose-topic", "/amcl_pose")
     assert 1 == _run("import", office, path, "--scan", "/rear")
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
     assert "expected a topic /rear" in capsys.readouterr().err
+
+
+def test_since_when_doors_were_there_can_be_tried_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A dry run takes the line that the refusal tells, and shows the doors' earlier adding, too.
+    """
+    x, y, theta, width = DOOR
+    office, path = tmp_path / "office", _mcap(tmp_path)
+    with sl.create(office, tz="Europe/Vienna") as log:
+        log.add_door(x=x, y=y, theta=theta, width=width)
+
+    assert 1 == _run("import", office, path, "--scan")
+    line = capsys.readouterr().err.partition("say so: ")[2]
+    assert 0 == _run(*shlex.split(line)[1:], "--dry-run")
+    kinds = [json.loads(text)["kind"] for text in capsys.readouterr().out.splitlines()]
+    assert ["Retracted", "DoorAdded"] == kinds[:2]
+    assert ["DoorObserved"] * 2 == [kind for kind in kinds if kind.startswith("DoorO")]
+    assert 1 == len(list(sl.read(office).commits()))
+    assert 0 == _run(*shlex.split(line)[1:])
+    assert 2 == len(_states(office))
+    assert 2 == _run("import", office, path, "--scan", "--since-ever")
 
 
 def test_json_has_the_counts(

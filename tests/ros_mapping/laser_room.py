@@ -100,6 +100,7 @@ class LaserRoom:
     scan_hz: float = 8.0
     tf_hz: float = 25.0
     first_angle: float = -math.pi
+    laser_frame: str = "laser"
     prefix: str = ""
     """Of the frames of the robot."""
     namespace: str = ""
@@ -139,7 +140,7 @@ class LaserRoom:
         return sorted([*self.statics(), *self.tf(), *self.scans()], key=lambda each: each.at_ns)
 
     def statics(self) -> Iterator[Said]:
-        link = self.link("base_link", "laser", self.mount, 0.0)
+        link = self.link("base_link", self.laser_frame, self.mount, 0.0)
         yield self.transforms("tf_static", 0.0, [link])
 
     def tf(self, *, localised: bool = True) -> Iterator[Said]:
@@ -189,7 +190,7 @@ class LaserRoom:
         directions /= np.linalg.norm(directions, axis=1)[:, None]
         found = ranges_of(poses[:, :2, 3], directions, [*WALLS, *self.state(t)])
         true = {
-            "header": self.robot.header(self.ns(t), self.frame("laser")),
+            "header": self.robot.header(self.ns(t), self.frame(self.laser_frame)),
             "angle_min": float(angles[0]), "angle_max": float(angles[-1]),
             "angle_increment": math.tau / self.beams,
             "time_increment": self.turn_s / self.beams, "scan_time": self.turn_s,

@@ -10,7 +10,14 @@ import pytest
 from semmap_log import ros_mapping
 from semmap_log.domain.doors import DoorState
 from semmap_log.errors import FormatError
-from semmap_log.formats.ros.ros_types import DOOR_MAP, GRID, POSE_STAMPED, POSE_WITH_COVARIANCE
+from semmap_log.formats.ros.ros_types import (
+    DOOR_MAP,
+    GRID,
+    LASER_SCAN,
+    POSE_STAMPED,
+    POSE_WITH_COVARIANCE,
+    TRANSFORMS,
+)
 from semmap_log.ros_mapping.mapping_file import read_mapping
 from semmap_log.ros_mapping.topic_rules import (
     WELL_KNOWN,
@@ -21,7 +28,9 @@ from semmap_log.ros_mapping.topic_rules import (
     ReadPose,
     ReadRmfRequest,
     ReadRmfState,
+    ReadScan,
     ReadSensor,
+    ReadTransforms,
     RosMapping,
     TopicRule,
 )
@@ -102,6 +111,12 @@ def test_the_readme_shows_mappings_that_can_be_read(tmp_path: Path) -> None:
         ("topics: {/a: {reed: pose}}", "yaml:1: /a: expected read: one of door_map, "),
         ("topics: {/a: {reed: pose, level: 1}}", "scan; got only reed, level"),
         ("topics: {}", "expected a topic at least"),
+        ("topics: {/a: {read: scan, heights: 1}}", "heights: expected two numbers, the lower"),
+        ("topics: {/a: {read: scan, heights: [2, 1]}}", "heights: expected two numbers, the"),
+        ("topics: {/a: {read: scan, heights: [1, 2, 3]}}", "heights: expected two numbers, the"),
+        ("topics: {/a: {read: scan, heights: [1, x]}}", "heights: expected a number, got 'x'"),
+        ("topics: {/a: {read: scan, pose_topic: amcl}}", "expected a topic's whole name, as /amcl"),
+        ("topics: {/a: {read: scan, type: std_msgs/Bool}}", "expected sensor_msgs/LaserScan or"),
         ("topics: {/a: pose}\nposes: {metres: far}", "poses: metres: expected a number, got 'far'"),
         ("topics: {/a: {read: sensor, door: ''}}", "/a: door: expected a name, got ''"),
         ("topics: {/a: {read: rmf_door_state, doors: {b: ''}}}", "b: expected a name, got ''"),
@@ -166,3 +181,26 @@ def test_a_named_topic_is_read_as_named_though_it_is_well_known(tmp_path: Path) 
     assert isinstance(mapping.topics["/map"].reading, ReadPatrol)
     assert mapping.topics["/map"] == mapping.rule("/map", GRID)
     assert TopicRule(ReadDoorMap()) == mapping.rule("/doors", DOOR_MAP)
+
+
+def test_a_laser_has_its_keys(tmp_path: Path) -> None:
+    """
+    All of them, or a word where the defaults are right.
+    """
+    path = tmp_path / "robot.yaml"
+    path.write_text(
+        "topics:\n  /a/scan: scan\n  /b: {read: scan, robot: tug2, level: L2, "
+        "pose_topic: /b/amcl_pose, heights: [0.5, 1]}\n  /b/tf: {read: tf, robot: tug2}\n"
+    )
+
+    mapping = read_mapping(path)
+
+    assert {
+        "/a/scan": ReadScan(),
+        "/b": ReadScan("L2", "tug2", "/b/amcl_pose", (0.5, 1.0)),
+        "/b/tf": ReadTransforms(robot="tug2"),
+    } == {topic: rule.reading for topic, rule in mapping.topics.items()}
+    assert mapping.reads_scans
+    assert isinstance(mapping.rule("/b/amcl_pose", POSE_STAMPED), TopicRule)
+    assert isinstance(mapping.rule("/tf_static", TRANSFORMS), TopicRule)
+    assert mapping.rule("/scan", LASER_SCAN) is None

@@ -33,7 +33,9 @@ class Spreads:
     def at(self, when_ns: int) -> tuple[float, float]:
         """Return the standard deviations in the plane, m, and around z, rad; NaN: not told."""
         told_ns, sd_xy, sd_theta = self._told
-        return (sd_xy, sd_theta) if abs(when_ns - told_ns) <= SPREAD_HOLDS_NS else (math.nan, math.nan)
+        return (
+            (sd_xy, sd_theta) if abs(when_ns - told_ns) <= SPREAD_HOLDS_NS else (math.nan, math.nan)
+        )
 
 
 @dataclass(slots=True)

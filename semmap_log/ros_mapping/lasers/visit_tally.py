@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from statistics import median
 
 import numpy as np
 
@@ -17,9 +18,13 @@ from semmap_log.scans.placed_scan import DoorPlaces
 from semmap_log.scans.visit import Visit
 
 BEHIND_M = 0.12
-"""A door whose beams end so far off its line, on average, is drawn elsewhere than it is."""
-LEAST_LOOKS = 3.0
-"""For such a word."""
+"""A door whose beams end so far off its line is drawn elsewhere than it is."""
+BEHIND_VISITS = 3
+"""For such a word: of a leaf that is ajar the offsets differ from visit to visit."""
+MOST_AJAR = 0.5
+"""P(ajar) from which on a leaf is not where the line is, wherever that is drawn."""
+MOST_OFFSETS = 100
+"""Of a door: the last ones count."""
 GLASS_VISITS = 5
 """A door that was open so often, and was never driven through, may be one of glass."""
 MOVED_M = 0.5
@@ -32,15 +37,18 @@ class DoorTally:
 
     visits: Counter[DoorState] = field(default_factory=Counter)
     passed: int = 0
-    looks: float = 0.0
-    """That ended near its line."""
-    behind: float = 0.0
-    """Their offsets, m, added up."""
+    offsets: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_OFFSETS))
+    """Of visits at which it was not open: where beams ended, behind its line (+) or before it (-),
+    m."""
 
     @property
     def behind_m(self) -> float:
-        """Where beams ended, behind its line (+) or before it (-), on average; NaN: none did."""
-        return self.behind / self.looks if self.looks else math.nan
+        """How far those visits agree that beams end off its line, m; NaN: they do not."""
+        if len(self.offsets) < BEHIND_VISITS:
+            return math.nan
+        few = len(self.offsets) // 10
+        agreed = sorted(self.offsets)[few : len(self.offsets) - few]
+        return median(agreed) if agreed[-1] - agreed[0] < BEHIND_M else math.nan
 
 
 @dataclass(slots=True)
@@ -67,9 +75,9 @@ class VisitTally:
         door.visits[visit.state] += 1
         if visit.state is DoorState.UNKNOWN:
             self.undecided[visit.why or "not enough was seen"] += 1
-        if math.isfinite(visit.behind_m) and visit.stopped > 0:
-            door.looks += visit.stopped
-            door.behind += visit.behind_m * visit.stopped
+        may_be_shut = visit.state is not DoorState.OPEN and visit.ajar < MOST_AJAR
+        if may_be_shut and math.isfinite(visit.behind_m):
+            door.offsets.append(visit.behind_m)
 
     def stood(self, pose: RobotPose, doors: DoorPlaces) -> None:
         """Take note of where the robot was, and of the doors of that moment."""
@@ -122,17 +130,17 @@ class VisitTally:
         """Yield what is odd; a door is called by `name_of` its id."""
         for door_id, door in sorted(self.doors.items()):
             name = name_of(door_id)
-            if door.looks >= LEAST_LOOKS and abs(door.behind_m) > BEHIND_M:
+            if abs(door.behind_m) > BEHIND_M:
                 side = "behind" if door.behind_m > 0 else "before"
                 yield (
-                    f"door {name}: beams end {abs(door.behind_m):.2f} m {side} its line on "
-                    "average; if it is drawn there by mistake, move it with `update`"
+                    f"door {name}: beams end {abs(door.behind_m):.2f} m {side} its line; if it "
+                    "is drawn there by mistake, move it with `update`"
                 )
             opened, shut = door.visits[DoorState.OPEN], door.visits[DoorState.CLOSED]
             if opened >= GLASS_VISITS and not shut + door.passed and door_id not in self.glass:
                 yield (
-                    f"door {name}: open at all {opened} visits and never driven through; a shut "
-                    "door of glass looks like that: if it is one, annotate it (key glass, yes)"
+                    f"door {name}: open at all {opened} visits that decided, never driven through; "
+                    "glass? A shut door of glass looks like that: `annotate` it (key glass, yes)"
                 )
 
     def nothing_met(self, level: int) -> str:
