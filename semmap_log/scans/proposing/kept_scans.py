@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import cos, hypot, inf, sin
 
@@ -23,11 +23,9 @@ class KeptScans:
     scans: list[PlacedScan] = field(default_factory=list)
     taken: int = 0
     """Scans that came."""
-    _last: dict[tuple[str, str, int], tuple[int, float, float, float]] = field(
-        default_factory=dict
-    )
+    _last: dict[tuple[str, str, int], tuple[int, float, float, float]] = field(default_factory=dict)
 
-    def take(self, scans: Sequence[PlacedScan]) -> None:
+    def take(self, scans: Iterable[PlacedScan]) -> None:
         """Keep those that show something new."""
         for scan in scans:
             self.taken += 1
@@ -41,9 +39,7 @@ class KeptScans:
         turned = hypot(cos(bearing) - cos(then), sin(bearing) - sin(then))
         moved = hypot(x - then_x, y - then_y)
         is_new = (
-            moved >= MOVED_M
-            or turned >= TURNED_RAD
-            or not 0 <= scan.stamp_ns - then_ns < LATER_NS
+            moved >= MOVED_M or turned >= TURNED_RAD or not 0 <= scan.stamp_ns - then_ns < LATER_NS
         )
         if is_new:
             self._last[key] = (scan.stamp_ns, x, y, bearing)

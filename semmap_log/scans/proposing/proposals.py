@@ -43,7 +43,7 @@ class Proposal:
     width: float
     """x, y of the line's start and width m, theta rad: as of a door; frame `map`."""
     kind: str
-    """`opening`: a gap that beams go through; `leaf`: such a gap, with a leaf seen standing ajar."""
+    """`opening`: a gap that beams go through; `leaf`: a leaf was seen standing ajar in it."""
     score: float
     """0..1: how much speaks for a door; no probability."""
     walls: float
@@ -86,7 +86,7 @@ def proposals_of(
             what beams end on, time and again, is wall.
 
     Raises:
-        ValueError: The scans lie too far apart for one map.
+        FormatError: The scans lie too far apart for one map.
     """
     if not scans:
         return []
@@ -111,7 +111,8 @@ def _is_known(gaps: Gaps, doors: DoorPlaces, level: int) -> NDArray[np.bool_]:
     there = np.stack([x + width / 2 * np.cos(theta), y + width / 2 * np.sin(theta)], axis=1)
     apart = np.hypot(*(gaps.middles[:, None] - there[None]).transpose(2, 0, 1))
     near = np.maximum(KNOWN_M, width[None] / 2)
-    return (apart < near).any(1)
+    is_known: NDArray[np.bool_] = (apart < near).any(1)
+    return is_known
 
 
 def _places(gaps: Gaps, along: Floats, off: Floats) -> tuple[Floats, Floats]:
@@ -125,13 +126,14 @@ def _places(gaps: Gaps, along: Floats, off: Floats) -> tuple[Floats, Floats]:
 
 def _free_share(swept: SweptCells, gaps: Gaps) -> Floats:
     """Return (n,) the share of each gap that beams went through, 0.2 m to both sides, too."""
-    seen_free = (swept.passed > 0) & ~swept.walls
+    seen_free = swept.passed > 1
     shares = np.linspace(0.1, 0.9, 9)
     rows = []
     for off in (-0.2, 0.0, 0.2):
         along = gaps.lines[:, 3:] * shares
         rows.append(swept.at(seen_free, *_places(gaps, along, np.full_like(along, off))).mean(1))
-    return np.min(rows, axis=0)
+    shares_free: Floats = np.min(rows, axis=0)
+    return shares_free
 
 
 def _opens(swept: SweptCells, gaps: Gaps) -> Floats:
@@ -139,14 +141,15 @@ def _opens(swept: SweptCells, gaps: Gaps) -> Floats:
 
     On each side the better of both ends counts: an open leaf stands at one, a corner can be there.
     """
-    seen_free = (swept.passed > 0) & ~swept.walls
+    seen_free = swept.passed > 1
     sides = []
     for sign in (-1.0, 1.0):
         off = sign * np.array(OPENS_AT_M)[None].repeat(len(gaps), 0)
         ends = [np.full_like(off, -OPENS_BY_M), gaps.lines[:, 3:] + OPENS_BY_M + 0 * off]
         each = [swept.at(seen_free, *_places(gaps, along, off)).mean(1) for along in ends]
         sides.append(np.maximum(*each))
-    return np.mean(sides, axis=0)
+    opens: Floats = np.mean(sides, axis=0)
+    return opens
 
 
 def _visits(scans: Sequence[PlacedScan], gaps: Gaps, level: int) -> dict[int, list[Visit]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.errors import FormatError
 from semmap_log.scans.placed_scan import PlacedScan
 
 Floats = NDArray[np.float64]
@@ -44,6 +45,9 @@ class SweptCells:
         """Return the cells that scans of one level swept; a beam without a return sweeps none.
 
         No return proves nothing: dark and mirror-like things return nothing either.
+
+        Raises:
+            FormatError: The scans lie too far apart for one map.
         """
         starts, ends = _beams(scans)
         if not len(starts):
@@ -52,8 +56,9 @@ class SweptCells:
         high = np.maximum(starts.max(0), ends.max(0))
         columns, rows = (np.ceil((high - low) / CELL_M).astype(int) + 2).tolist()
         if rows * columns > MOST_CELLS:
-            raise ValueError(
-                f"scans over {columns * CELL_M:,.0f} m x {rows * CELL_M:,.0f} m: too large a map"
+            raise FormatError(
+                "scans",
+                f"scans over {columns * CELL_M:,.0f} m x {rows * CELL_M:,.0f} m: too large a map",
             )
         size = rows * columns
         places = _flat(ends, low, columns)
@@ -64,7 +69,10 @@ class SweptCells:
         block = max(1, int(AT_ONCE * STEP_M / FARTHEST_M))
         for first in range(0, len(order), block):
             some = order[first : first + block]
-            passed += _passed(starts[some], ends[some], reach[some], low, columns, size)
+            passed += np.bincount(
+                _flat(_on_the_way(starts[some], ends[some], reach[some]), low, columns),
+                minlength=size,
+            )
         shape = rows, columns
         return cls(
             float(low[0]), float(low[1]),
@@ -80,9 +88,7 @@ class SweptCells:
     def centres(self, cells: NDArray[np.bool_]) -> Floats:
         """Return where the middles of cells lie: (n, 2) m."""
         rows, columns = np.nonzero(cells)
-        return np.stack(
-            [self.x + (columns + 0.5) * CELL_M, self.y + (rows + 0.5) * CELL_M], axis=1
-        )
+        return np.stack([self.x + (columns + 0.5) * CELL_M, self.y + (rows + 0.5) * CELL_M], axis=1)
 
     def at(self, cells: NDArray[np.bool_], x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Return a property of the cells at places; outside of the map it is False."""
@@ -90,20 +96,28 @@ class SweptCells:
         rows = np.floor((y - self.y) / CELL_M).astype(int)
         height, width = cells.shape
         is_in = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-        return is_in & cells[np.where(is_in, rows, 0), np.where(is_in, columns, 0)]
+        found: NDArray[np.bool_] = (
+            is_in & cells[np.where(is_in, rows, 0), np.where(is_in, columns, 0)]
+        )
+        return found
+
+
+def ends_of(scan: PlacedScan) -> Floats:
+    """Return where the beams end that came back from near enough: (n, 2) m."""
+    return _beam(scan)[1]
 
 
 def _beams(scans: Sequence[PlacedScan]) -> tuple[Floats, Floats]:
     """Return where the beams that came back begin and end, (n, 2) each; far ones are left out."""
-    starts, ends = [np.zeros((0, 2))], [np.zeros((0, 2))]
-    for scan in scans:
-        with np.errstate(invalid="ignore"):
-            kept = (scan.ranges > 0) & (scan.ranges <= min(scan.max_range, FARTHEST_M))
-        origins, bearings = scan.origins[kept], scan.bearings[kept]
-        way = scan.ranges[kept, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
-        starts.append(origins)
-        ends.append(origins + way)
-    start, end = np.concatenate(starts), np.concatenate(ends)
+    starts, ends = zip(*map(_beam, scans), strict=True)
+    return np.concatenate(starts), np.concatenate(ends)
+
+
+def _beam(scan: PlacedScan) -> tuple[Floats, Floats]:
+    with np.errstate(invalid="ignore"):
+        kept = (scan.ranges > 0) & (scan.ranges <= min(scan.max_range, FARTHEST_M))
+    start, bearings = scan.origins[kept], scan.bearings[kept]
+    end = start + scan.ranges[kept, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
     good = np.isfinite(start).all(1) & np.isfinite(end).all(1)
     return start[good], end[good]
 
@@ -113,13 +127,11 @@ def _flat(places: Floats, low: Floats, columns: int) -> NDArray[np.int64]:
     return cells[:, 1] * columns + cells[:, 0]
 
 
-def _passed(
-    starts: Floats, ends: Floats, reach: Floats, low: Floats, columns: int, size: int
-) -> NDArray[np.int64]:
-    """Return how often each cell was gone through by these beams."""
+def _on_the_way(starts: Floats, ends: Floats, reach: Floats) -> Floats:
+    """Return places that beams go through, (n, 2) m: each beam up to its reach."""
     far = np.arange(0, reach.max(initial=0.0), STEP_M)
     length = np.hypot(*(ends - starts).T)
     way = (ends - starts) / np.maximum(length, 1e-9)[:, None]
     beam, step = np.nonzero(far[None, :] < reach[:, None])
-    places = starts[beam] + way[beam] * far[step, None]
-    return np.bincount(_flat(places, low, columns), minlength=size)
+    places: Floats = starts[beam] + way[beam] * far[step, None]
+    return places

@@ -60,9 +60,7 @@ class Gaps:
     def middles(self) -> Floats:
         """(n, 2) m."""
         x, y, theta, width = self.lines.T
-        return np.stack(
-            [x + width / 2 * np.cos(theta), y + width / 2 * np.sin(theta)], axis=1
-        )
+        return np.stack([x + width / 2 * np.cos(theta), y + width / 2 * np.sin(theta)], axis=1)
 
 
 def gaps_in(points: Floats) -> Gaps:
@@ -124,7 +122,7 @@ def _gaps_along(points: Floats, theta: float) -> Gaps:
     width = (last - first) * CELL_M
     fits = (width >= LEAST_M) & (width <= MOST_M)
     row, first, last = row[fits], first[fits], last[fits]
-    sums = np.cumsum(np.pad(filled, ((0, 0), (1, 0))), axis=1)
+    sums = np.cumsum(np.pad(filled, ((0, 0), (1, 0))), axis=1, dtype=np.intp)
     walls = _beside(sums, (row, first, last), BESIDE_M)
     long = _beside(sums, (row, first, last), ALONG_M).mean(1)
     good = (walls.max(1, initial=0.0) >= WALL) & (walls.min(1, initial=1.0) >= POST)
@@ -135,9 +133,7 @@ def _gaps_along(points: Floats, theta: float) -> Gaps:
     return Gaps(np.column_stack([starts, angles, widths]), walls[good], long[good])
 
 
-def _beside(
-    sums: NDArray[np.intp], runs: tuple[NDArray[np.intp], ...], length_m: float
-) -> Floats:
+def _beside(sums: NDArray[np.intp], runs: tuple[NDArray[np.intp], ...], length_m: float) -> Floats:
     """Return (n, 2) the share of the line that is filled, for so far before and after each run."""
     row, first, last = runs
     cells = round(length_m / CELL_M)
@@ -147,7 +143,7 @@ def _beside(
 
 
 def _thick(picture: Bools) -> Bools:
-    made = picture.copy()
+    made: Bools = picture.copy()
     for off in range(1, ROW_CELLS + 1):
         made[off:] |= picture[:-off]
         made[:-off] |= picture[off:]
@@ -161,7 +157,8 @@ def _without_holes(picture: Bools) -> Bools:
     steps = np.zeros((picture.shape[0], picture.shape[1] + 1), np.int8)
     np.add.at(steps, (row[small], first[small]), 1)
     np.add.at(steps, (row[small], last[small]), -1)
-    return picture | (np.cumsum(steps, axis=1, dtype=np.int8)[:, :-1] > 0)
+    filled: Bools = picture | (np.cumsum(steps, axis=1, dtype=np.int8)[:, :-1] > 0)
+    return filled
 
 
 def _empty_runs(picture: Bools) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
@@ -172,12 +169,24 @@ def _empty_runs(picture: Bools) -> tuple[NDArray[np.intp], NDArray[np.intp], NDA
 
 
 def _once(gaps: Gaps) -> Gaps:
-    """Return each gap once: of those at one place the one with the most wall, then the narrowest."""
-    order = np.lexsort((gaps.lines[:, 3], -np.round(gaps.walls.mean(1) + gaps.along, 1)))
+    """Return each gap once: the one with the most wall, in the middle of the rows that show it."""
+    worth = np.round(gaps.walls.mean(1) + gaps.along, 1)
     middles = gaps.middles
+    is_left = np.ones(len(gaps), bool)
     kept: list[int] = []
-    for i in order.tolist():
-        apart = np.hypot(*(middles[kept] - middles[i]).T) if kept else np.zeros(0)
-        if not (apart < TOGETHER_M).any():
-            kept.append(i)
-    return gaps.of(np.array(kept, int))
+    lines = gaps.lines.copy()
+    for i in np.lexsort((gaps.lines[:, 3], -worth)).tolist():
+        if not is_left[i]:
+            continue
+        near = is_left & (np.hypot(*(middles - middles[i]).T) < TOGETHER_M)
+        alike = near & (worth == worth[i]) & (lines[:, 2] == lines[i, 2])
+        lines[i, :2] += _across(middles[alike] - middles[i], lines[i, 2])
+        is_left &= ~near
+        kept.append(i)
+    return Gaps(lines, gaps.walls, gaps.along).of(np.array(kept, int))
+
+
+def _across(offsets: Floats, theta: float) -> Floats:
+    """Return the mean of offsets, (2,) m, as far as it is square to a direction."""
+    square = np.array([-np.sin(theta), np.cos(theta)])
+    return square * float((offsets @ square).mean())
