@@ -10,7 +10,15 @@ import typer
 
 from semmap_log.cli.common import WritableLog, on_stop, print_json, say
 from semmap_log.cli.failures import problems_to_json, tell
-from semmap_log.cli.mapping import MAPPING_HELP, DryRun, MappingFile, PoseTopic, Scan, check_scan
+from semmap_log.cli.mapping import (
+    MAPPING_HELP,
+    ClickedPoints,
+    DryRun,
+    MappingFile,
+    PoseTopic,
+    Scan,
+    check_scan,
+)
 from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
@@ -34,6 +42,7 @@ def run(
     mapping: MappingFile = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
+    clicked_points: ClickedPoints = False,
     dry_run: DryRun = False,
     ack: Annotated[
         bool,
@@ -75,6 +84,11 @@ def run(
     With --scan a laser sees the doors of the log: each visit to a door that decides is a commit,
     once it is over. Without TOPIC: the topics called scan. TF has to lead from map to the laser.
 
+    With --clicked-points doors are added by hand, in RViz: choose Publish Point and click the
+    door's hinge (the start of its line), then its other end, within a minute. Each door is a
+    commit, and a line tells it. A width below 0.4 or above 6 m, another frame than map, or a point
+    more than 1 m below or 3 m above the floor is refused; a door that the log has, too.
+
     \b
     Durability, when a line is answered:
       event  it survives a power cut (lines that wait already share one sync)
@@ -94,6 +108,7 @@ def run(
       semmap-log record office --ros1
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
       semmap-log record office --ros2 --scan
+      semmap-log record office --ros2 --clicked-points
     """
     if ros1 or ros2:
         if ack or strict:
@@ -103,13 +118,14 @@ def run(
         check_scan(scan, pose_topic)
         version = chosen_ros(ros1=ros1, ros2=ros2)
         policy = Promised(durability.value, batch_events, batch_ms / 1000)
-        read = Read(mapping, scan, pose_topic)
+        read = Read(mapping, scan, pose_topic, clicked_points)
         record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
-    if mapping or dry_run or scan is not None or pose_topic is not None or context.obj:
+    is_of_ros = mapping or dry_run or clicked_points or context.obj
+    if is_of_ros or scan is not None or pose_topic is not None:
         raise typer.BadParameter(
             "is for topics: say which ROS, --ros1 or --ros2",
-            param_hint="--mapping, --scan, --pose-topic, --dry-run",
+            param_hint="--mapping, --scan, --pose-topic, --clicked-points, --dry-run",
         )
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")

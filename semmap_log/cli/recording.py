@@ -39,6 +39,8 @@ class Read(NamedTuple):
     scan: list[str] | None
     """The topics of lasers; an empty name: those called `scan`; None: those of the mapping."""
     pose_topic: str | None
+    clicks: bool = False
+    """Points that are clicked in RViz are doors."""
 
 
 def record_topics(
@@ -72,6 +74,8 @@ def record_topics(
         mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
         if read.scan is not None:
             mapping = mapping.asked_for(read.scan, read.pose_topic or "")
+        if read.clicks:
+            mapping = mapping.with_clicks()
     if promised is None:
         known = sl.read(log) if log.exists() else None
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
