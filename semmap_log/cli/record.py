@@ -121,8 +121,8 @@ def run(
         read = Read(mapping, scan, pose_topic, clicked_points)
         record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
-    is_of_ros = mapping or dry_run or clicked_points or context.obj
-    if is_of_ros or scan is not None or pose_topic is not None:
+    is_about_topics = mapping or dry_run or clicked_points or context.obj
+    if is_about_topics or scan is not None or pose_topic is not None:
         raise typer.BadParameter(
             "is for topics: say which ROS, --ros1 or --ros2",
             param_hint="--mapping, --scan, --pose-topic, --clicked-points, --dry-run",

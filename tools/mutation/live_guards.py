@@ -38,7 +38,7 @@ RECORDING = (
     guard("a late topic that cannot be read", "RosRecorder._look",
           "CommandError", "RosError", "test_ros_recorder"),
     guard("lines are no topics", "record.run",
-          "mapping or dry_run or scan is not None or pose_topic is not None or context.obj",
+          "is_about_topics or scan is not None or pose_topic is not None",
           "False", "test_record_topics"),
 )  # fmt: skip
 

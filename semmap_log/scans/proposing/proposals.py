@@ -93,9 +93,10 @@ def proposals_of(
     level = scans[0].level
     swept = SweptCells.of(scans)
     gaps = gaps_in(swept.centres(swept.walls) if walls is None else walls)
-    gaps = gaps.of(~_is_known(gaps, doors, level))
+    gaps = gaps.of(~_are_known(gaps, doors, level))
     free = _free_share(swept, gaps)
-    gaps, free = gaps.of(free >= FREE), free[free >= FREE]
+    seen_through = free >= FREE
+    gaps, free = gaps.of(seen_through), free[seen_through]
     opens = _opens(swept, gaps)
     visits = _visits(scans, gaps, level)
     found = [
@@ -106,7 +107,7 @@ def proposals_of(
     return _apart(sorted(good, key=lambda each: (-each.score, each.x, each.y)))
 
 
-def _is_known(gaps: Gaps, doors: DoorPlaces, level: int) -> NDArray[np.bool_]:
+def _are_known(gaps: Gaps, doors: DoorPlaces, level: int) -> NDArray[np.bool_]:
     x, y, theta, width = doors.lines[doors.levels == level].T
     there = np.stack([x + width / 2 * np.cos(theta), y + width / 2 * np.sin(theta)], axis=1)
     apart = np.hypot(*(gaps.middles[:, None] - there[None]).transpose(2, 0, 1))
