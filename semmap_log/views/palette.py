@@ -105,6 +105,8 @@ PLOT_BARS = "#b8b8c4"
 PLOT_MARKS = "#555560"
 PLOT_HATCH = "#9a9a9a"
 PLOT_NOTHING = "#f0f0f0"
+PLOT_PROPOSED = "#c2185b"
+PLOT_WALLS = "#222222"
 
 
 def packed(colour: Rgb, alpha: int = 255) -> int:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from semmap_log.domain.doors import Door
 from semmap_log.scans.proposing.proposals import Proposal
+from semmap_log.views.palette import PLOT_BARS, PLOT_CURVE, PLOT_PROPOSED, PLOT_WALLS
 from semmap_log.views.plots.matplotlib_sdk import new_figure, save_figure
 
 Floats = NDArray[np.float64]
@@ -19,7 +20,6 @@ Floats = NDArray[np.float64]
 LONG_IN, LEAST_IN, MOST_IN = 14.0, 4.0, 14.0
 MOST_POINTS = 60_000
 """Of where beams ended."""
-NEW, THERE, WALL, SEEN = "#c2185b", "#1565c0", "#222222", "#b0b0b0"
 LABEL_M = 0.5
 """From a door's middle to its number."""
 
@@ -52,10 +52,12 @@ def plot_proposed(
         _draw_points(panel, ends[level], walls.get(level))
         for door in doors:
             if door.is_placed and door.level == level:
-                _draw_line(panel, (door.x, door.y, door.theta, door.width), THERE)
+                _draw_line(panel, (door.x, door.y, door.theta, door.width), PLOT_CURVE)
         for number, each in enumerate(proposals, start=1):
             if each.level == level:
-                _draw_line(panel, (each.x, each.y, each.theta, each.width), NEW, str(number))
+                _draw_line(
+                    panel, (each.x, each.y, each.theta, each.width), PLOT_PROPOSED, str(number)
+                )
         panel.set_aspect("equal")
         panel.set_xlabel("x, metres" if len(levels) == 1 else f"x, metres (level {level})")
         panel.set_ylabel("y, metres")
@@ -67,10 +69,10 @@ def plot_proposed(
 def _draw_points(panel: Any, ends: Floats, walls: Floats | None) -> None:
     step = -(-len(ends) // MOST_POINTS)
     some = ends[:: max(step, 1)]
-    colour = WALL if walls is None else SEEN
+    colour = PLOT_WALLS if walls is None else PLOT_BARS
     panel.plot(some[:, 0], some[:, 1], ",", color=colour, alpha=0.5, rasterized=True)
     if walls is not None:
-        panel.plot(walls[:, 0], walls[:, 1], "s", color=WALL, markersize=1.2, rasterized=True)
+        panel.plot(walls[:, 0], walls[:, 1], "s", color=PLOT_WALLS, markersize=1.2, rasterized=True)
 
 
 def _draw_line(
@@ -88,6 +90,6 @@ def _draw_line(
 
 
 def _draw_legend(panel: Any) -> None:
-    for colour, words in ((NEW, "proposed"), (THERE, "in the log")):
+    for colour, words in ((PLOT_PROPOSED, "proposed"), (PLOT_CURVE, "in the log")):
         panel.plot([], [], color=colour, linewidth=4, label=words)
     panel.legend(loc="upper right", fontsize=8)
