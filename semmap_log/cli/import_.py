@@ -20,6 +20,15 @@ from semmap_log.cli.mapping import (
     tell_plan,
     tell_scan_import,
 )
+from semmap_log.cli.proposing import (
+    Only,
+    Plot,
+    ProposeDoors,
+    Proposing,
+    Yes,
+    check_proposing,
+    propose,
+)
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog
@@ -81,6 +90,10 @@ def run(
     scan: Scan = None,
     pose_topic: PoseTopic = None,
     keep_scans: KeepScans = False,
+    propose_doors: ProposeDoors = False,
+    yes: Yes = False,
+    only: Only = None,
+    plot: Plot = None,
     map_rules: Annotated[
         MapServer | None,
         typer.Option("--map-rules", help="As which map_server to read a map; nav2."),
@@ -117,6 +130,9 @@ def run(
     added later than the scans were there by then with --since. --keep-scans keeps what the laser
     saw in LOG.scans, so that a person can check it: `view`, `scan-report --plot`.
 
+    With --propose-doors nothing of the bag is imported: doors that the laser saw and the log does
+    not have are listed, with what speaks for them, drawn with --plot, and added with --yes.
+
     A door is in the map from when it was added: now, or --at. What is told of earlier times, as by
     last week's sightings, no answer counts. --since says that the doors of a building or a door
     database were there by then, also those that the log has already: their adding is retracted and
@@ -136,6 +152,8 @@ def run(
       semmap-log import office patrol.bag --scan
       semmap-log import office patrol.bag --scan --keep-scans
       semmap-log import office patrol --scan /front/scan --pose-topic /amcl_pose
+      semmap-log import office patrol.bag --scan --propose-doors --plot doors.png
+      semmap-log import office patrol.bag --scan --propose-doors --yes --only 1 --only 4
     """
     import semmap_log as sl
     from semmap_log.formats.kept_scans.kept_visit import folder_beside
@@ -149,6 +167,12 @@ def run(
     scans = None if topics is None else ScanOptions(topics, pose_topic or "")
     is_by_scans = scans is not None
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run, by_scans=is_by_scans)
+    asked = Proposing(propose_doors, yes, only, plot)
+    check_proposing(asked, has_scan=scan is not None, files=files, dry_run=dry_run)
+    if propose_doors:
+        options = ImportOptions(mapping=mapping, scan=scans)
+        propose(log, files[0], options, asked, actor=actor, reason=reason, as_json=as_json)
+        return
     if dry_run:
         reader = sl.read(log)
         since_ns = _time_ns(reader, since, "--since")

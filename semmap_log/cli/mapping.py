@@ -54,6 +54,13 @@ KeepScans = Annotated[
         help="With --scan: keep the scans of visits in LOG.scans, for `view` and `scan-report`.",
     ),
 ]
+ClickedPoints = Annotated[
+    bool,
+    typer.Option(
+        "--clicked-points",
+        help="ROS: two clicks of RViz's Publish Point are a door: its hinge, then its other end.",
+    ),
+]
 
 MAPPING_HELP = """\
     \b
@@ -72,6 +79,7 @@ MAPPING_HELP = """\
         /front/contact:
           {read: sensor, door: front, states: {open: true, closed: false}}
         /scan: scan                    a laser: what it sees of the doors
+        /clicked_point: clicked_points two clicks in RViz are a door
       repeats: 60                      s; sightings of the same are left out
     Every key, with examples: semmap_log/ros_mapping/README.md
 """

@@ -12,6 +12,7 @@ from semmap_log.cli.common import WritableLog, on_stop, print_json, say
 from semmap_log.cli.failures import problems_to_json, tell
 from semmap_log.cli.mapping import (
     MAPPING_HELP,
+    ClickedPoints,
     DryRun,
     KeepScans,
     MappingFile,
@@ -44,6 +45,7 @@ def run(
     scan: Scan = None,
     pose_topic: PoseTopic = None,
     keep_scans: KeepScans = False,
+    clicked_points: ClickedPoints = False,
     dry_run: DryRun = False,
     ack: Annotated[
         bool,
@@ -87,6 +89,11 @@ def run(
     --keep-scans keeps what the laser saw in LOG.scans, so that a person can check it: `view`,
     `scan-report --plot`.
 
+    With --clicked-points doors are added by hand, in RViz: choose Publish Point and click the
+    door's hinge (the start of its line), then its other end, within a minute. Each door is a
+    commit, and a line tells it. A width below 0.4 or above 6 m, another frame than map, or a point
+    more than 1 m below or 3 m above the floor is refused; a door that the log has, too.
+
     \b
     Durability, when a line is answered:
       event  it survives a power cut (lines that wait already share one sync)
@@ -107,6 +114,7 @@ def run(
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
       semmap-log record office --ros2 --scan
       semmap-log record office --ros2 --scan --keep-scans
+      semmap-log record office --ros2 --clicked-points
     """
     if ros1 or ros2:
         if ack or strict:
@@ -117,14 +125,14 @@ def run(
         check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
         version = chosen_ros(ros1=ros1, ros2=ros2)
         policy = Promised(durability.value, batch_events, batch_ms / 1000)
-        read = Read(mapping, scan, pose_topic, keep_scans=keep_scans)
+        read = Read(mapping, scan, pose_topic, keep_scans=keep_scans, clicks=clicked_points)
         record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
     of_lasers = scan is not None or pose_topic is not None or keep_scans
-    if mapping or dry_run or of_lasers or context.obj:
+    if mapping or dry_run or of_lasers or clicked_points or context.obj:
         raise typer.BadParameter(
             "is for topics: say which ROS, --ros1 or --ros2",
-            param_hint="--mapping, --scan, --pose-topic, --keep-scans, --dry-run",
+            param_hint="--mapping, --scan, --pose-topic, --keep-scans, --clicked-points, --dry-run",
         )
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")

@@ -46,6 +46,8 @@ class Read(NamedTuple):
     pose_topic: str | None
     keep_scans: bool = False
     """Keep the scans of visits beside the log."""
+    clicks: bool = False
+    """Points that are clicked in RViz are doors."""
 
 
 def record_topics(
@@ -79,6 +81,8 @@ def record_topics(
         mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
         if read.scan is not None:
             mapping = mapping.asked_for(read.scan, read.pose_topic or "")
+        if read.clicks:
+            mapping = mapping.with_clicks()
         if read.keep_scans and not mapping.reads_scans:
             raise typer.BadParameter(
                 "no laser is read: name it with --scan, or in the mapping",

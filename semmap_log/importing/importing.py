@@ -215,10 +215,10 @@ def plan_bag_import(
         FormatError: The bag or the mapping cannot be read.
         CommandError: The map forbids it; or an option says what of a bag only a mapping can.
     """
-    return plan_bag(path, log, _mapping_of(path, options), progress=progress)
+    return plan_bag(path, log, mapping_of(path, options), progress=progress)
 
 
-def _mapping_of(path: Path, options: ImportOptions) -> RosMapping:
+def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
     """Return how a bag's topics are read.
 
     Raises:
@@ -282,7 +282,7 @@ def plan_scan_import(
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
         CommandError: The map forbids it; or no door was there at the time of the scans.
     """
-    mapping = with_scans(path, _mapping_of(path, options), options.scan)
+    mapping = with_scans(path, mapping_of(path, options), options.scan)
     if not mapping.reads_scans:
         return None
     earlier, since_ns = ImportPlan((), 0), options.since_ns

@@ -38,6 +38,7 @@ from semmap_log.ros_mapping.translator import Translator
 
 AT_ONCE = 64
 """Scans that are looked through together: faster than one by one."""
+NO_SCANS = "no scans: the topics that are read have no messages"
 TOLD_EVERY = 1000
 """Messages between two words of progress."""
 
@@ -210,7 +211,7 @@ class _Scanning:
 
     def _visits(self, translator: Translator, progress: Progress | None) -> Iterator[VisitCommit]:
         waiting: list[RobotScan] = []
-        for scan in self._scans(translator, progress):
+        for scan in self.scans(translator, progress):
             self._first = self._first or scan
             waiting.append(scan)
             if len(waiting) >= AT_ONCE:
@@ -219,7 +220,7 @@ class _Scanning:
         yield from self.sightings.take(waiting)
         yield from self.sightings.close()
 
-    def _scans(self, translator: Translator, progress: Progress | None) -> Iterator[RobotScan]:
+    def scans(self, translator: Translator, progress: Progress | None) -> Iterator[RobotScan]:
         with open_bag(self.path) as bag:
             channels = self._channels(bag, translator)
             fixed = [each for each in channels if each.topic.endswith("tf_static")]
@@ -254,7 +255,7 @@ class _Scanning:
             CommandError: No door was there.
         """
         if not any(each.received for each in lasers.counts.values()):
-            raise FormatError(self.path, "no scans: the topics that are read have no messages")
+            raise FormatError(self.path, NO_SCANS)
         if self._first is None:
             raise FormatError(self.path, _no_place(lasers, self.mapping, self.complaints))
         if self.sightings.tally.levels:
@@ -302,3 +303,24 @@ def _visit_id(bag_id: bytes, mapping: RosMapping, commit: VisitCommit) -> bytes:
         visit.last_ns, visit.passed,
     )  # fmt: skip
     return hashlib.sha256(bag_id + repr(key).encode()).digest()[:16]
+
+
+def placed_scans(
+    path: Path, log: DoorLog, mapping: RosMapping, *, progress: Progress | None = None
+) -> Iterator[RobotScan]:
+    """Yield the scans of a bag that have a place on the map, whatever doors there are.
+
+    Raises:
+        FormatError: The bag cannot be read, or no scan of it has a place.
+    """
+    scanning = _Scanning(path, log, mapping.for_lasers_only(), DoorsThen(log))
+    translator = Translator(scanning.mapping, Known.of(log), scanning.complaints)
+    is_any = False
+    for scan in scanning.scans(translator, progress):
+        is_any = True
+        yield scan
+    lasers = translator.lasers
+    if not any(each.received for each in lasers.counts.values()):
+        raise FormatError(path, NO_SCANS)
+    if not is_any:
+        raise FormatError(path, _no_place(lasers, scanning.mapping, scanning.complaints))

@@ -305,6 +305,7 @@ class RosRecorder:
             made = self._translator.take(topic, message_type, got.data, got.received_ns)
         self._look_through(made.scans)
         if not made.events:
+            self._confirm(topic, made.said)
             return
         self._write_visits(self._watch.take())  # through which the doors are as they were
         source = f"{got.topic} of {got.sender}" if got.sender else got.topic
@@ -314,9 +315,15 @@ class RosRecorder:
             self._complaints.add(topic, "events that the map forbids; left out", error)
             self._start_anew()
             return
+        self._confirm(topic, made.said)
         self._watch.saw(made.events)
         self.counts.commits += 1
         self.counts.events += len(made.events)
+
+    def _confirm(self, topic: str, said: str) -> None:
+        """Tell a person who waits for it what was done."""
+        if said:
+            self.say(f"{topic}: {said}")
 
     def _look_through(self, scans: Sequence[RobotScan]) -> None:
         self.counts.scans += len(scans)

@@ -32,6 +32,7 @@ from semmap_log.ros_mapping.topic_rules import (
     ONLY_TYPES,
     READINGS,
     Accuracy,
+    ReadClicks,
     ReadPatrol,
     ReadScan,
     ReadSensor,
@@ -293,8 +294,8 @@ def _marks(key: str, default: tuple[Value, ...]) -> Callable[[_Keys], tuple[Valu
     return read
 
 
-def _heights(keys: _Keys) -> tuple[float, float]:
-    default, expected = ReadScan().heights, "two numbers, the lower first"
+def _heights(keys: _Keys, default: tuple[float, float]) -> tuple[float, float]:
+    expected = "two numbers, the lower first"
     node = keys.node("heights")
     if node is None:
         return default
@@ -322,7 +323,11 @@ _OWN: dict[type, dict[str, Callable[[_Keys], Any]]] = {
     ReadScan: {
         "robot": lambda keys: keys.text("robot", "") if "robot" in keys.found.entries else None,
         "pose_topic": lambda keys: keys.text("pose_topic", "", _TOPIC),
-        "heights": _heights,
+        "heights": lambda keys: _heights(keys, ReadScan().heights),
+    },
+    ReadClicks: {
+        "within_s": lambda keys: keys.number("within", ReadClicks().within_s, *_SECONDS),
+        "heights": lambda keys: _heights(keys, ReadClicks().heights),
     },
     ReadSensor: {
         "door": lambda keys: keys.needed_name("door"),

@@ -16,6 +16,7 @@ from semmap_log.formats.ros.ros_types import (
     LASER_SCAN,
     ODOMETRY,
     POINT_CLOUD,
+    POINT_STAMPED,
     POSE_STAMPED,
     POSE_WITH_COVARIANCE,
     RMF_DOOR_REQUEST,
@@ -150,9 +151,21 @@ class ReadPatrol:
     """What the rounds are called."""
 
 
+@dataclass(frozen=True, slots=True)
+class ReadClicks:
+    """PointStamped, as RViz's Publish Point sends them: two clicks are a door."""
+
+    level: str | None = None
+    """Of the doors; None: the log's only one."""
+    within_s: float = 60.0
+    """A second click that comes later begins another door."""
+    heights: tuple[float, float] = (-1.0, 3.0)
+    """m; a click above or below is on another level."""
+
+
 Reading: TypeAlias = (
     ReadDoorMap | ReadRmfState | ReadRmfRequest | ReadSensor | ReadPose | ReadTransforms
-    | ReadFloorMap | ReadPatrol | ReadScan | ReadFrames | ReadPlace
+    | ReadFloorMap | ReadPatrol | ReadScan | ReadFrames | ReadPlace | ReadClicks
 )  # fmt: skip
 
 READINGS: Mapping[str, type[Reading]] = {
@@ -165,6 +178,7 @@ READINGS: Mapping[str, type[Reading]] = {
     "floor_map": ReadFloorMap,
     "patrol": ReadPatrol,
     "scan": ReadScan,
+    "clicked_points": ReadClicks,
 }
 """By the word that a mapping file uses."""
 
@@ -176,6 +190,7 @@ ONLY_TYPES: Mapping[type[Reading], tuple[str, ...]] = {
     ReadTransforms: (TRANSFORMS, "tf/msg/tfMessage"),
     ReadFloorMap: (GRID,),
     ReadScan: (LASER_SCAN, POINT_CLOUD),
+    ReadClicks: (POINT_STAMPED,),
     ReadFrames: (TRANSFORMS, "tf/msg/tfMessage"),
     ReadPlace: (POSE_STAMPED, POSE_WITH_COVARIANCE, ODOMETRY),
 }
@@ -256,6 +271,12 @@ class RosMapping:
         is_any = "" in topics and not named
         return replace(mapping, scans=ReadScan(pose_topic=pose_topic)) if is_any else mapping
 
+    def with_clicks(self) -> RosMapping:
+        """Return a mapping that reads RViz's clicks, too, where it does not name them."""
+        if any(isinstance(rule.reading, ReadClicks) for rule in self.topics.values()):
+            return self
+        return replace(self, topics={**self.topics, CLICKED: TopicRule(ReadClicks())})
+
     def for_lasers_only(self) -> RosMapping:
         """Return the part of it that places scans; nothing else is read."""
         kept: dict[str, TopicRule] = {}
@@ -299,6 +320,9 @@ class RosMapping:
             return TopicRule(self.scans)
         return None
 
+
+CLICKED = "/clicked_point"
+"""Where RViz publishes the points that are clicked."""
 
 _FLOOR = re.compile(r"/map(?:/(?:level_)?([0-9]{1,5}))?")
 _POSES = frozenset({"/amcl_pose", "/robot_pose", "/semmap/robot_pose"})

@@ -10,6 +10,7 @@ from semmap_log.domain.events import DoorObserved, Event
 from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
 from semmap_log.formats.ros.ros_decoding import MessageType, decode_message
 from semmap_log.formats.ros.ros_types import short_name
+from semmap_log.ros_mapping.clicked_doors import ClickedDoors
 from semmap_log.ros_mapping.door_maps import DoorMaps
 from semmap_log.ros_mapping.floors import FloorMaps
 from semmap_log.ros_mapping.known import Known
@@ -22,6 +23,7 @@ from semmap_log.ros_mapping.topic_problems import TopicProblems
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage, TopicReader
 from semmap_log.ros_mapping.topic_rules import (
     ONLY_TYPES,
+    ReadClicks,
     ReadDoorMap,
     ReadFloorMap,
     ReadFrames,
@@ -47,6 +49,8 @@ class Made:
     actor: str = ""
     """Who did it, where the message tells."""
     reason: str = ""
+    said: str = ""
+    """What was done, for a person who waits for it; empty: nobody does."""
     scans: Sequence[RobotScan] = ()
     """Those that have their places now: this message's, or such that waited."""
 
@@ -132,7 +136,8 @@ class Translator:
             self.complaints.add(got.topic, "a message that cannot be; passed over", said)
             return Made(events)
         rule = self._rules[got.topic].reading
-        return Made(events, actor, rule.name if isinstance(rule, ReadPatrol) else "")
+        said = reader.said if isinstance(reader, ClickedDoors) else ""
+        return Made(events, actor, rule.name if isinstance(rule, ReadPatrol) else "", said)
 
     def _reader(self, topic: str, rule: TopicRule) -> TopicReader:
         context, track, lasers = self._context, self._track, self.lasers
@@ -149,6 +154,7 @@ class Translator:
             ReadFrames: lambda reading: RobotFrames(reading, context, lasers),
             ReadPlace: lambda reading: RobotPlaces(reading, context, lasers),
             ReadFloorMap: lambda reading: FloorMaps(topic, reading, context),
+            ReadClicks: lambda reading: ClickedDoors(topic, reading, context),
             ReadPatrol: lambda reading: Rounds(reading, context),
         }
         return makers[type(rule.reading)](rule.reading)

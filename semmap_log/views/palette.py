@@ -106,6 +106,8 @@ PLOT_MARKS = "#555560"
 PLOT_HATCH = "#9a9a9a"
 PLOT_NOTHING = "#f0f0f0"
 PLOT_WORDS = "#444444"
+PLOT_PROPOSED = "#c2185b"
+PLOT_WALLS = "#222222"
 
 BEAM_SHORT: Rgb = (0xB0, 0x8A, 0xE0)
 """Of where beams ended before a door's line, on a dark plan: the colour of no state."""

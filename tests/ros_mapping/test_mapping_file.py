@@ -109,7 +109,7 @@ def test_the_readme_shows_mappings_that_can_be_read(tmp_path: Path) -> None:
         ("topics: {/a: {read: door_map, removes: mine}}", "expected one of own, all, none"),
         ("topics: {/a: {level: 1}}", "/a: expected read: one of door_map, "),
         ("topics: {/a: {reed: pose}}", "yaml:1: /a: expected read: one of door_map, "),
-        ("topics: {/a: {reed: pose, level: 1}}", "scan; got only reed, level"),
+        ("topics: {/a: {reed: pose, level: 1}}", "clicked_points; got only reed, level"),
         ("topics: {}", "expected a topic at least"),
         ("topics: {/a: {read: scan, heights: 1}}", "heights: expected two numbers, the lower"),
         ("topics: {/a: {read: scan, heights: [2, 1]}}", "heights: expected two numbers, the"),

@@ -119,7 +119,7 @@ _SEEN = (
           "self._first is None", "False", "test_scan_importing"),
     guard("scans from before the doors", "_Scanning._refuse_nothing",
           "self.sightings.tally.levels", "True", "test_scan_importing"),
-    guard("static frames hold from the beginning", "_Scanning._scans",
+    guard("static frames hold from the beginning", "_Scanning.scans",
           'each.topic.endswith("tf_static")', "False", "test_scan_importing"),
     guard("copies of a laser", "scan_topics._topics",
           "lasers if len(lasers) == 1 else called_so", "lasers", "test_scan_importing"),

@@ -1,0 +1,131 @@
+"""`import --scan --propose-doors`: listed, drawn, added only when told so."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+from semmap_log.domain.events import DoorAdded
+from tests.formats.bags.bags_of_others import write_mcap
+from tests.ros_mapping.laser_room import DOOR, LaserRoom, moved, turned
+from tests.ros_mapping.robots import START
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """A drive along the corridor, and one through the door."""
+    through = LaserRoom(
+        seconds=8.0, begins_s=60.0, state=lambda _: [],
+        drive=lambda t: moved(4.45, -0.9 + 0.5 * t) @ turned("z", math.pi / 2),
+    )  # fmt: skip
+    write_mcap(tmp_path / "x.mcap", [*LaserRoom(state=lambda _: []).said(), *through.said()])
+    return tmp_path / "x.mcap"
+
+
+@pytest.fixture
+def office(tmp_path: Path) -> Path:
+    """A log without doors."""
+    sl.create(tmp_path / "office", tz="UTC", robot="tug1").close()
+    return tmp_path / "office"
+
+
+def _run(*words: object) -> Any:
+    with pytest.raises(SystemExit) as left:
+        main([str(word) for word in words])
+    return left.value.code
+
+
+def _added(office: Path) -> list[DoorAdded]:
+    return [each.event for b in sl.read(office).batches(kinds=[DoorAdded]) for each in b]
+
+
+def test_they_are_listed_and_nothing_is_written(
+    office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    As JSON: place, width, what speaks for it; the log stays as it is.
+    """
+    before = {each: each.read_bytes() for each in office.iterdir()}
+
+    assert _run("import", office, bag, "--scan", "--propose-doors", "--json") == 0
+
+    told = json.loads(capsys.readouterr().out)
+    assert told["source"] == "scan:laser wall-gaps"
+    assert told["added"] == []
+    first = told["proposals"][0]
+    x = first["x"] + first["width"] / 2 * math.cos(first["theta"])
+    assert x == pytest.approx(DOOR[0] + DOOR[3] / 2, abs=0.15)
+    assert first["evidence"]["passed"] == 1
+    assert before == {each: each.read_bytes() for each in office.iterdir()}
+
+
+def test_with_yes_they_are_doors_and_not_proposed_again(
+    office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    One commit that names laser and method; the doors are there since the first scan.
+    """
+    assert _run("import", office, bag, "--scan", "--propose-doors", "--yes", "--actor", "eve") == 0
+    (commit,) = sl.read(office).commits()
+    assert (commit.note.source, commit.note.actor) == ("scan:laser wall-gaps", "eve")
+    (door,) = sl.read(office).replay().doors.values()
+    assert door.name in {"door-at 4.4 1.2", "door-at 4.5 1.2"}
+    assert abs(_added(office)[0].happened_ns - START) < 10**9
+    capsys.readouterr()
+
+    assert _run("import", office, bag, "--scan", "--propose-doors", "--yes") == 0
+
+    assert "0 proposals" in capsys.readouterr().err
+    assert len(_added(office)) == 1
+
+
+def test_a_number_that_no_proposal_has_is_refused(
+    office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Before anything is written.
+    """
+    words = ("import", office, bag, "--scan", "--propose-doors", "--yes", "--only", 1, "--only", 9)
+
+    assert _run(*words) == 1
+
+    assert "--only 9: expected a number up to 1" in capsys.readouterr().err
+    assert _added(office) == []
+
+
+def test_they_are_drawn(office: Path, bag: Path) -> None:
+    """
+    Over what the laser saw, with the numbers of the table.
+    """
+    pytest.importorskip("matplotlib")
+    picture = office.parent / "doors.svg"
+
+    assert _run("import", office, bag, "--scan", "--propose-doors", "--plot", picture) == 0
+
+    drawn = picture.read_text()
+    assert "Doors proposed from x.mcap: 1" in drawn
+    assert ">1</text>" in drawn
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--propose-doors"], "give --scan"),
+        (["--scan", "--yes"], "give --propose-doors"),
+        (["--scan", "--propose-doors", "--only", "1"], "give --yes"),
+    ],
+)
+def test_options_that_need_others(
+    office: Path, bag: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    """
+    Are refused without them.
+    """
+    assert _run("import", office, bag, *words) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
