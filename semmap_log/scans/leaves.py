@@ -15,12 +15,18 @@ NEARLY = 0.03
 """A smaller clear share is shut: up to 12 degrees of a hinged leaf."""
 CLEAR = 0.5
 """The clear share of the width from which on a door is open."""
-ANGLES = tuple(map(radians, (12, 24, 36, 48, 60, 80, 100)))
-"""Of a hinged leaf that is not shut."""
+ANGLES = tuple(map(radians, (12, 20, 28, 36, 44, 52, 60, 70, 80, 90, 105)))
+"""Of a hinged leaf that is not shut; close together where the words part."""
+DOUBLE_ANGLES = (0, 15, 30, 45, 62, 90)
+"""Degrees, of each leaf of a double door."""
 SLID = (0.1, 0.25, 0.4, 0.55, 0.75)
 """Clear shares of a sliding door that stands in between."""
+HUNG = (0.0, 0.1, -0.1)
+"""How far off the line a sliding leaf runs, in widths."""
 STANDING_AT = (0.0, 0.25, 0.5)
 """Where somebody begins who stands in an open door and fills half of it."""
+WALL = 1.5
+"""How much of a wall behind a door is looked at, in widths."""
 PRIOR = {"shut": 0.45, "ajar": 0.10, "open": 0.45}
 
 
@@ -78,7 +84,7 @@ class Leaves:
             return ()
         x, y, theta, width = line.tolist()
         found = []
-        for k in np.flatnonzero(self.lengths[row] > 0).tolist():
+        for k in np.flatnonzero((self.lengths[row] > 0) & (self.lengths[row] <= 1)).tolist():
             (along, off), turn = self.starts[row, k].tolist(), theta + float(self.turns[row, k])
             x0 = x + width * (along * cos(theta) - off * sin(theta))
             y0 = y + width * (along * sin(theta) + off * cos(theta))
@@ -95,17 +101,36 @@ Stand = tuple[Sequence[Leaf], float, float]
 
 @cache
 def leaves_of(kind: str) -> Leaves:
-    """Return the hypotheses for a value of the annotation `kind`; what is not known is hinged."""
-    return _table(_STANDS.get(kind.strip().lower(), _hinged)())
+    """Return the hypotheses for a value of the annotation `kind`; what is not known is hinged.
+
+    Open-RMF's names are known, too: `double_hinged`, `double_sliding`, `single_telescope` ...
+    """
+    words = kind.strip().lower()
+    for part, stands in _STANDS:
+        if part in words:
+            return _table(stands())
+    return _table(_hinged())
 
 
 def _hinged() -> Iterable[Stand]:
     yield (Leaf(0, 0, 1),), 0.0, 1.0
     for angle in ANGLES:
+        clear = 1 - max(cos(angle), 0)
         for leaf in _swung(angle, 1.0):
-            yield (leaf,), 1 - max(cos(angle), 0), 0.25
+            yield (leaf,), clear, 0.25
+            if NEARLY < clear < CLEAR:
+                yield (_wall_behind(leaf), leaf), clear, 0.25
     yield (), 1.0, 3.0
     yield from _somebody(0.1)
+
+
+def _wall_behind(leaf: Leaf) -> Leaf:
+    """Return a wall across the door's line, from where this leaf would latch, to its side.
+
+    Many rooms have it; it looks like a leaf that stands wide open.
+    """
+    side = 1 if sin(leaf.turn) > 0 else -1
+    return Leaf(1 - leaf.x, side * radians(95 if leaf.x else 85), WALL)
 
 
 def _somebody(weight: float) -> Iterable[Stand]:
@@ -122,27 +147,30 @@ def _swung(angle: float, length: float) -> Iterable[Leaf]:
 
 
 def _double() -> Iterable[Stand]:
-    """Yield two leaves of half the width, each by itself."""
-    angles = (0.0, *map(radians, (25, 50, 90)))
-    ways = [(angle * side) for angle in angles for side in ((1, -1) if angle else (1,))]
-    left = [((Leaf(0, way, 0.5),), 1 - cos(way)) for way in ways] + [((), 1.0)]
-    right = [((Leaf(1, pi - way, 0.5),), 1 - cos(way)) for way in ways] + [((), 1.0)]
-    for one, free in left:
-        for other, also_free in right:
-            yield (*one, *other), (free + also_free) / 2, 1.0
+    """Yield two leaves of half the width, each by itself, to the same side."""
+    angles = tuple(map(radians, DOUBLE_ANGLES))
+    for side in (1, -1):
+        left = [((Leaf(0, angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
+        right = [((Leaf(1, pi - angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
+        for one, free in [*left, ((), 1.0)]:
+            for other, also_free in [*right, ((), 1.0)]:
+                yield (*one, *other), (free + also_free) / 2, 1.0
 
 
 def _sliding() -> Iterable[Stand]:
     """Yield a leaf that slides to either end, or two that part in the middle.
 
-    Somebody who stands in such a door looks like the leaf.
+    They run in the wall, or hang before it on either side. Somebody who stands in such a door looks
+    like the leaf.
     """
-    yield (Leaf(0, 0, 1),), 0.0, 1.0
-    for clear in SLID:
-        yield (Leaf(0, 0, 1 - clear),), clear, 1.0
-        yield (Leaf(clear, 0, 1 - clear),), clear, 1.0
-        yield (Leaf(0, 0, (1 - clear) / 2), Leaf((1 + clear) / 2, 0, (1 - clear) / 2)), clear, 1.0
-    yield (), 1.0, 6.0
+    for off in HUNG:
+        yield (Leaf(0, 0, 1, off),), 0.0, 1.0
+        for clear in SLID:
+            yield (Leaf(0, 0, 1 - clear, off),), clear, 1.0
+            yield (Leaf(clear, 0, 1 - clear, off),), clear, 1.0
+            half = (1 - clear) / 2
+            yield (Leaf(0, 0, half, off), Leaf(1 - half, 0, half, off)), clear, 1.0
+    yield (), 1.0, 18.0
 
 
 def _folding() -> Iterable[Stand]:
@@ -162,7 +190,8 @@ def _folding() -> Iterable[Stand]:
     yield from _somebody(0.1)
 
 
-_STANDS = {"double": _double, "sliding": _sliding, "folding": _folding}
+_STANDS = (("sliding", _sliding), ("telescop", _sliding), ("fold", _folding), ("double", _double))
+"""By parts of the kind's name, the first that fits: a double door that slides is one that slides."""
 
 
 def _table(stands: Iterable[Stand]) -> Leaves:

@@ -57,6 +57,8 @@ class ScanModel:
     """A leaf nearer to the robot than the line by more looks like anybody who stands there ..."""
     persuades: float = 0.1
     """... and counts for so much less."""
+    blurred: float = 0.08
+    """A leaf's ends are known so well at best: nearer to them a beam may meet it, or may not."""
     wall_in_line: float = 0.7
     """P(the wall beside a door is in its line)."""
     wall_there: float = 0.6
@@ -85,6 +87,9 @@ class ScanModel:
     """Looks through the line, or on it, that a word needs."""
     most_deep: float = 0.3
     """CLOSED needs that fewer looks went deep, as a share of those that ended on the line."""
+    least_seen: float = 0.2
+    """Share of the beams of a scan towards the door that come as far: fewer are strays, and the
+    door is out of sight."""
     most_hidden: float = 0.8
     """Share of the beams towards the door that something before it stopped: more, and what the
     others met is as likely its edge as the door."""

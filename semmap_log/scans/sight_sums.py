@@ -27,7 +27,7 @@ class SightSums:
     """Sums over the beams of each of `p` sights, as if each beam were a look."""
 
     seen: Floats
-    """(p,) beams that came back from the line, or from behind it."""
+    """(p,) beams that came back from the line, or from behind it; 0: too few of those towards it."""
     through: Floats
     """(p, s) beams that went through the line, were the laser shifted."""
     stopped: Floats
@@ -56,8 +56,9 @@ class SightSums:
         past = ended[:, None] - shifted_planes(beams)
         near = back & (np.abs(np.where(back, beams.behind, np.inf)) <= model.deep)
         walls = wall_log_likelihoods(sights.beside, model)
+        seen = np.bincount(beams.sight[back & beams.reaches], minlength=count).astype(float)
         return cls(
-            seen=np.bincount(beams.sight[back & beams.reaches], minlength=count).astype(float),
+            seen=np.where(seen >= model.least_seen * (seen + sights.hidden), seen, 0),
             through=_by_sight(past > model.tolerance, beams.sight, count),
             stopped=_by_sight(np.abs(past) <= model.tolerance, beams.sight, count),
             deep=_by_sight(past * np.abs(beams.uy)[:, None] > model.deep, beams.sight, count),
