@@ -17,7 +17,7 @@ CLEAR = 0.5
 """The clear share of the width from which on a door is open."""
 ANGLES = tuple(map(radians, (12, 20, 28, 36, 44, 52, 60, 70, 80, 90, 105)))
 """Of a hinged leaf that is not shut; close together where the words part."""
-DOUBLE_ANGLES = (0, 15, 30, 45, 62, 90)
+DOUBLE_ANGLES = (0, 14, 29, 45, 62, 90)
 """Degrees, of each leaf of a double door."""
 SLID = (0.1, 0.25, 0.4, 0.55, 0.75)
 """Clear shares of a sliding door that stands in between."""
@@ -27,6 +27,8 @@ STANDING_AT = (0.0, 0.25, 0.5)
 """Where somebody begins who stands in an open door and fills half of it."""
 WALL = 1.5
 """How much of a wall behind a door is looked at, in widths."""
+WALLED = 0.2
+"""P(such a wall is there), of each end and side."""
 PRIOR = {"shut": 0.45, "ajar": 0.10, "open": 0.45}
 
 
@@ -117,10 +119,13 @@ def _hinged() -> Iterable[Stand]:
     for angle in ANGLES:
         clear = 1 - max(cos(angle), 0)
         for leaf in _swung(angle, 1.0):
-            yield (leaf,), clear, 0.25
-            if NEARLY < clear < CLEAR:
-                yield (_wall_behind(leaf), leaf), clear, 0.25
-    yield (), 1.0, 3.0
+            walled = WALLED if NEARLY < clear < CLEAR else 0.0
+            yield (leaf,), clear, 0.25 * (1 - walled)
+            if walled:
+                yield (_wall_behind(leaf), leaf), clear, 0.25 * walled
+    yield (), 1.0, 3.0 * (1 - 4 * WALLED)
+    for leaf in _swung(0.5, 1.0):
+        yield (_wall_behind(leaf),), 1.0, 3.0 * WALLED
     yield from _somebody(0.1)
 
 

@@ -55,7 +55,7 @@ class ScanModel:
     """Mean depth of what lies behind a door."""
     before: float = 0.15
     """A leaf nearer to the robot than the line by more looks like anybody who stands there ..."""
-    persuades: float = 0.1
+    persuades: float = 0.4
     """... and counts for so much less."""
     blurred: float = 0.08
     """A leaf's ends are known so well at best: nearer to them a beam may meet it, or may not."""
