@@ -44,7 +44,24 @@ def log_likelihoods(beams: DoorBeams, leaves: Leaves, glass: Floats, model: Scan
 
     `glass` (m,): P(the beam passes a leaf). Beams run fastest in memory: there are most of them.
     """
-    view = _View.of(beams, glass, model)
+    table = _likelihoods(beams, leaves, _View.of(beams, glass, model), model)
+    return np.asarray(np.log(table, out=table).transpose(2, 1, 0))
+
+
+def log_ratios(beams: DoorBeams, leaves: Leaves, glass: Floats, model: ScanModel) -> Table:
+    """Return (m, s, h): by how much each stand of the leaves explains a beam better than none does.
+
+    For beams beside the door, which come over its leaf, if it is swung towards the laser: what they
+    tell of the wall is told by `wall_log_likelihoods`.
+    """
+    view = _View.of(beams, glass, model, wall_there=model.wall_there)
+    table = _likelihoods(beams, leaves, view, model)
+    table /= view.free
+    return np.asarray(np.log(table, out=table).transpose(2, 1, 0))
+
+
+def _likelihoods(beams: DoorBeams, leaves: Leaves, view: _View, model: ScanModel) -> Table:
+    """Return (h, s, m): p(range | shift of the laser, stand of the leaves)."""
     table = np.repeat(view.free[None], len(leaves.clear), axis=0)
     nearest = np.full(table.shape if leaves.most > 1 else (1, 1, 1), np.inf, np.float32)
     for k in range(leaves.most):
@@ -63,7 +80,7 @@ def log_likelihoods(beams: DoorBeams, leaves: Leaves, glass: Floats, model: Scan
         chance *= met
         before += chance
         table[rows] = before
-    return np.asarray(np.log(table, out=table).transpose(2, 1, 0))
+    return table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +113,9 @@ class _View:
     """By how much such a leaf counts less."""
 
     @classmethod
-    def of(cls, beams: DoorBeams, glass: Floats, model: ScanModel) -> _View:
+    def of(
+        cls, beams: DoorBeams, glass: Floats, model: ScanModel, *, wall_there: float = 1.0
+    ) -> _View:
         lost = ~beams.came_back
         ended = np.where(lost, beams.max_range, beams.range)
         spread = _spread(beams, np.abs(beams.uy), model)
@@ -113,7 +132,9 @@ class _View:
         depth = np.where(past > -LEAST_RANGE, tail / model.room, 0)
         peak = hit * (1 - glass) * HEIGHT * sqrt(FREEDOM)
         noise = peak * scale * (1 + (past * scale) ** 2) ** -2
-        free = np.where(wall, noise, hit * depth) + np.where(past < 0, short, 0) + stray
+        behind = hit * depth
+        stopped = wall_there * noise + (1 - wall_there) * behind
+        free = np.where(wall, stopped, behind) + np.where(past < 0, short, 0) + stray
         gone = np.where(wall, model.lost, model.lost + (1 - model.lost) * tail)
         off_leaf = model.lost + glass * (gone - model.lost)
         return cls(
@@ -121,7 +142,7 @@ class _View:
             y=_single(y),
             ended=_single(ended),
             blind=_single(LEAST_RANGE - ended),
-            wall_at=_single(np.where(wall, -past, np.inf)),
+            wall_at=_single(np.where(wall & (wall_there == 1), -past, np.inf)),
             before=_single(-past - model.before),
             free=_single(np.where(lost, gone, free)),
             peak=_single(np.where(lost, 0, peak)),
