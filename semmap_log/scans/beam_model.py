@@ -62,25 +62,37 @@ def log_ratios(beams: DoorBeams, leaves: Leaves, glass: Floats, model: ScanModel
 
 def _likelihoods(beams: DoorBeams, leaves: Leaves, view: _View, model: ScanModel) -> Table:
     """Return (h, s, m): p(range | shift of the laser, stand of the leaves)."""
-    table = np.repeat(view.free[None], len(leaves.clear), axis=0)
-    nearest = np.full(table.shape if leaves.most > 1 else (1, 1, 1), np.inf, np.float32)
-    for k in range(leaves.most):
-        rows = np.flatnonzero(leaves.lengths[:, k] > 0)
-        leaf = _LeafView.of(beams, leaves, rows, k, model)
+    table = np.empty((len(leaves.clear), *view.free.shape), np.float32)
+    table[: len(table) - len(leaves.both)] = view.free
+    nearest = np.full((), np.inf, np.float32)
+    for k, count in enumerate(leaves.with_leaf):
+        leaf = _LeafView.of(beams, leaves, count, k, model)
         far = leaf.far(view)
         met = leaf.share_met(view)
         met *= (far > view.blind) & (far < view.wall_at)
-        if k + 1 < leaves.most:
-            nearest[rows] = np.where(met >= 0.5, far, np.inf)
-        chance = _chance(far, leaf, view)
         if k:
-            met *= far < nearest[rows]
-        before = table[rows]
-        chance -= before
-        chance *= met
-        before += chance
-        table[rows] = before
+            met *= far < nearest[:count]
+        chance = _chance(far, leaf, view)
+        if not k and len(leaves.both):
+            both, before, behind = leaves.both.T
+            walled, ends = met[before], chance[before]
+        _lay(table[:count], met, chance)
+        if k + 1 < len(leaves.with_leaf):
+            nearest = np.where(met >= 0.5, far, np.float32(np.inf))
+    if len(leaves.both):
+        table[both] = table[behind]
+        _lay(table[both[0] :], walled, ends)
     return table
+
+
+def _lay(table: Table, met: Table, chance: Table) -> None:
+    """Put a leaf before what rows of the table stand for: a share `met` of each beam ends on it.
+
+    Of `chance` nothing is left.
+    """
+    chance -= table
+    chance *= met
+    table += chance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,13 +187,13 @@ class _LeafView:
 
     @classmethod
     def of(
-        cls, beams: DoorBeams, leaves: Leaves, rows: NDArray[np.intp], k: int, model: ScanModel
+        cls, beams: DoorBeams, leaves: Leaves, count: int, k: int, model: ScanModel
     ) -> _LeafView:
-        turn = leaves.turns[rows, k, None]
+        turn = leaves.turns[:count, k, None]
         ex, ey = np.cos(turn), np.sin(turn)
         ux, uy, width = _single(beams.ux), _single(beams.uy), _single(beams.width)
-        ax, ay = (leaves.starts[rows, k, i, None] * width for i in (0, 1))
-        length = leaves.lengths[rows, k, None] * width
+        ax, ay = (leaves.starts[:count, k, i, None] * width for i in (0, 1))
+        length = leaves.lengths[:count, k, None] * width
         sine = ux * ey - uy * ex
         sine = np.where(np.abs(sine) < LEAST_SINE, np.float32(LEAST_SINE), sine)
         flat = np.abs(sine)

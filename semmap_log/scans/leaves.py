@@ -15,7 +15,7 @@ NEARLY = 0.03
 """A smaller clear share is shut: up to 12 degrees of a hinged leaf."""
 CLEAR = 0.5
 """The clear share of the width from which on a door is open."""
-ANGLES = tuple(map(radians, (12, 20, 28, 36, 44, 52, 60, 70, 80, 90, 105)))
+ANGLES = tuple(map(radians, (12, 20, 28, 36, 44, 52, 60, 70, 85, 105)))
 """Of a hinged leaf that is not shut; close together where the words part."""
 DOUBLE_ANGLES = (0, 14, 29, 45, 62, 90)
 """Degrees, of each leaf of a double door."""
@@ -45,7 +45,10 @@ class Leaf(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaves:
-    """All hypotheses of a kind of door; a row each; `k` leaves at most."""
+    """All hypotheses of a kind of door; a row each; `k` leaves at most.
+
+    Rows with most leaves come first, those that are two others together last.
+    """
 
     starts: NDArray[np.float32]
     """(h, k, 2) in widths of the door."""
@@ -59,11 +62,17 @@ class Leaves:
     """(h,)"""
     standing: NDArray[np.bool_]
     """(h,) what stops the beams is no leaf, but somebody who stands in an open door."""
+    both: NDArray[np.intp]
+    """(p, 3) rows: the first is the second, a leaf, before the third, a wall behind the door."""
 
     @property
-    def most(self) -> int:
-        """How many leaves a hypothesis has at most."""
-        return int(self.turns.shape[1])
+    def with_leaf(self) -> tuple[int, ...]:
+        """How many rows, the first ones, have a first leaf, a second one, ...
+
+        Beside those that are two others together.
+        """
+        single = self.lengths[: len(self.clear) - len(self.both)]
+        return tuple(n for n in (single > 0).sum(0).tolist() if n)
 
     @property
     def shut(self) -> NDArray[np.bool_]:
@@ -201,9 +210,15 @@ _STANDS = (("sliding", _sliding), ("telescop", _sliding), ("fold", _folding), ("
 
 def _table(stands: Iterable[Stand]) -> Leaves:
     """Return the arrays of what the hypotheses say."""
-    rows = list(stands)
+    rows = sorted(stands, key=lambda stand: (_has_wall(stand[0]), -len(stand[0])))
     most = max(len(leaves) for leaves, _, _ in rows)
     none = Leaf(0, 0, 0)
+    row_of = {tuple(leaves): row for row, (leaves, _, _) in enumerate(rows)}
+    both = [
+        (row_of[wall, leaf], row_of[(leaf,)], row_of[(wall,)])
+        for wall, leaf in (leaves for leaves in row_of if len(leaves) == 2)
+        if _has_wall((wall, leaf))
+    ]
     padded = [[*leaves, *[none] * (most - len(leaves))] for leaves, _, _ in rows]
     clear = np.array([free for _, free, _ in rows])
     weights = np.array([weight for _, _, weight in rows])
@@ -211,7 +226,15 @@ def _table(stands: Iterable[Stand]) -> Leaves:
     turns = np.array([[leaf.turn for leaf in row] for row in padded], np.float32)
     lengths = np.array([[leaf.length for leaf in row] for row in padded], np.float32)
     standing = (clear == 1) & ((lengths > 0) & (turns == 0)).any(1)
-    return Leaves(starts, turns, lengths, clear, np.log(_prior(clear, weights)), standing)
+    return Leaves(
+        starts, turns, lengths, clear, np.log(_prior(clear, weights)), standing,
+        np.array(both, np.intp).reshape(-1, 3),
+    )  # fmt: skip
+
+
+def _has_wall(leaves: Sequence[Leaf]) -> bool:
+    """Tell whether these are a wall and a leaf before it."""
+    return len(leaves) == 2 and leaves[0].length == WALL
 
 
 def _prior(clear: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

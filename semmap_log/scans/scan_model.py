@@ -72,11 +72,11 @@ class ScanModel:
     """A scan this far from the last one is new altogether; nearer ones are worth less."""
     still_s: float = 120.0
     """A robot that stands gets one new scan's worth in this time."""
-    least_fresh: float = 0.4
+    least_fresh: float = 0.5
     """Scans are left out until one is worth this much ..."""
     least_often_s: float = 2.0
     """... or the last that was looked at is this old."""
-    most_looks: float = 12.0
+    most_looks: float = 20.0
     """What a visit can be worth, however much it saw."""
     pause_s: float = 10.0
     """A visit ends this long after the door was last seen ..."""

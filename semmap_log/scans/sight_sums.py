@@ -19,7 +19,7 @@ from semmap_log.scans.watched_doors import WatchedDoors
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-AT_ONCE = 256
+AT_ONCE = 96
 """Beams whose tables are made together: what a processor's cache holds."""
 
 
