@@ -38,7 +38,6 @@ LEAST_SINE = 1e-4
 """Of the angle between a beam and a leaf: flatter ones count as that flat."""
 
 
-
 def log_likelihoods(beams: DoorBeams, leaves: Leaves, glass: Floats, model: ScanModel) -> Table:
     """Return (m, s, h): log p(range | shift of the laser, stand of the leaves) of each beam.
 
@@ -75,7 +74,8 @@ def _likelihoods(beams: DoorBeams, leaves: Leaves, view: _View, model: ScanModel
         chance = _chance(far, leaf, view)
         if not k and len(leaves.both):
             both, before, behind = leaves.both.T
-            walled, ends = met[before], chance[before]
+            hides = (met[behind] >= 0.5) & (far[behind] < far[before])
+            walled, ends = np.where(hides, 0, met[before]), chance[before]
         _lay(table[:count], met, chance)
         if k + 1 < len(leaves.with_leaf):
             nearest = np.where(met >= 0.5, far, np.float32(np.inf))
@@ -181,7 +181,7 @@ class _LeafView:
     along_by_x: Table
     along_by_y: Table
     along_at: Table
-    """(h, 1, m) where it crosses the leaf, from its middle; the leaf's ends are `blurred` over 1."""
+    """(h, 1, m) where it crosses the leaf, from its middle; the ends are blurred over 1."""
     half: Table
     """(h, 1, m) so far from its middle the leaf is met by no beam."""
 
@@ -202,21 +202,17 @@ class _LeafView:
         part = 0.5 / blurred
         share = inverse * part
         middle = 0.5 * length * part
-        return cls(
-            *(
-                values[:, None]
-                for values in (
-                    -ey * inverse,
-                    ex * inverse,
-                    (ax * ey - ay * ex) * inverse,
-                    1 / (np.float32(sqrt(FREEDOM)) * _spread(beams, flat, model)),
-                    -uy * share,
-                    ux * share,
-                    (ax * uy - ay * ux) * share - middle,
-                    0.5 + middle,
-                )
-            )
+        columns = (
+            -ey * inverse,
+            ex * inverse,
+            (ax * ey - ay * ex) * inverse,
+            1 / (sqrt(FREEDOM) * _spread(beams, flat, model)),
+            -uy * share,
+            ux * share,
+            (ax * uy - ay * ux) * share - middle,
+            0.5 + middle,
         )
+        return cls(*(np.asarray(values[:, None], np.float32) for values in columns))
 
     def far(self, view: _View) -> Table:
         """Return (h, s, m) how far beyond where a beam ended the leaf is, m."""
@@ -252,7 +248,7 @@ def wall_log_likelihoods(beams: DoorBeams, model: ScanModel) -> Floats:
     The last column is that of a wall that is anywhere else near it.
     """
     past = beams.range[:, None] - shifted_planes(beams)
-    spread = _spread(beams, np.abs(beams.uy), model)[:, None]
+    spread = _spread(beams, np.abs(beams.uy), model)[:, None].astype(np.float64)
     hit = 1 - model.short - model.stray
     stray = model.stray / beams.max_range[:, None]
     short = model.short / np.maximum(beams.plane, 0.1)[:, None]
@@ -267,13 +263,13 @@ def wall_log_likelihoods(beams: DoorBeams, model: ScanModel) -> Floats:
     return np.asarray(np.log(np.concatenate([chance(past, spread), anywhere], axis=1)))
 
 
-def _spread(beams: DoorBeams, sine: NDArray[np.floating], model: ScanModel) -> Table:
+def _spread(beams: DoorBeams, sine: Floats | Table, model: ScanModel) -> Table:
     """Return the noise of a range, m, of beams that meet something at an angle of that `sine`.
 
     Half of the pose's error drifts within a visit.
     """
     across = _single(0.5 * beams.sd)
-    return np.asarray(np.hypot(np.float32(model.sd_range), across / sine))
+    return np.asarray(np.hypot(np.float32(model.sd_range), across / sine), np.float32)
 
 
 def _single(values: Floats) -> Table:

@@ -15,7 +15,7 @@ NEARLY = 0.03
 """A smaller clear share is shut: up to 12 degrees of a hinged leaf."""
 CLEAR = 0.5
 """The clear share of the width from which on a door is open."""
-ANGLES = tuple(map(radians, (12, 20, 28, 36, 44, 52, 60, 70, 85, 105)))
+ANGLES = tuple(map(radians, (12, 20, 28, 36, 44, 52, 60, 70, 80, 95)))
 """Of a hinged leaf that is not shut; close together where the words part."""
 DOUBLE_ANGLES = (0, 14, 29, 45, 62, 90)
 """Degrees, of each leaf of a double door."""
@@ -128,7 +128,7 @@ def _hinged() -> Iterable[Stand]:
     for angle in ANGLES:
         clear = 1 - max(cos(angle), 0)
         for leaf in _swung(angle, 1.0):
-            walled = WALLED if NEARLY < clear < CLEAR else 0.0
+            walled = WALLED if NEARLY < clear < CLEAR - 1e-6 else 0.0
             yield (leaf,), clear, 0.25 * (1 - walled)
             if walled:
                 yield (_wall_behind(leaf), leaf), clear, 0.25 * walled
@@ -163,12 +163,15 @@ def _swung(angle: float, length: float) -> Iterable[Leaf]:
 def _double() -> Iterable[Stand]:
     """Yield two leaves of half the width, each by itself, to the same side."""
     angles = tuple(map(radians, DOUBLE_ANGLES))
+    found: dict[tuple[Leaf, ...], float] = {}
     for side in (1, -1):
         left = [((Leaf(0, angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
         right = [((Leaf(1, pi - angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
         for one, free in [*left, ((), 1.0)]:
             for other, also_free in [*right, ((), 1.0)]:
-                yield (*one, *other), (free + also_free) / 2, 1.0
+                found[*one, *other] = (free + also_free) / 2
+    for leaves, clear in found.items():
+        yield leaves, clear, 1.0
 
 
 def _sliding() -> Iterable[Stand]:
@@ -205,7 +208,7 @@ def _folding() -> Iterable[Stand]:
 
 
 _STANDS = (("sliding", _sliding), ("telescop", _sliding), ("fold", _folding), ("double", _double))
-"""By parts of the kind's name, the first that fits: a double door that slides is one that slides."""
+"""By parts of the kind's name, the first that fits: `double_sliding` is one that slides."""
 
 
 def _table(stands: Iterable[Stand]) -> Leaves:

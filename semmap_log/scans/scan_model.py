@@ -72,7 +72,7 @@ class ScanModel:
     """A scan this far from the last one is new altogether; nearer ones are worth less."""
     still_s: float = 120.0
     """A robot that stands gets one new scan's worth in this time."""
-    least_fresh: float = 0.5
+    least_fresh: float = 0.45
     """Scans are left out until one is worth this much ..."""
     least_often_s: float = 2.0
     """... or the last that was looked at is this old."""
@@ -96,7 +96,7 @@ class ScanModel:
     least_accuracy: float = 0.8
     """Below it nothing is said."""
     most_ajar_shut: float = 0.5
-    most_ajar_open: float = 0.13
+    most_ajar_open: float = 0.12
     """P(ajar) above which CLOSED, or OPEN, is not said."""
     lapse: float = 0.008
     """P(the visit means nothing at all): a wrong map, another door, glass that nobody told of."""

@@ -28,7 +28,7 @@ class SightSums:
     """Sums over the beams of each of `p` sights, as if each beam were a look."""
 
     seen: Floats
-    """(p,) beams that came back from the line, or from behind it; 0: too few of those towards it."""
+    """(p,) beams that came back from the line, or from behind it; 0 where they are too few."""
     through: Floats
     """(p, s) beams that went through the line, were the laser shifted."""
     stopped: Floats

@@ -19,7 +19,7 @@ HINGED = leaves_of("hinged")
 
 
 def sums(
-    *, open_by: float = 0, ajar_by: float = -20, looks: float = 12, through: float = 4,
+    *, open_by: float = 0, ajar_by: float = -20, looks: float = MODEL.most_looks, through: float = 4,
     stopped: float = 4, deep: float = 0, hidden: float = 0,
 ) -> VisitSums:  # fmt: skip
     """Return sums that speak for open against shut, by so much in the end."""
@@ -104,7 +104,7 @@ def test_a_long_visit_is_worth_no_more_than_its_most() -> None:
 
     assert 1 - verdict(some).p_open < 1 - verdict(more).p_open
     joint = more.joint(HINGED, MODEL)
-    assert (joint[0, 0] - joint[0, HINGED.open].max()) < 200 * 12 / 1200 + 3
+    assert (joint[0, 0] - joint[0, HINGED.open].max()) < 200 * MODEL.most_looks / 1200 + 3
 
 
 def test_shifts_of_the_pose_are_one_for_the_whole_visit() -> None:
