@@ -29,6 +29,8 @@ WALL = 1.5
 """How much of a wall behind a door is looked at, in widths."""
 WALLED = 0.2
 """P(such a wall is there), of each end and side."""
+AS_WALL = 0.7
+"""The clear share from which on a leaf looks like such a wall itself."""
 PRIOR = {"shut": 0.45, "ajar": 0.10, "open": 0.45}
 
 
@@ -128,7 +130,7 @@ def _hinged() -> Iterable[Stand]:
     for angle in ANGLES:
         clear = 1 - max(cos(angle), 0)
         for leaf in _swung(angle, 1.0):
-            walled = WALLED if NEARLY < clear < CLEAR - 1e-6 else 0.0
+            walled = WALLED if NEARLY < clear < AS_WALL else 0.0
             yield (leaf,), clear, 0.25 * (1 - walled)
             if walled:
                 yield (_wall_behind(leaf), leaf), clear, 0.25 * walled
@@ -169,7 +171,7 @@ def _double() -> Iterable[Stand]:
         right = [((Leaf(1, pi - angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
         for one, free in [*left, ((), 1.0)]:
             for other, also_free in [*right, ((), 1.0)]:
-                found[*one, *other] = (free + also_free) / 2
+                found[(*one, *other)] = (free + also_free) / 2
     for leaves, clear in found.items():
         yield leaves, clear, 1.0
 

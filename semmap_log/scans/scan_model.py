@@ -96,7 +96,7 @@ class ScanModel:
     least_accuracy: float = 0.8
     """Below it nothing is said."""
     most_ajar_shut: float = 0.5
-    most_ajar_open: float = 0.12
+    most_ajar_open: float = 0.125
     """P(ajar) above which CLOSED, or OPEN, is not said."""
     lapse: float = 0.008
     """P(the visit means nothing at all): a wrong map, another door, glass that nobody told of."""
