@@ -171,7 +171,8 @@ def _double() -> Iterable[Stand]:
         right = [((Leaf(1, pi - angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
         for one, free in [*left, ((), 1.0)]:
             for other, also_free in [*right, ((), 1.0)]:
-                found[(*one, *other)] = (free + also_free) / 2
+                leaves = (*one, *other)
+                found[leaves] = (free + also_free) / 2
     for leaves, clear in found.items():
         yield leaves, clear, 1.0
 
