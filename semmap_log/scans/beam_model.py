@@ -11,6 +11,9 @@ drifts within a visit. Per beam, with d the distance to the leaf or else to the 
 B(x) = exp(-x / room) / room is the depth of what lies behind, hit = (1 - short - stray) (1 - lost),
 g the chance that a beam passes the leaf. A beam that did not come back says as little as its range
 is long: p(lost | free) = lost + (1 - lost) exp(-(max - line) / room).
+
+How far a leaf is, and whether a beam near its end meets it, is known the worse the flatter the beam
+meets it: the error of the pose counts across the leaf. Near its ends p is a mean of both.
 """
 
 from __future__ import annotations
