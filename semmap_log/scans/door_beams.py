@@ -15,6 +15,10 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 
+OVER = 0.7
+"""Of the width: how far before the line a leaf that is ajar reaches."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DoorBeams:
     """Beams towards the lines of doors: `m` of them, in the frame of their door.
@@ -77,6 +81,9 @@ class Sights:
     """To the wall at both ends of the line."""
     beside_looks: Floats
     """(p,)"""
+    over: DoorBeams
+    """Of the beams to that wall those that come over the floor where a leaf would stand that is
+    swung towards the laser; looks as those beside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,6 +118,7 @@ def sights_of(stack: ScanStack, lines: Floats, pairs: Pairs, model: ScanModel) -
     ]
     walls = _towards(stack, near, outer, model.beside_beams)
     beside = _beams(stack, near, walls, model)
+    over = beside.only(_is_over(beside) & (beside.reaches | _swept(beside)))
     beside = beside.only(beside.reaches & beside.came_back)
     return Sights(
         near.scan,
@@ -120,6 +128,7 @@ def sights_of(stack: ScanStack, lines: Floats, pairs: Pairs, model: ScanModel) -
         hidden.astype(np.float64),
         beside,
         walls.looks(2 * (model.beside - model.margin), model),
+        over,
     )
 
 
@@ -139,6 +148,12 @@ def _swept(beams: DoorBeams) -> NDArray[np.bool_]:
     x, y = beams.x + ended * beams.ux, beams.y + ended * beams.uy
     from_hinge = np.minimum(np.hypot(x, y), np.hypot(x - beams.width, y))
     return beams.came_back & (from_hinge < beams.width + 0.1)
+
+
+def _is_over(beams: DoorBeams) -> NDArray[np.bool_]:
+    """Return (m,) whether a beam beside a door comes over the floor that its leaf sweeps."""
+    before = beams.where - OVER * beams.width * beams.ux / np.abs(beams.uy)
+    return (before > 0) & (before < beams.width)
 
 
 def _in_frame(points: Floats, lines: Floats) -> tuple[Floats, Floats]:

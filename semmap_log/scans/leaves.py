@@ -15,12 +15,22 @@ NEARLY = 0.03
 """A smaller clear share is shut: up to 12 degrees of a hinged leaf."""
 CLEAR = 0.5
 """The clear share of the width from which on a door is open."""
-ANGLES = tuple(map(radians, (12, 24, 36, 48, 60, 80, 100)))
-"""Of a hinged leaf that is not shut."""
+ANGLES = tuple(map(radians, (12, 20, 28, 36, 44, 52, 60, 70, 80, 95)))
+"""Of a hinged leaf that is not shut; close together where the words part."""
+DOUBLE_ANGLES = (0, 14, 29, 45, 62, 90)
+"""Degrees, of each leaf of a double door."""
 SLID = (0.1, 0.25, 0.4, 0.55, 0.75)
 """Clear shares of a sliding door that stands in between."""
+HUNG = (0.0, 0.1, -0.1)
+"""How far off the line a sliding leaf runs, in widths."""
 STANDING_AT = (0.0, 0.25, 0.5)
 """Where somebody begins who stands in an open door and fills half of it."""
+WALL = 1.5
+"""How much of a wall behind a door is looked at, in widths."""
+WALLED = 0.2
+"""P(such a wall is there), of each end and side."""
+AS_WALL = 0.7
+"""The clear share from which on a leaf looks like such a wall itself."""
 PRIOR = {"shut": 0.45, "ajar": 0.10, "open": 0.45}
 
 
@@ -37,7 +47,10 @@ class Leaf(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaves:
-    """All hypotheses of a kind of door; a row each; `k` leaves at most."""
+    """All hypotheses of a kind of door; a row each; `k` leaves at most.
+
+    Rows with most leaves come first, those that are two others together last.
+    """
 
     starts: NDArray[np.float32]
     """(h, k, 2) in widths of the door."""
@@ -51,11 +64,17 @@ class Leaves:
     """(h,)"""
     standing: NDArray[np.bool_]
     """(h,) what stops the beams is no leaf, but somebody who stands in an open door."""
+    both: NDArray[np.intp]
+    """(p, 3) rows: the first is the second, a leaf, before the third, a wall behind the door."""
 
     @property
-    def most(self) -> int:
-        """How many leaves a hypothesis has at most."""
-        return int(self.turns.shape[1])
+    def with_leaf(self) -> tuple[int, ...]:
+        """How many rows, the first ones, have a first leaf, a second one, ...
+
+        Beside those that are two others together.
+        """
+        single = self.lengths[: len(self.clear) - len(self.both)]
+        return tuple(n for n in (single > 0).sum(0).tolist() if n)
 
     @property
     def shut(self) -> NDArray[np.bool_]:
@@ -78,7 +97,7 @@ class Leaves:
             return ()
         x, y, theta, width = line.tolist()
         found = []
-        for k in np.flatnonzero(self.lengths[row] > 0).tolist():
+        for k in np.flatnonzero((self.lengths[row] > 0) & (self.lengths[row] <= 1)).tolist():
             (along, off), turn = self.starts[row, k].tolist(), theta + float(self.turns[row, k])
             x0 = x + width * (along * cos(theta) - off * sin(theta))
             y0 = y + width * (along * sin(theta) + off * cos(theta))
@@ -95,17 +114,39 @@ Stand = tuple[Sequence[Leaf], float, float]
 
 @cache
 def leaves_of(kind: str) -> Leaves:
-    """Return the hypotheses for a value of the annotation `kind`; what is not known is hinged."""
-    return _table(_STANDS.get(kind.strip().lower(), _hinged)())
+    """Return the hypotheses for a value of the annotation `kind`; what is not known is hinged.
+
+    Open-RMF's names are known, too: `double_hinged`, `double_sliding`, `single_telescope` ...
+    """
+    words = kind.strip().lower()
+    for part, stands in _STANDS:
+        if part in words:
+            return _table(stands())
+    return _table(_hinged())
 
 
 def _hinged() -> Iterable[Stand]:
     yield (Leaf(0, 0, 1),), 0.0, 1.0
     for angle in ANGLES:
+        clear = 1 - max(cos(angle), 0)
         for leaf in _swung(angle, 1.0):
-            yield (leaf,), 1 - max(cos(angle), 0), 0.25
-    yield (), 1.0, 3.0
+            walled = WALLED if NEARLY < clear < AS_WALL else 0.0
+            yield (leaf,), clear, 0.25 * (1 - walled)
+            if walled:
+                yield (_wall_behind(leaf), leaf), clear, 0.25 * walled
+    yield (), 1.0, 3.0 * (1 - 4 * WALLED)
+    for leaf in _swung(0.5, 1.0):
+        yield (_wall_behind(leaf),), 1.0, 3.0 * WALLED
     yield from _somebody(0.1)
+
+
+def _wall_behind(leaf: Leaf) -> Leaf:
+    """Return a wall across the door's line, from where this leaf would latch, to its side.
+
+    Many rooms have it; it looks like a leaf that stands wide open.
+    """
+    side = 1 if sin(leaf.turn) > 0 else -1
+    return Leaf(1 - leaf.x, side * radians(95 if leaf.x else 85), WALL)
 
 
 def _somebody(weight: float) -> Iterable[Stand]:
@@ -122,27 +163,34 @@ def _swung(angle: float, length: float) -> Iterable[Leaf]:
 
 
 def _double() -> Iterable[Stand]:
-    """Yield two leaves of half the width, each by itself."""
-    angles = (0.0, *map(radians, (25, 50, 90)))
-    ways = [(angle * side) for angle in angles for side in ((1, -1) if angle else (1,))]
-    left = [((Leaf(0, way, 0.5),), 1 - cos(way)) for way in ways] + [((), 1.0)]
-    right = [((Leaf(1, pi - way, 0.5),), 1 - cos(way)) for way in ways] + [((), 1.0)]
-    for one, free in left:
-        for other, also_free in right:
-            yield (*one, *other), (free + also_free) / 2, 1.0
+    """Yield two leaves of half the width, each by itself, to the same side."""
+    angles = tuple(map(radians, DOUBLE_ANGLES))
+    found: dict[tuple[Leaf, ...], float] = {}
+    for side in (1, -1):
+        left = [((Leaf(0, angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
+        right = [((Leaf(1, pi - angle * side, 0.5),), 1 - cos(angle)) for angle in angles]
+        for one, free in [*left, ((), 1.0)]:
+            for other, also_free in [*right, ((), 1.0)]:
+                leaves = (*one, *other)
+                found[leaves] = (free + also_free) / 2
+    for leaves, clear in found.items():
+        yield leaves, clear, 1.0
 
 
 def _sliding() -> Iterable[Stand]:
     """Yield a leaf that slides to either end, or two that part in the middle.
 
-    Somebody who stands in such a door looks like the leaf.
+    They run in the wall, or hang before it on either side. Somebody who stands in such a door looks
+    like the leaf.
     """
-    yield (Leaf(0, 0, 1),), 0.0, 1.0
-    for clear in SLID:
-        yield (Leaf(0, 0, 1 - clear),), clear, 1.0
-        yield (Leaf(clear, 0, 1 - clear),), clear, 1.0
-        yield (Leaf(0, 0, (1 - clear) / 2), Leaf((1 + clear) / 2, 0, (1 - clear) / 2)), clear, 1.0
-    yield (), 1.0, 6.0
+    for off in HUNG:
+        yield (Leaf(0, 0, 1, off),), 0.0, 1.0
+        for clear in SLID:
+            yield (Leaf(0, 0, 1 - clear, off),), clear, 1.0
+            yield (Leaf(clear, 0, 1 - clear, off),), clear, 1.0
+            half = (1 - clear) / 2
+            yield (Leaf(0, 0, half, off), Leaf(1 - half, 0, half, off)), clear, 1.0
+    yield (), 1.0, 18.0
 
 
 def _folding() -> Iterable[Stand]:
@@ -162,14 +210,21 @@ def _folding() -> Iterable[Stand]:
     yield from _somebody(0.1)
 
 
-_STANDS = {"double": _double, "sliding": _sliding, "folding": _folding}
+_STANDS = (("sliding", _sliding), ("telescop", _sliding), ("fold", _folding), ("double", _double))
+"""By parts of the kind's name, the first that fits: `double_sliding` is one that slides."""
 
 
 def _table(stands: Iterable[Stand]) -> Leaves:
     """Return the arrays of what the hypotheses say."""
-    rows = list(stands)
+    rows = sorted(stands, key=lambda stand: (_has_wall(stand[0]), -len(stand[0])))
     most = max(len(leaves) for leaves, _, _ in rows)
     none = Leaf(0, 0, 0)
+    row_of = {tuple(leaves): row for row, (leaves, _, _) in enumerate(rows)}
+    both = [
+        (row_of[wall, leaf], row_of[(leaf,)], row_of[(wall,)])
+        for wall, leaf in (leaves for leaves in row_of if len(leaves) == 2)
+        if _has_wall((wall, leaf))
+    ]
     padded = [[*leaves, *[none] * (most - len(leaves))] for leaves, _, _ in rows]
     clear = np.array([free for _, free, _ in rows])
     weights = np.array([weight for _, _, weight in rows])
@@ -177,7 +232,15 @@ def _table(stands: Iterable[Stand]) -> Leaves:
     turns = np.array([[leaf.turn for leaf in row] for row in padded], np.float32)
     lengths = np.array([[leaf.length for leaf in row] for row in padded], np.float32)
     standing = (clear == 1) & ((lengths > 0) & (turns == 0)).any(1)
-    return Leaves(starts, turns, lengths, clear, np.log(_prior(clear, weights)), standing)
+    return Leaves(
+        starts, turns, lengths, clear, np.log(_prior(clear, weights)), standing,
+        np.array(both, np.intp).reshape(-1, 3),
+    )  # fmt: skip
+
+
+def _has_wall(leaves: Sequence[Leaf]) -> bool:
+    """Tell whether these are a wall and a leaf before it."""
+    return len(leaves) == 2 and leaves[0].length == WALL
 
 
 def _prior(clear: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

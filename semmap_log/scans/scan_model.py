@@ -55,8 +55,10 @@ class ScanModel:
     """Mean depth of what lies behind a door."""
     before: float = 0.15
     """A leaf nearer to the robot than the line by more looks like anybody who stands there ..."""
-    persuades: float = 0.1
+    persuades: float = 0.4
     """... and counts for so much less."""
+    blurred: float = 0.08
+    """A leaf's ends are known so well at best: nearer to them a beam may meet it, or may not."""
     wall_in_line: float = 0.7
     """P(the wall beside a door is in its line)."""
     wall_there: float = 0.6
@@ -70,11 +72,11 @@ class ScanModel:
     """A scan this far from the last one is new altogether; nearer ones are worth less."""
     still_s: float = 120.0
     """A robot that stands gets one new scan's worth in this time."""
-    least_fresh: float = 0.4
+    least_fresh: float = 0.45
     """Scans are left out until one is worth this much ..."""
     least_often_s: float = 2.0
     """... or the last that was looked at is this old."""
-    most_looks: float = 12.0
+    most_looks: float = 20.0
     """What a visit can be worth, however much it saw."""
     pause_s: float = 10.0
     """A visit ends this long after the door was last seen ..."""
@@ -85,13 +87,16 @@ class ScanModel:
     """Looks through the line, or on it, that a word needs."""
     most_deep: float = 0.3
     """CLOSED needs that fewer looks went deep, as a share of those that ended on the line."""
+    least_seen: float = 0.2
+    """Share of the beams of a scan towards the door that come as far: fewer are strays, and the
+    door is out of sight."""
     most_hidden: float = 0.8
     """Share of the beams towards the door that something before it stopped: more, and what the
     others met is as likely its edge as the door."""
     least_accuracy: float = 0.8
     """Below it nothing is said."""
     most_ajar_shut: float = 0.5
-    most_ajar_open: float = 0.13
+    most_ajar_open: float = 0.125
     """P(ajar) above which CLOSED, or OPEN, is not said."""
     lapse: float = 0.008
     """P(the visit means nothing at all): a wrong map, another door, glass that nobody told of."""

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.scans.beam_model import log_likelihoods, wall_log_likelihoods
-from semmap_log.scans.door_beams import Sights
+from semmap_log.scans.beam_model import log_likelihoods, log_ratios, wall_log_likelihoods
+from semmap_log.scans.door_beams import DoorBeams, Sights
+from semmap_log.scans.leaves import Leaves
 from semmap_log.scans.scan_model import ScanModel
 from semmap_log.scans.shifts import shifted_planes
 from semmap_log.scans.watched_doors import WatchedDoors
@@ -18,7 +19,7 @@ from semmap_log.scans.watched_doors import WatchedDoors
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-AT_ONCE = 256
+AT_ONCE = 96
 """Beams whose tables are made together: what a processor's cache holds."""
 
 
@@ -27,7 +28,7 @@ class SightSums:
     """Sums over the beams of each of `p` sights, as if each beam were a look."""
 
     seen: Floats
-    """(p,) beams that came back from the line, or from behind it."""
+    """(p,) beams that came back from the line, or from behind it; 0 where they are too few."""
     through: Floats
     """(p, s) beams that went through the line, were the laser shifted."""
     stopped: Floats
@@ -42,6 +43,8 @@ class SightSums:
     """(p,) beams that began to the left of the line."""
     tables: dict[int, NDArray[np.float32]]
     """Of a sight with beams (s, h): the sum of their log-likelihoods."""
+    over: dict[int, NDArray[np.float32]]
+    """The same of the log-ratios of those beside the door that come over its leaf."""
     walls: Floats
     """(p, s + 1): the same of the beams beside the door."""
     beside: Floats
@@ -56,34 +59,37 @@ class SightSums:
         past = ended[:, None] - shifted_planes(beams)
         near = back & (np.abs(np.where(back, beams.behind, np.inf)) <= model.deep)
         walls = wall_log_likelihoods(sights.beside, model)
+        seen = np.bincount(beams.sight[back & beams.reaches], minlength=count).astype(float)
         return cls(
-            seen=np.bincount(beams.sight[back & beams.reaches], minlength=count).astype(float),
+            seen=np.where(seen >= model.least_seen * (seen + sights.hidden), seen, 0),
             through=_by_sight(past > model.tolerance, beams.sight, count),
             stopped=_by_sight(np.abs(past) <= model.tolerance, beams.sight, count),
             deep=_by_sight(past * np.abs(beams.uy)[:, None] > model.deep, beams.sight, count),
             near=np.bincount(beams.sight[near], minlength=count).astype(float),
             behind=np.bincount(beams.sight[near], beams.behind[near], count).astype(float),
             left=np.bincount(beams.sight[beams.y > 0], minlength=count).astype(float),
-            tables=_tables(sights, doors, model),
+            tables=_tables(log_likelihoods, sights.beams, sights.door, doors, model),
+            over=_tables(log_ratios, sights.over, sights.door, doors, model),
             walls=_by_sight(walls, sights.beside.sight, count),
             beside=np.bincount(sights.beside.sight, minlength=count).astype(float),
         )
 
 
 def _tables(
-    sights: Sights, doors: WatchedDoors, model: ScanModel
-) -> dict[int, NDArray[np.float32]]:
-    """Return of each sight the sum (s, h) of its beams' log-likelihoods, by its door's kind."""
+    of_beams: Callable[[DoorBeams, Leaves, Floats, ScanModel], NDArray[np.float32]],
+    all_beams: DoorBeams, door_of: Rows, doors: WatchedDoors, model: ScanModel,
+) -> dict[int, NDArray[np.float32]]:  # fmt: skip
+    """Return of each sight the sum (s, h) of what its beams say, by its door's kind."""
     glass = np.where(doors.glass, model.through_glass, model.through_leaf)
-    door = sights.door[sights.beams.sight]
+    door = door_of[all_beams.sight]
     kinds = doors.kind[door]
     found: dict[int, NDArray[np.float32]] = {}
     for kind in np.unique(kinds).tolist():
         chosen = np.flatnonzero(kinds == kind)
-        for rows in _blocks(sights.beams.sight[chosen]):
-            beams = sights.beams.only(chosen[rows])
+        for rows in _blocks(all_beams.sight[chosen]):
+            beams = all_beams.only(chosen[rows])
             through = glass[door[chosen[rows]]]
-            table = log_likelihoods(beams, doors.kinds[kind], through, model)
+            table = of_beams(beams, doors.kinds[kind], through, model)
             starts = _starts(beams.sight)
             sums = np.add.reduceat(table, starts, axis=0)
             found |= dict(zip(beams.sight[starts].tolist(), sums, strict=True))

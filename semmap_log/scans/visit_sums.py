@@ -68,6 +68,8 @@ class VisitSums:
         self.sides.add(1 if sums.left[row] else -1)
         beside = fresh * float(sights.beside_looks[row])
         self.walls += beside * sums.walls[row]
+        if row in sums.over:
+            self.table += beside * sums.over[row]
         self.wall_looks += beside * float(sums.beside[row])
 
     def joint(self, leaves: Leaves, model: ScanModel) -> Floats:

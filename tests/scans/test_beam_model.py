@@ -9,7 +9,7 @@ from math import cos, exp, hypot, inf, isinf, log, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from semmap_log.scans.beam_model import log_likelihoods, wall_log_likelihoods
+from semmap_log.scans.beam_model import log_likelihoods, log_ratios, wall_log_likelihoods
 from semmap_log.scans.door_beams import DoorBeams
 from semmap_log.scans.leaves import Leaves, leaves_of
 from semmap_log.scans.scan_model import ScanModel
@@ -43,8 +43,8 @@ def some_beams(count: int, seed: int) -> DoorBeams:
     )
 
 
-def spread_of(beams: DoorBeams, i: int) -> float:
-    return sqrt(MODEL.sd_range**2 + (0.5 * float(beams.sd[i]) / abs(float(beams.uy[i]))) ** 2)
+def spread_of(beams: DoorBeams, i: int, sine: float) -> float:
+    return sqrt(MODEL.sd_range**2 + (0.5 * float(beams.sd[i]) / abs(sine)) ** 2)
 
 
 def shifted_origin(beams: DoorBeams, i: int, shift: np.ndarray) -> tuple[float, float]:
@@ -54,10 +54,10 @@ def shifted_origin(beams: DoorBeams, i: int, shift: np.ndarray) -> tuple[float, 
 
 def met_at(
     beams: DoorBeams, i: int, origin: tuple[float, float], leaves: Leaves, h: int
-) -> Iterator[float]:
-    """Yield how far the beam goes to each leaf that it meets."""
+) -> Iterator[tuple[float, float, float]]:
+    """Yield how far the beam goes to each leaf, P(it meets it), and the sine of the angle."""
     ux, uy, width = float(beams.ux[i]), float(beams.uy[i]), float(beams.width[i])
-    for k in range(leaves.most):
+    for k in range(leaves.lengths.shape[1]):
         length = float(leaves.lengths[h, k]) * width
         turn = float(leaves.turns[h, k])
         ax, ay = (float(a) * width for a in leaves.starts[h, k])
@@ -66,40 +66,48 @@ def met_at(
             continue
         dx, dy = ax - origin[0], ay - origin[1]
         far, along = (dx * sin(turn) - dy * cos(turn)) / cross, (dx * uy - dy * ux) / cross
-        if far > 0.05 and 0 <= along <= length:
-            yield far
+        blurred = max(MODEL.blurred, 0.5 * float(beams.sd[i]) / abs(cross))
+        inside = (length / 2 - abs(along - length / 2)) / (2 * blurred)
+        if far > 0.05 and inside > -0.5:
+            yield far, min(0.5 + inside, 1), cross
 
 
 def one_log_likelihood(
-    beams: DoorBeams, i: int, shift: np.ndarray, leaves: Leaves, h: int, *, glass: float
-) -> float:
+    beams: DoorBeams, i: int, shift: np.ndarray, leaves: Leaves, h: int, *, glass: float,
+    wall_there: float = 1,
+) -> float:  # fmt: skip
     """Return log p of one range, as the module's docstring has it."""
     origin = shifted_origin(beams, i, shift)
     plane = -origin[1] / float(beams.uy[i])
     where = origin[0] + plane * float(beams.ux[i])
     is_wall = not 0 <= where <= beams.width[i]
-    far = min(met_at(beams, i, origin, leaves, h), default=inf)
-    on_wall = is_wall and plane <= far
     ended, largest = float(beams.range[i]), float(beams.max_range[i])
-    if isinf(ended):
-        lost_free = MODEL.lost + (1 - MODEL.lost) * exp(-max(largest - plane, 0) / MODEL.room)
-        lost_free = MODEL.lost if is_wall else lost_free
-        if isinf(far) or on_wall:
-            return log(lost_free)
-        return log(MODEL.lost + glass * (lost_free - MODEL.lost))
-    spread = spread_of(beams, i)
+    is_lost = isinf(ended)
+    lost_free = MODEL.lost + (1 - MODEL.lost) * exp(-max(largest - plane, 0) / MODEL.room)
+    lost_free = MODEL.lost if is_wall else lost_free
     stray, short = MODEL.stray / largest, MODEL.short / max(plane, 0.1)
     depth = exp(-max(ended - plane, 0) / MODEL.room) / MODEL.room if ended > plane - 0.05 else 0
 
-    def noise(place: float) -> float:
-        return 2 / (pi * sqrt(3)) / spread * (1 + ((ended - place) / spread) ** 2 / 3) ** -2
+    def noise(place: float, sine: float) -> float:
+        spread = spread_of(beams, i, sine)
+        density = 2 / (pi * sqrt(3)) / spread * (1 + ((ended - place) / spread) ** 2 / 3) ** -2
+        return HIT * (1 - glass) * density
 
-    if isinf(far) or on_wall:
-        hit = HIT * (1 - glass) * noise(plane) if is_wall else HIT * depth
-        return log(hit + (short if ended < plane else 0) + stray)
-    like_anybody = MODEL.persuades if far < plane - MODEL.before else 1
-    hit = HIT * (1 - glass) * noise(far) * like_anybody
-    return log(hit + (short if ended < far else HIT * glass * depth) + stray)
+    on_wall = wall_there * noise(plane, float(beams.uy[i])) + (1 - wall_there) * HIT * depth
+    free = (on_wall if is_wall else HIT * depth) + (short if ended < plane else 0) + stray
+    chance = lost_free if is_lost else free
+    nearest = plane if is_wall and wall_there == 1 else inf
+    for far, met, sine in met_at(beams, i, origin, leaves, h):
+        if far >= nearest:
+            continue
+        like_anybody = MODEL.persuades if far < plane - MODEL.before else 1
+        ends = short if ended < far else HIT * glass * depth
+        on_leaf = noise(far, sine) * like_anybody + ends + stray
+        if is_lost:
+            on_leaf = MODEL.lost + glass * (lost_free - MODEL.lost)
+        chance += met * (on_leaf - chance)
+        nearest = min(nearest, far) if met >= 0.5 else nearest
+    return log(chance)
 
 
 @pytest.mark.parametrize("kind", ["", "double", "sliding", "folding"])
@@ -116,8 +124,30 @@ def test_many_beams_at_once_are_each_as_alone(kind: str, glass: float) -> None:
             for h in range(len(leaves.clear)):
                 alone = one_log_likelihood(beams, i, shift, leaves, h, glass=glass)
                 wrong += abs(alone - float(table[i, s, h])) > 0.02
-    # single floats decide otherwise only where a beam meets the very edge of a leaf
+    # single floats decide otherwise only where one leaf just hides another
     assert wrong <= 0.002 * table.size
+
+
+def test_beams_beside_a_door_tell_of_its_leaf_alone() -> None:
+    """
+    What they say of the wall is the same however the leaf stands, and told elsewhere.
+    """
+    beams, leaves = some_beams(12, seed=3), leaves_of("hinged")
+    beams = replace(beams, x=beams.x - beams.width)
+    gone = int(np.flatnonzero((leaves.lengths == 0).all(1))[0])
+
+    table = log_ratios(beams, leaves, np.full(12, 0.01), MODEL)
+
+    assert not table[:, :, gone].any()
+    for i in range(12):
+        for h in range(len(leaves.clear)):
+            alone, free = (
+                one_log_likelihood(
+                    beams, i, SHIFTS[2], leaves, row, glass=0.01, wall_there=MODEL.wall_there
+                )
+                for row in (h, gone)
+            )
+            assert float(table[i, 2, h]) == pytest.approx(alone - free, abs=0.02)
 
 
 def test_a_stand_without_a_leaf_stops_no_beam() -> None:

@@ -98,6 +98,26 @@ def test_walls_beside_a_door_are_looked_at_outside_its_line(seed: int) -> None:
     assert (outside < MODEL.beside + 0.3).all()
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_beams_beside_a_door_that_come_over_its_leaf(seed: int) -> None:
+    """
+    They cross the line outside of it, and are above its middle part well before that.
+    """
+    scan, doors = some_scan(seed), some_doors(seed)
+    found = sights(scan, doors)
+    over = found.over
+
+    assert len(over.where)
+    assert ((over.where < 0) | (over.where > over.width)).all()
+    up = 0.7 * over.width / np.abs(over.uy)
+    at = over.where - up * over.ux
+    assert ((at > 0) & (at < over.width)).all()
+    ends_short = ~over.reaches
+    x, y = (a + over.range * u for a, u in ((over.x, over.ux), (over.y, over.uy)))
+    hinge = np.minimum(np.hypot(x, y), np.hypot(x - over.width, y))
+    assert (hinge[ends_short] < over.width[ends_short] + 0.1).all()
+
+
 def test_of_many_beams_evenly_spaced_ones_are_taken() -> None:
     bearings = np.linspace(0, pi, 5001)
     scan = PlacedScan(0, 0, "", np.zeros((5001, 2)), bearings, np.full(5001, 9.0), max_range=30)

@@ -110,6 +110,48 @@ def test_a_leaf_that_is_ajar_is_not_open_whichever_way_it_swings(
     assert visit.opening == pytest.approx(1 - cos(radians(angle)), abs=0.15)
 
 
+@pytest.mark.parametrize("angle", [30, 41])
+@pytest.mark.parametrize("y", [-0.8, -0.5])
+def test_a_leaf_that_hides_the_wall_beside_the_door_is_ajar(angle: float, y: float) -> None:
+    """
+    The robot comes from where the leaf would latch; most beams go through beside the leaf's edge.
+    """
+    track = tuple((x, y, 2.6) for x in np.arange(4.2, 2.4, -0.25).tolist())
+
+    visit = the_visit(Drive((*WALLS, leaf(angle, side=-1)), track).scans(), places())
+
+    assert "it may be ajar" == visit.why
+
+
+@pytest.mark.parametrize("side", [-0.05, -0.1])
+def test_a_wall_behind_the_door_does_not_open_it(side: float) -> None:
+    """
+    More beams end on that wall, which looks like an open leaf, than on the leaf that is ajar.
+    """
+    track = tuple((x, -0.5, 1.6) for x in np.arange(3.4, 1.9, -0.25).tolist())
+    world = (*WALLS, leaf(30, at_end=True), (-0.05, 1, side, 4))
+
+    visit = the_visit(Drive(world, track).scans(), places())
+
+    assert "it may be ajar" == visit.why
+
+
+@pytest.mark.parametrize("every", [2, 3])
+def test_a_beam_now_and_then_through_a_wall_is_no_visit(every: int) -> None:
+    """
+    Lasers tell nonsense now and then; a door that a wall hides would be judged by nothing else.
+    """
+    scans = past(SHUT, (-20, 0.4, 20, 0.4), start=-1, stop=2).scans()
+    strays = []
+    for scan in scans[::every]:
+        ranges = scan.ranges.copy()
+        bearing = np.arctan2(*(np.array([0.45, 1]) - scan.origins[0])[::-1])
+        ranges[np.abs(scan.bearings - bearing).argmin()] = 4.0
+        strays.append(replaced(scan, ranges=ranges))
+
+    assert [] == seen(strays, places())
+
+
 def test_the_likeliest_leaf_lies_where_the_leaf_is() -> None:
     visit = the_visit(past(leaf(36, at_end=True)).scans(), places())
 

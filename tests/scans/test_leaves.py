@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, pi, radians
+from math import cos, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -88,6 +88,64 @@ def test_the_panels_of_a_folding_door_meet() -> None:
 @pytest.mark.parametrize("kind", ["", "HINGED ", "revolving"])
 def test_what_is_not_known_is_hinged(kind: str) -> None:
     assert leaves_of("hinged").clear.tolist() == leaves_of(kind).clear.tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("double_hinged", "double"), ("double_swing", "double"), ("double_sliding", "sliding"),
+        ("single_sliding", "sliding"), ("double_telescope", "sliding"), ("single_swing", "hinged"),
+        ("Bifold", "folding"),
+    ],
+)  # fmt: skip
+def test_other_names_of_a_kind_are_known(name: str, kind: str) -> None:
+    assert leaves_of(kind).clear.tolist() == leaves_of(name).clear.tolist()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rows_with_most_leaves_come_first(kind: str) -> None:
+    leaves = leaves_of(kind)
+    counts = (leaves.lengths > 0).sum(1)[: len(leaves.clear) - len(leaves.both)]
+
+    assert sorted(counts.tolist(), reverse=True) == counts.tolist()
+    assert [int((counts > k).sum()) for k in range(counts.max())] == list(leaves.with_leaf)
+
+
+def test_a_leaf_may_stand_before_a_wall() -> None:
+    """
+    Which is no leaf itself, and stands across the line at the other end.
+    """
+    leaves = leaves_of("hinged")
+
+    walled = np.isin(np.arange(len(leaves.clear)), leaves.both[:, 0])
+    assert walled[leaves.ajar].sum() == leaves.ajar.sum() / 2
+    assert leaves.open[walled].any(), "one that is open may, too: else a wall spoke for ajar"
+    for both, leaf, wall in leaves.both.tolist():
+        assert leaves.on_map(both, LINE) == leaves.on_map(leaf, LINE) != ()
+        assert () == leaves.on_map(wall, LINE)
+        assert leaves.clear[both] == leaves.clear[leaf] < leaves.clear[wall] == 1
+        assert leaves.starts[leaf, 0, 0] != leaves.starts[wall, 0, 0], "at the other end"
+        assert sin(leaves.turns[leaf, 0]) * sin(leaves.turns[wall, 0]) > 0, "on the same side"
+
+
+@pytest.mark.parametrize("kind", ["double", "hinged"])
+def test_a_leaf_hardly_off_its_line_is_shut(kind: str) -> None:
+    """
+    A leaf that is hung a little off the line looks as if it stood a little open.
+    """
+    leaves = leaves_of(kind)
+    turned = np.abs(np.sin(leaves.turns)) * (leaves.lengths > 0)
+    little = (turned < sin(radians(15))).all(1) & (leaves.lengths.sum(1) == 1)
+
+    assert 1 < little.sum()
+    assert leaves.shut[little & ~leaves.standing].all()
+
+
+def test_a_sliding_leaf_runs_in_the_wall_or_hangs_before_it() -> None:
+    leaves = leaves_of("sliding")
+
+    for off in (0, 0.2, -0.2):
+        assert leaves.shut[row_of(leaves, (10 - off, 20, 10 - off, 22))]
 
 
 def test_somebody_who_stands_in_the_door_is_no_leaf_of_it() -> None:

@@ -19,8 +19,8 @@ HINGED = leaves_of("hinged")
 
 
 def sums(
-    *, open_by: float = 0, ajar_by: float = -20, looks: float = 12, through: float = 4,
-    stopped: float = 4, deep: float = 0, hidden: float = 0,
+    *, open_by: float = 0, ajar_by: float = -20, looks: float = MODEL.most_looks,
+    through: float = 4, stopped: float = 4, deep: float = 0, hidden: float = 0,
 ) -> VisitSums:  # fmt: skip
     """Return sums that speak for open against shut, by so much in the end."""
     table = np.zeros((len(SHIFTS), len(HINGED.clear)))
@@ -71,8 +71,8 @@ def test_no_visit_is_surer_than_visits_are_sound(ratio: float) -> None:
             DoorState.UNKNOWN,
             "some beams ended on the line, others went through",
         ),
-        (sums(open_by=5, hidden=60), DoorState.UNKNOWN, "something before it hides it"),
-        (sums(open_by=-5, hidden=60), DoorState.UNKNOWN, "something before it hides it"),
+        (sums(open_by=5, hidden=100), DoorState.UNKNOWN, "something before it hides it"),
+        (sums(open_by=-5, hidden=100), DoorState.UNKNOWN, "something before it hides it"),
         (sums(open_by=-5, hidden=40), DoorState.CLOSED, ""),
         (sums(open_by=5, ajar_by=5.5), DoorState.UNKNOWN, "it may be ajar"),
         (sums(open_by=-5, ajar_by=1), DoorState.CLOSED, ""),
@@ -104,7 +104,7 @@ def test_a_long_visit_is_worth_no_more_than_its_most() -> None:
 
     assert 1 - verdict(some).p_open < 1 - verdict(more).p_open
     joint = more.joint(HINGED, MODEL)
-    assert (joint[0, 0] - joint[0, HINGED.open].max()) < 200 * 12 / 1200 + 3
+    assert (joint[0, 0] - joint[0, HINGED.open].max()) < 200 * MODEL.most_looks / 1200 + 3
 
 
 def test_shifts_of_the_pose_are_one_for_the_whole_visit() -> None:
