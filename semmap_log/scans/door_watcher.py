@@ -22,7 +22,7 @@ class DoorWatcher:
 
     A visit is of one door by one laser of one robot: it ends when the door was out of sight for a
     while, or has been looked at for long; when the door moved, changed otherwise or was removed;
-    and at `close`. A robot that drove through is a visit of its own, with `passed`; one with two
+    at `end` and at `close`. A robot that drove through is a visit of its own, with `passed`; one with two
     lasers has two of them. How scans are cut into calls makes no difference; many at once are
     faster.
     """
@@ -55,6 +55,11 @@ class DoorWatcher:
         if self._doors is None:
             return []
         return _sorted([v for laser in self._lasers.values() for v in laser.end(self._doors)])
+
+    def end(self, robot: str, laser: str) -> list[Visit]:
+        """Return the visits of one laser that have not ended, as far as they went: it is silent."""
+        found = self._lasers.get((robot, laser))
+        return [] if found is None or self._doors is None else _sorted(found.end(self._doors))
 
     def _know(self, doors: DoorPlaces) -> list[Visit]:
         """Take these doors for those that are there; return the visits to others."""

@@ -73,6 +73,10 @@ class LaserSightings:
         for track in self._tracks.values():
             track.forget()
 
+    def end(self, robot: str, laser: str) -> Iterator[VisitCommit]:
+        """Yield what the visits say that were going on, of a laser that is silent."""
+        yield from self._made(self._watcher.end(robot, laser))
+
     def close(self) -> Iterator[VisitCommit]:
         """Yield what the visits say that were going on."""
         yield from self._made(self._watcher.close())
