@@ -22,9 +22,9 @@ class DoorWatcher:
 
     A visit is of one door by one laser of one robot: it ends when the door was out of sight for a
     while, or has been looked at for long; when the door moved, changed otherwise or was removed;
-    at `end` and at `close`. A robot that drove through is a visit of its own, with `passed`; one with two
-    lasers has two of them. How scans are cut into calls makes no difference; many at once are
-    faster.
+    at `end` and at `close`. A robot that drove through is a visit of its own, with `passed`; one
+    with two lasers has two of them. How scans are cut into calls makes no difference; many at once
+    are faster.
     """
 
     def __init__(self, model: ScanModel = DEFAULT) -> None:

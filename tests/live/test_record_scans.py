@@ -26,7 +26,7 @@ from tests.live.memory_node import MemoryNode
 from tests.live.ros_world import RosWorld
 from tests.live.running import wait_until
 from tests.live.test_record_ros import _talking
-from tests.ros_mapping.laser_room import DOOR, LaserRoom, drives_by
+from tests.ros_mapping.laser_room import DOOR, SHUT, LaserRoom, drives_by
 from tests.ros_mapping.robots import START, Robot, S
 from tests.ros_mapping.test_scans_placed import Hearing
 
@@ -99,6 +99,22 @@ def test_the_bag_of_a_drive_that_was_recorded_adds_nothing(tmp_path: Path) -> No
 
     assert None is imported.first_event
     assert before == _events(live)
+
+
+def test_a_clock_that_is_set_back_costs_no_scan(tmp_path: Path) -> None:
+    """
+    The door is seen on, though the clock needs an hour until it is where it was; and each visit
+    holds where the robot was.
+    """
+    office = _office(tmp_path / "office")
+    hour = LaserRoom(begins_s=3600.0, state=lambda _: SHUT)
+
+    recorder = _recorded(office, [*hour.said(), *LaserRoom().said()])
+
+    assert (192, 2) == (recorder.counts.scans, recorder.counts.visits)
+    kinds = [line.partition("(")[0] for line in _events(office)]
+    assert ["RobotPose", "RobotPose", "DoorObserved"] * 2 == kinds
+    assert any("a clock was set" in line for line in recorder.summary())
 
 
 def test_the_visits_of_a_laser_that_falls_silent_end(

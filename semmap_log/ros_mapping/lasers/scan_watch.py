@@ -14,7 +14,6 @@ from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit
 
-
 QUIET_S = 30.0
 """Of the clock on the wall: the visits of a laser end that is silent for so long."""
 
