@@ -596,3 +596,31 @@ def test_scans_of_nothing_decide_nothing(office: Path, tmp_path: Path) -> None:
     assert [] == _states(office)
     assert 1 == len(list(sl.read(office).commits()))
     assert imported.first_event is None
+
+
+def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) -> None:
+    """
+    Whichever of its two lasers told it, in whatever order they are imported.
+    """
+
+    def drive(t: float) -> Any:
+        made = turned("z", math.pi / 2)
+        made[:2, 3] = 4.45, -0.6 + 0.4 * t
+        return made
+
+    rooms = [
+        LaserRoom(seconds=9.0, drive=drive, laser_frame=name, mount=moved(x, 0.0, 0.3))
+        for name, x in (("front", 0.2), ("rear", -0.2))
+    ]
+    said = [*rooms[0].statics(), *rooms[1].statics(), *rooms[0].tf()]
+    for room in rooms:
+        said += [replace(each, topic=f"/{room.laser_frame}/scan") for each in room.scans()]
+    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
+
+    for topics in (["/rear/scan"], ["/front/scan", "/rear/scan"], ["/front/scan"]):
+        _import(office, tmp_path / "x.mcap", ImportOptions(scan=ScanOptions(tuple(topics))))
+
+    assert ["rear"] == [
+        entry.source.split()[0].removeprefix("scan:")
+        for entry in sl.read(office).history(kinds=[DoorPassed])
+    ]
