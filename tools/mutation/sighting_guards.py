@@ -33,6 +33,8 @@ _KEPT = (
           "{**self._now, **_places(doors)}", "_places(doors)", "test_scan_reporting"),
     guard("kept scans: recording goes on", "ScanKeeper._keep",
           "self._tell is None", "True", "test_keep_scans"),
+    guard("kept scans: values that cannot be", "visit_text._given",
+          "not isinstance(value, expected)", "False", "test_visit_text"),
     guard("kept scans: old ones are let go", "RecentScans.forget_old",
           "not last_ns - self._kept_ns <= here[0].stamp_ns <= last_ns", "False",
           "test_recent_scans"),
