@@ -624,3 +624,17 @@ def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) ->
         entry.source.split()[0].removeprefix("scan:")
         for entry in sl.read(office).history(kinds=[DoorPassed])
     ]
+
+
+def test_doors_that_were_removed_before_the_bag_ended_were_there(
+    office: Path, tmp_path: Path
+) -> None:
+    """
+    What was seen of them until then counts, though the log has no door any more.
+    """
+    with sl.append(office) as log:
+        log.remove_door(1, at=START + 30 * S)
+
+    _import(office, _mcap(tmp_path))
+
+    assert [DoorState.OPEN] == _states(office)
