@@ -54,19 +54,27 @@ class SeenBefore:
         """Tell whether this very visit is stored."""
         return planned.command_id in self.commands
 
-    def overlaps(self, planned: PlannedVisit) -> bool:
+    def overlaps(self, planned: PlannedVisit, actor: str = "") -> bool:
         """Tell whether the same laser told of the same door meanwhile.
 
         Or whoever it was that told that the robot drove through it: it did so once.
+
+        Args:
+            planned: The visit.
+            actor: Who will be named as who saw it, and may have been before; "": the robot.
         """
-        visit, note = planned.commit.visit, planned.commit.note
+        names = {planned.commit.note.actor, actor or planned.commit.note.actor}
+        return any(self._overlaps(planned, name) for name in names)
+
+    def _overlaps(self, planned: PlannedVisit, actor: str) -> bool:
+        visit, source = planned.commit.visit, planned.commit.note.source
         kind = DoorPassed if visit.passed else DoorObserved
-        own = (note.actor, note.source, visit.door_id, kind)
+        own = (actor, source, visit.door_id, kind)
         if self._is_told(own, visit.first_ns, visit.last_ns):
             return True
         if not visit.passed:
             return False
-        others = [key for key in self.told if key[::2] == (note.actor, visit.door_id) and key != own
+        others = [key for key in self.told if key[::2] == (actor, visit.door_id) and key != own
                   and key[3] is kind]  # fmt: skip
         around = visit.first_ns - ONE_PASSAGE_NS, visit.last_ns + ONE_PASSAGE_NS
         return any(self._is_told(key, *around) for key in others)

@@ -17,6 +17,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorObserved, DoorPassed, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, FormatError
@@ -638,3 +639,16 @@ def test_doors_that_were_removed_before_the_bag_ended_were_there(
     _import(office, _mcap(tmp_path))
 
     assert [DoorState.OPEN] == _states(office)
+
+
+def test_looks_that_somebody_imported_in_his_name_count_once(office: Path, tmp_path: Path) -> None:
+    """
+    Of a bag that begins before another one ends, both by the same person.
+    """
+    said = drives_by()
+    for name, part in (("a", said[: len(said) // 2 + 20]), ("b", said)):
+        write_mcap(tmp_path / f"{name}.mcap", part)
+        with sl.append(office) as log:
+            import_file(log, tmp_path / f"{name}.mcap", SCANS, note=Note(actor="bob"))
+
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
