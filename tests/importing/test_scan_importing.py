@@ -641,14 +641,23 @@ def test_doors_that_were_removed_before_the_bag_ended_were_there(
     assert [DoorState.OPEN] == _states(office)
 
 
-def test_looks_that_somebody_imported_in_his_name_count_once(office: Path, tmp_path: Path) -> None:
+def test_looks_that_somebody_imported_in_his_name_count_once(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """
-    Of a bag that begins before another one ends, both by the same person.
+    Of a bag that begins before another one ends, both by the same person; a dry run says so.
     """
-    said = drives_by()
-    for name, part in (("a", said[: len(said) // 2 + 20]), ("b", said)):
-        write_mcap(tmp_path / f"{name}.mcap", part)
-        with sl.append(office) as log:
-            import_file(log, tmp_path / f"{name}.mcap", SCANS, note=Note(actor="bob"))
+    said, bob = drives_by(), Note(actor="bob")
+    one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
+    write_mcap(one, said[: len(said) // 2 + 20])
+    write_mcap(other, said)
+    with sl.append(office) as log:
+        import_file(log, one, SCANS, note=bob)
 
+    assert 0 == _run("import", office, other, "--scan", "--dry-run", "--actor", "bob")
+    shown = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    with sl.append(office) as log:
+        import_file(log, other, SCANS, note=bob)
+
+    assert ["CLOSED"] == [each["state"] for each in shown if each["kind"] == "DoorObserved"]
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
