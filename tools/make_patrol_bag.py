@@ -114,7 +114,9 @@ def _options() -> argparse.Namespace:
     add("--minutes", type=float, default=3, help="default: %(default)s")
     add("--pose-error", type=_pair, default=(0.05, 1.0), metavar="M,DEG",
         help="standard deviations of the localisation; default: 0.05,1")  # fmt: skip
-    add("--jumps", type=float, default=0.0, help="a minute, at which it localises anew; default: 0")
+    add("--jumps", type=float, default=0.0,
+        help="a minute, at which it localises anew, somewhere else within its error: with that of "
+        "0.05,1 most are too small to be told; default: 0")  # fmt: skip
     tells = parser.add_mutually_exclusive_group()
     tells.add_argument(
         "--told", action="store_true", default=True, help="/amcl_pose has the covariance; default"

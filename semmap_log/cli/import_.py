@@ -176,7 +176,7 @@ def run(
     if dry_run:
         reader = sl.read(log)
         since_ns = _time_ns(reader, since, "--since")
-        _show(reader, files, ImportOptions(mapping=mapping, scan=scans, since_ns=since_ns))
+        _show(reader, files, ImportOptions(mapping=mapping, scan=scans, since_ns=since_ns), actor)
         return
     results = []
     with sl.append(log) as opened:
@@ -269,7 +269,7 @@ def _time_ns(
     return moment.ns
 
 
-def _show(opened: DoorLog, files: list[Path], options: Any) -> None:
+def _show(opened: DoorLog, files: list[Path], options: Any, actor: str) -> None:
     """Print the events that bags would bring to the log as it is, one a line.
 
     Raises:
@@ -283,7 +283,7 @@ def _show(opened: DoorLog, files: list[Path], options: Any) -> None:
         if not is_bag(file):
             raise FormatError(file, "--dry-run shows what a bag would bring; this is none")
         with progress(f"Reading {file.name}", unit="messages") as told:
-            found = plan_scan_import(opened, file, options, told)
+            found = plan_scan_import(opened, file, options, told, actor=actor)
         if found is not None:
             tell_scan_import(file, found)
             continue

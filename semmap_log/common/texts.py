@@ -14,6 +14,14 @@ def counted(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
+def percent(share: float) -> str:
+    """Return a share in percent: `90%`; what is not quite all does not look so: `99.6%`."""
+    digits = 0
+    while share < 1 and float(f"{share * 100:.{digits}f}") >= 100:
+        digits += 1
+    return f"{share * 100:.{digits}f}%"
+
+
 PROGRAM = "semmap-log"
 
 

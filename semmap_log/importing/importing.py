@@ -125,7 +125,7 @@ def import_file(
         raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
     if options.scan is not None and not is_bag(path):
         raise CommandError(f"{path}: --scan reads the scans of a bag; this is none.")
-    found = _plan_scans(log, path, options, progress, keep_scans=keep_scans)
+    found = _plan_scans(log, path, options, progress, keep_scans=keep_scans, actor=note.actor)
     if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
         count, first = append_with_scans(log, found, said)
@@ -239,7 +239,7 @@ def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
 
 def _plan_scans(
     log: DoorLogWriter, path: Path, options: ImportOptions, progress: Progress | None,
-    *, keep_scans: bool,
+    *, keep_scans: bool, actor: str,
 ) -> ScanImport | None:  # fmt: skip
     """Return what a bag's scans would bring, kept or not; None: no laser is asked for.
 
@@ -249,13 +249,15 @@ def _plan_scans(
         OutputError: The scans cannot be kept.
     """
     if not keep_scans:
-        return plan_scan_import(log, path, options, progress) if is_bag(path) else None
+        if not is_bag(path):
+            return None
+        return plan_scan_import(log, path, options, progress, actor=actor)
     with keeping_scans(log.path, log.info.log_id) as writer:
         keeper = ScanKeeper(writer, known=kept_already(log.path, log.info.log_id))
         try:
             found = None
             if is_bag(path):
-                found = plan_scan_import(log, path, options, progress, keeper=keeper)
+                found = plan_scan_import(log, path, options, progress, keeper=keeper, actor=actor)
         except BaseException:
             writer.discard()
             raise
@@ -267,7 +269,7 @@ def _plan_scans(
 
 def plan_scan_import(
     log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None,
-    *, keeper: ScanKeeper | None = None,
+    *, keeper: ScanKeeper | None = None, actor: str = "",
 ) -> ScanImport | None:  # fmt: skip
     """Return what a bag would bring whose scans are looked through; None: no laser is asked for.
 
@@ -277,6 +279,7 @@ def plan_scan_import(
         options: How it is read.
         progress: Told (messages read, messages in all).
         keeper: What keeps the scans of all visits; None: nobody does.
+        actor: Who will be named as who saw it; "": the robot.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
@@ -293,7 +296,7 @@ def plan_scan_import(
     since_id = hashlib.sha256(bag_id + f"since {since_ns}".encode()).digest()[:16]
     return plan_with_scans(
         log, path, mapping, BagIds(bag_id, topics_id, since_id), earlier, keeper=keeper,
-        progress=progress,
+        progress=progress, actor=actor,
     )  # fmt: skip
 
 

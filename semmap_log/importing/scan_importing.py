@@ -94,7 +94,7 @@ class ScanImport:
 
 def plan_with_scans(
     log: DoorLog, path: Path, mapping: RosMapping, ids: BagIds, earlier: ImportPlan, *,
-    keeper: ScanKeeper | None = None, progress: Progress | None = None,
+    keeper: ScanKeeper | None = None, progress: Progress | None = None, actor: str = "",
 ) -> ScanImport:  # fmt: skip
     """Return what a bag would bring; nothing is written.
 
@@ -106,6 +106,7 @@ def plan_with_scans(
         earlier: What says that doors were there by then.
         keeper: What keeps the scans of all visits; None: nobody does.
         progress: Told (messages read, messages in all).
+        actor: Who will be named as who saw it; "": the robot.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
@@ -117,8 +118,9 @@ def plan_with_scans(
         topics = plan_bag(path, log, others, progress=progress)
     others_events = [*one_by_one(earlier.events), *one_by_one(topics.events)]
     scans = plan_scans(
-        path, log, mapping, others_events, bag_id=ids.bag, keeper=keeper, progress=progress
-    )
+        path, log, mapping, others_events, bag_id=ids.bag, keeper=keeper, progress=progress,
+        actor=actor,
+    )  # fmt: skip
     return ScanImport(ids, topics, earlier, scans, left_out)
 
 
@@ -153,6 +155,7 @@ def _is_stored(log: DoorLog, command_id: bytes) -> bool:
 def plan_scans(
     path: Path, log: DoorLog, mapping: RosMapping, others: Sequence[Event] = (), *,
     bag_id: bytes, keeper: ScanKeeper | None = None, progress: Progress | None = None,
+    actor: str = "",
 ) -> ScanPlan:  # fmt: skip
     """Return what the scans of a bag say of the doors.
 
@@ -164,13 +167,16 @@ def plan_scans(
         bag_id: Digest of the bag.
         keeper: What keeps the scans of all visits; None: nobody does.
         progress: Told (messages read, messages in all).
+        actor: Who will be named as who saw it; "": the robot.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
         CommandError: No door was there at the time of the scans; or a level is not told.
     """
     doors = DoorsThen(log, others)
-    return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper).plan(bag_id, progress)
+    return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper, actor).plan(
+        bag_id, progress
+    )
 
 
 @dataclass(slots=True)
@@ -182,6 +188,7 @@ class _Scanning:
     mapping: RosMapping
     doors: DoorsThen
     keeper: ScanKeeper | None = None
+    actor: str = ""
     complaints: TopicProblems = field(default_factory=TopicProblems)
     sightings: LaserSightings = field(init=False)
     _first: RobotScan | None = None
@@ -198,7 +205,7 @@ class _Scanning:
         planned = [PlannedVisit(*pair) for pair in zip(ids, visits, strict=True)]
         before = SeenBefore.of(self.log, visits)
         unknown = [each for each in planned if not before.holds(each)]
-        new = [each for each in unknown if not before.overlaps(each)]
+        new = [each for each in unknown if not before.overlaps(each, self.actor)]
         warnings = list(self._warnings(translator.lasers))
         if len(new) < len(unknown):
             told = f"{len(unknown) - len(new):,}"

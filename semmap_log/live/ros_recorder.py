@@ -11,6 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -39,6 +40,8 @@ MOST_AT_ONCE = 1000
 LOOK_EVERY_S = 1.0
 """How soon a topic is found that nobody published before."""
 TELL_EVERY_S = 60.0
+QUIET_LOOK_S = 5.0
+"""Where no message comes, so often visits are ended whose laser is silent."""
 
 
 class EventSink(Protocol):
@@ -287,16 +290,19 @@ class RosRecorder:
 
     def _write_waiting(self) -> bool:
         """Write all that waits, with one sync; return whether there is more to come."""
-        for _ in range(MOST_AT_ONCE):
-            item = self._queue.get()
-            if item is None:
-                break
-            self._write_message(*item)
-            if self._queue.empty():
-                break
+        is_more = True
+        with suppress(queue.Empty):
+            for _ in range(MOST_AT_ONCE):
+                item = self._queue.get(timeout=QUIET_LOOK_S)
+                is_more = item is not None
+                if item is None:
+                    break
+                self._write_message(*item)
+                if self._queue.empty():
+                    break
         self._write_visits(self._watch.take())
         self.sink.settle()
-        return item is not None
+        return is_more
 
     def _write_message(self, topic: str, got: Received) -> None:
         self.counts.messages += 1

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from semmap_log.ros_mapping.rotations import Quaternion, Vector, between
 
 Times = NDArray[np.int64]
+LEAST_APART_NS = 10**6
+"""Of poses that follow each other faster some are left out, however many come: nothing that has
+wheels moves by a centimetre meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +62,12 @@ class LinkHistory:
         place = bisect_left(self.stamps, stamp_ns)
         if place < len(self.stamps) and self.stamps[place] == stamp_ns:
             self.poses[place] = pose  # told again: the later word counts
+            return
+        if place == len(self.stamps) > 1 and stamp_ns - self.stamps[-2] < LEAST_APART_NS:
+            self.stamps[-1], self.poses[-1] = stamp_ns, pose
+            return
+        is_between = 0 < place < len(self.stamps)
+        if is_between and self.stamps[place] - self.stamps[place - 1] < LEAST_APART_NS:
             return
         self.stamps.insert(place, stamp_ns)
         self.poses.insert(place, pose)

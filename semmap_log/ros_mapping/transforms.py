@@ -23,6 +23,9 @@ from semmap_log.ros_mapping.rotations import (
 from semmap_log.ros_mapping.topic_reader import yaw_of
 
 LONGEST_CHAIN = 100
+MOST_FRAMES = 5000
+"""Of more those are forgotten that are silent: some nodes give each thing they see a new frame."""
+SILENT_NS = 60 * 10**9
 _FROM = {True: "from the future", False: "too old"}
 
 
@@ -55,6 +58,7 @@ class TransformTree:
         self.stray = ""
         """The last of them, in words."""
         self._links: dict[str, _Link] = {}
+        self._tidied_ns = 0
 
     def take(self, transform: Any, received_ns: int, *, is_static: bool) -> str:
         """Take in a geometry_msgs/TransformStamped; return its child frame.
@@ -79,8 +83,11 @@ class TransformTree:
         self, child: str, parent: str, pose: LinkPose, stamp: Any, received_ns: int, *,
         is_static: bool = False, holds: bool = False,
     ) -> None:  # fmt: skip
-        """Take in where a frame stands in its parent."""
+        """Take in where a frame stands in its parent; one too many is noted as a stray."""
         link = self._links.get(child)
+        if link is None and len(self._links) >= MOST_FRAMES and not self._forget(received_ns):
+            self._note(f"{child}: more than {MOST_FRAMES:,} frames")
+            return
         if self.keep_ns and link is not None and link.parent != parent:
             self._note(f"{child} stands in {parent}, and stood in {link.parent}")
         if link is None or (link.parent, link.is_static) != (parent, is_static):
@@ -93,6 +100,17 @@ class TransformTree:
         if stray_ns is not None:
             off_s = (stray_ns - stamp_ns(stamp)) / 1e9
             self._note(f"{parent} -> {child}: {abs(off_s):.1f} s {_FROM[off_s > 0]}")
+
+    def _forget(self, now_ns: int) -> bool:
+        """Forget frames that move and are silent; return whether there is room again."""
+        if abs(now_ns - self._tidied_ns) >= SILENT_NS // 60:
+            self._tidied_ns = now_ns
+            self._links = {
+                frame: link for frame, link in self._links.items()
+                if link.is_static or link.history.holds
+                or abs(now_ns - link.received_ns) < SILENT_NS
+            }  # fmt: skip
+        return len(self._links) < MOST_FRAMES
 
     def _note(self, stray: str) -> None:
         self.strays += 1

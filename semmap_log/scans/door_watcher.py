@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 
+from semmap_log.domain.doors import DoorId
 from semmap_log.scans.laser_visits import LaserVisits
 from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
 from semmap_log.scans.scan_model import DEFAULT, ScanModel
 from semmap_log.scans.visit import Visit
 from semmap_log.scans.watched_doors import WatchedDoors
+
+ONE_PASSAGE_NS = 5 * 10**9
+"""Two lasers of a robot that cross a line so soon after each other were driven through once."""
 
 
 class DoorWatcher:
@@ -22,8 +26,8 @@ class DoorWatcher:
 
     A visit is of one door by one laser of one robot: it ends when the door was out of sight for a
     while, or has been looked at for long; when the door moved, changed otherwise or was removed;
-    and at `close`. A robot that drove through is a visit of its own, with `passed`; one with two
-    lasers has two of them. How scans are cut into calls makes no difference; many at once are
+    at `end` and at `close`. A robot that drove through is a visit of its own, with `passed`: one,
+    however many lasers it has. How scans are cut into calls makes no difference; many at once are
     faster.
     """
 
@@ -33,6 +37,8 @@ class DoorWatcher:
         """Why scans were not used, and how many."""
         self._lasers: dict[tuple[str, str], LaserVisits] = {}
         self._doors: WatchedDoors | None = None
+        self._passed: dict[tuple[str, DoorId], Visit] = {}
+        """Robot and door -> when it drove through last."""
 
     def take(self, scans: Sequence[PlacedScan], doors: DoorPlaces) -> list[Visit]:
         """Look at `scans`, through all of which the doors are these; return the visits that ended.
@@ -48,13 +54,18 @@ class DoorWatcher:
             by_laser[scan.robot, scan.laser].append(scan)
         for (robot, laser), its in by_laser.items():
             done += self._laser(robot, laser).take(its, known)
-        return _sorted(done)
+        return [visit for visit in _sorted(done) if not self._is_told(visit)]
 
     def close(self) -> list[Visit]:
         """Return the visits that have not ended, as far as they went."""
         if self._doors is None:
             return []
         return _sorted([v for laser in self._lasers.values() for v in laser.end(self._doors)])
+
+    def end(self, robot: str, laser: str) -> list[Visit]:
+        """Return the visits of one laser that have not ended, as far as they went: it is silent."""
+        found = self._lasers.get((robot, laser))
+        return [] if found is None or self._doors is None else _sorted(found.end(self._doors))
 
     def _know(self, doors: DoorPlaces) -> list[Visit]:
         """Take these doors for those that are there; return the visits to others."""
@@ -66,6 +77,19 @@ class DoorWatcher:
             return []
         gone = self._doors.changed_since(before)
         return [v for laser in self._lasers.values() for v in laser.end(before, gone)]
+
+    def _is_told(self, visit: Visit) -> bool:
+        """Tell whether another laser of the robot told already that it drove through then."""
+        if not visit.passed:
+            return False
+        key = (visit.robot, visit.door_id)
+        last = self._passed.get(key)
+        if last is not None and last.laser != visit.laser:
+            apart_ns = max(visit.first_ns - last.last_ns, last.first_ns - visit.last_ns)
+            if apart_ns <= ONE_PASSAGE_NS:
+                return True
+        self._passed[key] = visit
+        return False
 
     def _laser(self, robot: str, laser: str) -> LaserVisits:
         if (robot, laser) not in self._lasers:

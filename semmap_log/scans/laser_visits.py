@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from math import inf, nan
+from math import dist, inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,11 +170,17 @@ class LaserVisits:
 
 
 class _Newness:
-    """How much of a new look each scan is: a robot that parks proves nothing more by parking."""
+    """How much of a new look each scan is: a robot that parks proves nothing more by parking.
+
+    Nor by a localisation that puts it a centimetre elsewhere at each scan: what counts is how far
+    it came from where it was, not how long the way was.
+    """
 
     def __init__(self, model: ScanModel) -> None:
         self._model = model
-        self._last: tuple[int, float, float] | None = None
+        self._last_ns: int | None = None
+        self._from = (0.0, 0.0)
+        """Where it was when it last was somewhere else."""
         self._fresh = inf
         self._looked_ns = 0
 
@@ -182,14 +188,21 @@ class _Newness:
         """Return (t,) what share of a new look each scan is; 0: it waits for the next one."""
         worth = np.zeros(len(stack.stamps_ns))
         for i, stamp_ns in enumerate(stack.stamps_ns.tolist()):
-            x, y = stack.places[i].tolist()
-            if self._last is not None:
-                moved = float(np.hypot(x - self._last[1], y - self._last[2]))
-                waited_s = (stamp_ns - self._last[0]) / SECOND_NS
-                self._fresh += moved / self._model.step + waited_s / self._model.still_s
+            self._go(stamp_ns, tuple(stack.places[i].tolist()))
             is_old = stamp_ns - self._looked_ns >= self._model.least_often_s * SECOND_NS
             if self._fresh >= self._model.least_fresh or is_old:
                 worth[i] = min(self._fresh, 1.0)
                 self._fresh, self._looked_ns = 0.0, stamp_ns
-            self._last = (stamp_ns, x, y)
         return worth
+
+    def _go(self, stamp_ns: int, place: tuple[float, float]) -> None:
+        """Take in when and where the next scan was made."""
+        if self._last_ns is None:
+            self._from = place
+        else:
+            self._fresh += (stamp_ns - self._last_ns) / SECOND_NS / self._model.still_s
+            moved = dist(place, self._from) / self._model.step
+            if moved >= self._model.least_fresh:
+                self._fresh += moved
+                self._from = place
+        self._last_ns = stamp_ns

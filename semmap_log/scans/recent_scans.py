@@ -1,14 +1,16 @@
-"""The scans of the last half minute: a visit that ends is asked for those that it was made from."""
+"""The scans of the last minute: a visit that ends is asked for those that it was made from."""
 
 from __future__ import annotations
 
 from collections import defaultdict, deque
 
+from semmap_log.domain.moments import SECOND_NS
 from semmap_log.scans.placed_scan import PlacedScan
+from semmap_log.scans.scan_model import DEFAULT
 from semmap_log.scans.visit import Visit
 
-KEPT_NS = 40 * 10**9
-"""A visit takes 20 s and ends 5 s behind its last scan, or when its door changes."""
+KEPT_NS = round((DEFAULT.longest_s + DEFAULT.pause_s) * SECOND_NS)
+"""A visit that takes longest ends so long after its first scan."""
 
 
 class RecentScans:
@@ -23,9 +25,13 @@ class RecentScans:
         self._of[scan.robot, scan.laser].append(scan)
 
     def forget_old(self) -> None:
-        """Let go of scans that no visit is made from that is still going on."""
+        """Let go of scans that no visit is made from that is still going on.
+
+        After a clock was set back those of before end none: their visits have ended.
+        """
         for here in self._of.values():
-            while here[0].stamp_ns < here[-1].stamp_ns - self._kept_ns:
+            last_ns = here[-1].stamp_ns
+            while not last_ns - self._kept_ns <= here[0].stamp_ns <= last_ns:
                 here.popleft()
 
     def of(self, visit: Visit) -> list[PlacedScan]:

@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.beliefs.evaluation import Evaluation
-from semmap_log.common.texts import counted
+from semmap_log.common.texts import counted, percent
 from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.scores import Scores
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn, TextPicture
@@ -124,8 +124,8 @@ def known_in_words(evaluation: Evaluation) -> str:
     what = "all"
     if (patrol := protocol.patrol) is not None:
         what = (
-            f"what a visit each {duration(patrol.interval_ns)} read, right {patrol.accuracy:.0%} "
-            f"of the time (seed {patrol.seed}),"
+            f"what a visit each {duration(patrol.interval_ns)} read, right "
+            f"{percent(patrol.accuracy)} of the time (seed {patrol.seed}),"
         )
     return f"known at each forecast: {what} up to {_until_in_words(evaluation)}"
 

@@ -7,6 +7,7 @@ from typing import cast
 
 from typing_extensions import assert_never
 
+from semmap_log.common.texts import percent
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import (
     AnyEvent,
@@ -117,7 +118,7 @@ def _accuracy(event: DoorObserved) -> str:
             right = event.accuracy_closed
         case _:
             return ""
-    return "" if right == 1 else f" ({right:.0%})"
+    return "" if right == 1 else f" ({percent(right)})"
 
 
 def _opening(event: DoorObserved) -> str:

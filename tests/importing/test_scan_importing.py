@@ -17,6 +17,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorObserved, DoorPassed, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, FormatError
@@ -596,3 +597,67 @@ def test_scans_of_nothing_decide_nothing(office: Path, tmp_path: Path) -> None:
     assert [] == _states(office)
     assert 1 == len(list(sl.read(office).commits()))
     assert imported.first_event is None
+
+
+def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) -> None:
+    """
+    Whichever of its two lasers told it, in whatever order they are imported.
+    """
+
+    def drive(t: float) -> Any:
+        made = turned("z", math.pi / 2)
+        made[:2, 3] = 4.45, -0.6 + 0.4 * t
+        return made
+
+    rooms = [
+        LaserRoom(seconds=9.0, drive=drive, laser_frame=name, mount=moved(x, 0.0, 0.3))
+        for name, x in (("front", 0.2), ("rear", -0.2))
+    ]
+    said = [*rooms[0].statics(), *rooms[1].statics(), *rooms[0].tf()]
+    for room in rooms:
+        said += [replace(each, topic=f"/{room.laser_frame}/scan") for each in room.scans()]
+    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
+
+    for topics in (["/rear/scan"], ["/front/scan", "/rear/scan"], ["/front/scan"]):
+        _import(office, tmp_path / "x.mcap", ImportOptions(scan=ScanOptions(tuple(topics))))
+
+    assert ["rear"] == [
+        entry.source.split()[0].removeprefix("scan:")
+        for entry in sl.read(office).history(kinds=[DoorPassed])
+    ]
+
+
+def test_doors_that_were_removed_before_the_bag_ended_were_there(
+    office: Path, tmp_path: Path
+) -> None:
+    """
+    What was seen of them until then counts, though the log has no door any more.
+    """
+    with sl.append(office) as log:
+        log.remove_door(1, at=START + 30 * S)
+
+    _import(office, _mcap(tmp_path))
+
+    assert [DoorState.OPEN] == _states(office)
+
+
+def test_looks_that_somebody_imported_in_his_name_count_once(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Of a bag that begins before another one ends, both by the same person; a dry run says so.
+    """
+    said, bob = drives_by(), Note(actor="bob")
+    one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
+    write_mcap(one, said[: len(said) // 2 + 20])
+    write_mcap(other, said)
+    with sl.append(office) as log:
+        import_file(log, one, SCANS, note=bob)
+
+    assert 0 == _run("import", office, other, "--scan", "--dry-run", "--actor", "bob")
+    shown = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    with sl.append(office) as log:
+        import_file(log, other, SCANS, note=bob)
+
+    assert ["CLOSED"] == [each["state"] for each in shown if each["kind"] == "DoorObserved"]
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)

@@ -11,19 +11,24 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorObserved, RobotPose
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved, RobotPose
 from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.importing.scan_topics import ScanOptions
+from semmap_log.live import ros_recorder
 from semmap_log.live.ros_recorder import LogSink, PrintedSink, RosRecorder
+from semmap_log.ros_mapping.known import Known
+from semmap_log.ros_mapping.lasers import scan_watch
+from semmap_log.ros_mapping.lasers.scan_watch import ScanWatch
 from semmap_log.ros_mapping.topic_rules import WELL_KNOWN, ReadScan, RosMapping
 from tests.formats.bags.bags_of_others import Said, write_mcap
 from tests.live.memory_node import MemoryNode
 from tests.live.ros_world import RosWorld
 from tests.live.running import wait_until
 from tests.live.test_record_ros import _talking
-from tests.ros_mapping.laser_room import DOOR, LaserRoom, drives_by
+from tests.ros_mapping.laser_room import DOOR, SHUT, LaserRoom, drives_by
 from tests.ros_mapping.robots import START, Robot, S
+from tests.ros_mapping.test_scans_placed import Hearing
 
 SCANS = replace(WELL_KNOWN, scans=ReadScan())
 LONG_AGO = START - 3600 * S
@@ -95,6 +100,69 @@ def test_the_bag_of_a_drive_that_was_recorded_adds_nothing(tmp_path: Path) -> No
 
     assert None is imported.first_event
     assert before == _events(live)
+
+
+def test_a_clock_that_is_set_back_costs_no_scan(tmp_path: Path) -> None:
+    """
+    The door is seen on, though the clock needs an hour until it is where it was; and each visit
+    holds where the robot was.
+    """
+    office = _office(tmp_path / "office")
+    hour = LaserRoom(begins_s=3600.0, state=lambda _: SHUT)
+
+    recorder = _recorded(office, [*hour.said(), *LaserRoom().said()])
+
+    assert (192, 2) == (recorder.counts.scans, recorder.counts.visits)
+    kinds = [line.partition("(")[0] for line in _events(office)]
+    assert ["RobotPose", "RobotPose", "DoorObserved"] * 2 == kinds
+    assert any("a clock was set" in line for line in recorder.summary())
+
+
+def test_the_visits_of_a_laser_that_falls_silent_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    They are written while it records on: neither a next scan is waited for nor any message.
+    """
+    monkeypatch.setattr(scan_watch, "QUIET_S", 0.3)
+    monkeypatch.setattr(ros_recorder, "QUIET_LOOK_S", 0.05)
+    office, seen = _office(tmp_path / "office"), []
+
+    def during(node: MemoryNode) -> None:
+        for each in LaserRoom().said():
+            node.say(each)
+        wait_until(lambda: len(_events(office)) > 0, "a sighting while nothing comes")
+        seen.extend(_events(office))
+
+    node = MemoryNode(during, {each.topic: each.ros_type for each in LaserRoom(seconds=1).said()})
+    with sl.append(office, durability="flush", compact=False) as log:
+        RosRecorder(node, SCANS, LogSink(log), lambda _: None).run()  # type: ignore[arg-type]
+
+    assert any(line.startswith("DoorObserved") for line in seen)
+
+
+def test_only_the_laser_that_is_silent_ends_its_visits() -> None:
+    """
+    Half a minute after its last scan, though another one goes on; and once.
+    """
+    x, y, theta, width = DOOR
+    known = Known()
+    known.apply(DoorAdded(door_id=DoorId(1), x=x, y=y, theta=theta, width=width))
+    now_s = [1000.0]
+    watch = ScanWatch(known, "tug1", clock=lambda: now_s[0])
+    front = Hearing(SCANS).hear(LaserRoom(laser_frame="front", seconds=6.0).said())
+    rear = Hearing(SCANS).hear(LaserRoom(laser_frame="rear", seconds=6.0).said())
+    watch.add([*front, *rear])
+    assert [] == list(watch.take())
+
+    now_s[0] += 29.9
+    watch.add(rear[-1:])
+    assert [] == list(watch.take())
+    now_s[0] += 0.1
+
+    assert ["front"] == [commit.visit.laser for commit in watch.take()]
+    assert [] == list(watch.take())
+    assert ["rear"] == [commit.visit.laser for commit in watch.close()]
 
 
 def test_a_door_that_comes_while_it_records_is_seen_from_then_on(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from dataclasses import replace
 from typing import Any
 
@@ -53,6 +54,22 @@ def test_the_points_of_a_cloud_are_found_wherever_its_fields_lie() -> None:
 
     assert isinstance(found, Cloud)
     assert [[1.0, 2.0, 3.0], [-1.0, 0.5, 0.25]] == found.points.tolist()
+
+
+def test_a_row_that_says_it_is_long_takes_no_memory() -> None:
+    """
+    The last row, or the only one, may lack what lies between rows; 4 GB are not made for it.
+    """
+    message = _message([(1.0, 2.0, 3.0)], row_step=2**32 - 1)
+    tracemalloc.start()
+
+    found = cloud_of(message)
+
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert isinstance(found, Cloud)
+    assert [[1.0, 2.0, 3.0]] == found.points.tolist()
+    assert most < 10**6
 
 
 def test_rows_of_a_cloud_may_be_longer_than_their_points() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from semmap_log.ros_mapping.link_history import LinkHistory, LinkPose
 from semmap_log.ros_mapping.rotations import angle_between, between, yaw
-from semmap_log.ros_mapping.transforms import TransformTree
+from semmap_log.ros_mapping.transforms import MOST_FRAMES, TransformTree
 from tests.ros_mapping.laser_room import moved, quaternion, turned
 from tests.ros_mapping.robots import S
 
@@ -240,3 +240,48 @@ def test_static_frames_hold_at_all_times() -> None:
 
     assert [8.0] == x.tolist()
     assert np.allclose(moved(8.0, 0.0)[:2, 3], [x[0], 0.0])
+
+
+def test_of_transforms_that_come_faster_than_any_wheel_some_are_kept() -> None:
+    """
+    However many come, and in whatever order; the last one always, if it comes at the end.
+    """
+    history = LinkHistory(KEEP)
+    for i in [*range(0, 50_000, 2), *range(1, 50_000, 2)]:
+        history.add(S + i * 1000, LinkPose((i / 50_000, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+
+    assert 40 < len(history.stamps) <= 2 * 50 + 2
+    assert S + 49_999_000 == history.stamps[-1]
+    assert sorted(history.stamps) == history.stamps
+    x, _, _ = history.at(np.array([S + 20_000_500], np.int64)).shift
+    assert [pytest.approx(0.4, abs=1e-3)] == x.tolist()
+
+
+def test_frames_of_things_that_were_seen_once_are_forgotten() -> None:
+    """
+    A node that gives each thing it sees a frame does not fill the memory; those of the robot stay.
+    """
+    tree = _tree(("odom", "base_link"))
+    _take(tree, "base_link", "laser", 0.0, is_static=True)
+    for i in range(3 * MOST_FRAMES):
+        _take(tree, "map", f"thing_{i}", i / 10)
+        if i % 10 == 0:
+            _take(tree, "odom", "base_link", i / 10)
+
+    assert tree.chain("odom", "laser") == ("laser", "base_link")
+    assert not tree.has("thing_0")
+    assert tree.has(f"thing_{3 * MOST_FRAMES - 1}")
+    assert 0 == tree.strays
+
+
+def test_more_frames_at_once_than_can_be_are_not_taken() -> None:
+    """
+    And are told.
+    """
+    tree = _tree(("odom", "base_link"))
+    for i in range(MOST_FRAMES + 7):
+        _take(tree, "map", f"thing_{i}", 1.0 + i / 10**6)
+
+    assert (8, tree.has(f"thing_{MOST_FRAMES + 6}")) == (tree.strays, False)
+    assert f"thing_{MOST_FRAMES + 6}: more than 5,000 frames" == tree.stray
+    assert tree.chain("odom", "base_link") is not None

@@ -257,6 +257,20 @@ def test_a_robot_that_parks_proves_little_more() -> None:
     assert once[0].looks <= parked[0].looks < 2 * once[0].looks
 
 
+def test_a_localisation_that_trembles_is_no_drive() -> None:
+    """
+    By a centimetre each scan: the robot stands all the same.
+    """
+    tremble = np.random.default_rng(7).normal(0, 0.01, (200, 2)).tolist()
+    track = tuple((WIDTH / 2 + x, y, 0.0) for x, y in tremble)
+
+    once = seen(Drive((*WALLS, SHUT), track[:1]).scans(), places())
+    parked = seen(Drive((*WALLS, SHUT), track, every_s=0.1).scans(), places())
+
+    assert 1 == len(once) == len(parked)
+    assert once[0].looks <= parked[0].looks < 2 * once[0].looks
+
+
 def test_a_faster_laser_proves_no_more() -> None:
     slow = past(SHUT).scans()
     track = tuple((x, 0.0, 0.0) for x in np.arange(-2, 2.76, 0.025).tolist())

@@ -128,3 +128,21 @@ def test_a_door_that_moves_meanwhile_is_not_passed() -> None:
     visits = watcher.take(scans[23:], places((0.0, 0.9, 0.0, WIDTH)))
 
     assert [] == [visit for visit in visits + watcher.close() if visit.passed]
+
+
+@pytest.mark.parametrize("at_once", [1, 1000])
+def test_a_robot_with_two_lasers_has_passed_once(at_once: int) -> None:
+    """
+    Though each of them crosses the line; on its way back once more; and another robot for itself.
+    """
+    front = [*straight(-2.0, 3.0), *straight(3.0, -2.0)]
+    rear = [(x, y - 0.5) for x, y in front]
+    two = [replaced(scan, laser="rear") for scan in drive(*rear)]
+    other = [replaced(scan, robot="other") for scan in drive(*front)]
+    mixed = [scan for three in zip(drive(*front), two, other, strict=True) for scan in three]
+
+    found = passages(mixed, at_once=at_once)
+
+    robots = [visit.robot for visit in found]
+    assert (2, 2) == (robots.count(""), robots.count("other"))
+    assert ["", "rear"] == [visit.laser for visit in found if not visit.robot]

@@ -37,3 +37,16 @@ def test_old_scans_are_let_go() -> None:
     visit = replace(some_visit(laser="laser"), first_ns=0, last_ns=START_NS + 100 * S)
 
     assert [scan.stamp_ns - START_NS for scan in recent.of(visit)] == [n * S for n in (6, 7, 8, 9)]
+
+
+def test_scans_of_before_a_clock_was_set_back_are_let_go() -> None:
+    """
+    Else they would be held until the clock is there again.
+    """
+    recent = RecentScans(kept_ns=3 * S)
+    for second in (1000, 1001, 1002, 10, 11):
+        recent.take(some_scan(START_NS + second * S, 0.0, 0.0, beams=3))
+    recent.forget_old()
+    visit = replace(some_visit(laser="laser"), first_ns=0, last_ns=START_NS + 2000 * S)
+
+    assert [scan.stamp_ns - START_NS for scan in recent.of(visit)] == [10 * S, 11 * S]

@@ -108,6 +108,8 @@ SCANS = (
           "near[int(levels[row]), column, line].append(row)", "test_door_grid"),
     guard("laser: a robot that parks proves little more", "_Newness.of",
           "worth[i] = min(self._fresh, 1.0)", "worth[i] = 1.0", "test_door_watcher"),
+    guard("laser: what trembles does not move", "_Newness._go",
+          "moved >= self._model.least_fresh", "True", "test_door_watcher"),
     guard("laser: a door that is still in sight is not new", "LaserVisits._fold",
           "1.0 if self._was_away(door_id, stamp_ns) else float(fresh[sights.scan[row]])",
           "1.0", "test_door_watcher"),

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import isnan, nan
+from types import NoneType
 from typing import Any
 
 from semmap_log.domain.doors import DoorId, DoorState
@@ -13,6 +14,11 @@ from semmap_log.formats.kept_scans.kept_visit import DoorLine
 from semmap_log.scans.visit import Visit
 
 _OF_VISIT = {field.name for field in fields(Visit)}
+_TYPES: Mapping[object, type | tuple[type, ...]] = {
+    "int": int, "float": (int, float, NoneType), "bool": bool, "str": str,
+}  # fmt: skip
+"""What a field may be of, where its type is called so."""
+_EXPECTED = {f.name: _TYPES[f.type] for f in fields(Visit) if f.type in _TYPES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +80,15 @@ def _null_for_nan(value: Any) -> Any:
 
 
 def _given(found: Mapping[str, Any], name: str) -> Any:
-    return nan if found[name] is None else found[name]
+    """Return the value of a field.
+
+    Raises:
+        TypeError: It cannot be of the field.
+    """
+    value, expected = found[name], _EXPECTED.get(name, object)
+    if not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool):
+        raise TypeError(f"{name}: {value!r}")
+    return nan if value is None else value
 
 
 def _numbers(values: Sequence[Any]) -> tuple[float, ...]:

@@ -232,7 +232,7 @@ class _Laser:
     def _on_level(self, scan: Sweep | Cloud, placed: Placed, received_ns: int) -> RobotScan | None:
         """Return what was seen when, by the clock of the log; None: that does not advance."""
         happened = self._when(scan.stamp_ns, received_ns)
-        if happened <= self._happened_ns:
+        if 0 <= self._happened_ns - happened <= AT_ONCE_BACK_NS:
             self.counts.repeated += 1
             self.drop(Unusable("a scan whose stamp does not advance"))
             return None

@@ -45,7 +45,7 @@ def cloud_of(message: Any) -> Cloud | Unusable:
     formats = [order + _FLOATS[int(fields[name].datatype)] for name in "xyz"]
     offsets = [int(fields[name].offset) for name in "xyz"]
     ends = [at + np.dtype(form).itemsize for at, form in zip(offsets, formats, strict=True)]
-    row_size, data = int(message.row_step), np.asarray(message.data, np.uint8)
+    row_size, data = int(message.row_step), np.ascontiguousarray(message.data, np.uint8)
     if (
         max(ends) > size
         or row_size < columns * size
@@ -54,9 +54,9 @@ def cloud_of(message: Any) -> Cloud | Unusable:
         return Unusable("a cloud whose sizes disagree", f"{data.size:,} bytes for {count:,} points")
     dtype = np.dtype({"names": list("xyz"), "formats": formats, "offsets": offsets,
                       "itemsize": size})  # fmt: skip
-    whole = np.zeros(rows * row_size, np.uint8)
-    whole[: min(data.size, whole.size)] = data[: whole.size]
-    packed = whole.reshape(rows, row_size)[:, : columns * size]
+    # The last row may lack what fills the others: nothing is made as long as it says that it is.
+    row_strides = (min(row_size, data.size), 1)
+    packed = np.lib.stride_tricks.as_strided(data, (rows, columns * size), row_strides)
     found = np.ascontiguousarray(packed).reshape(-1).view(dtype)
     points = np.stack([found[name].astype(np.float64) for name in "xyz"], axis=1)
     return Cloud(

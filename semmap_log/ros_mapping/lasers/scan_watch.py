@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from semmap_log.domain.events import Event
 from semmap_log.domain.moments import format_local
@@ -13,25 +14,47 @@ from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
 from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of, oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit
 
+QUIET_S = 30.0
+"""Of the clock on the wall: the visits of a laser end that is silent for so long."""
+
 
 class ScanWatch:
     """Looks at the doors that are known, as they are."""
 
-    def __init__(self, known: Known, robot: str, keeper: ScanKeeper | None = None) -> None:
+    def __init__(
+        self,
+        known: Known,
+        robot: str,
+        keeper: ScanKeeper | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._known = known
         self._doors = DoorsNow(known)
         self._sightings = LaserSightings(self._doors, robot, keeper=keeper)
         self._waiting: list[RobotScan] = []
+        self._clock = clock
+        self._heard_s: dict[tuple[str, str], float] = {}
+        """Robot and laser whose visits may be going on -> when its last scan came."""
 
     def add(self, scans: Sequence[RobotScan]) -> None:
         """Have scans wait for `take`."""
         self._waiting += scans
+        for each in scans:
+            self._heard_s[each.scan.robot, each.scan.laser] = self._clock()
 
     def take(self) -> Iterator[VisitCommit]:
-        """Look through the scans that wait; yield the visits that ended."""
+        """Look through the scans that wait; yield the visits that ended.
+
+        Those of a laser that is silent end, too: a sighting does not wait for the next scan, which
+        may come in an hour, or never.
+        """
         if self._waiting:
             scans, self._waiting = self._waiting, []
             yield from self._sightings.take(scans)
+        since_s = self._clock() - QUIET_S
+        for each in [each for each, heard_s in self._heard_s.items() if heard_s <= since_s]:
+            del self._heard_s[each]
+            yield from self._sightings.end(*each)
 
     def close(self) -> Iterator[VisitCommit]:
         """The same, and all visits end."""

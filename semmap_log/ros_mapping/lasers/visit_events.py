@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,6 +72,10 @@ class LaserSightings:
         for track in self._tracks.values():
             track.forget()
 
+    def end(self, robot: str, laser: str) -> Iterator[VisitCommit]:
+        """Yield what the visits say that were going on, of a laser that is silent."""
+        yield from self._made(self._watcher.end(robot, laser))
+
     def close(self) -> Iterator[VisitCommit]:
         """Yield what the visits say that were going on."""
         yield from self._made(self._watcher.close())
@@ -126,24 +129,24 @@ def _said(visit: Visit) -> Event:
 class _Track:
     """Where a robot was at the scans of the last minute."""
 
-    stamps: list[int] = field(default_factory=list)
-    poses: list[RobotPose] = field(default_factory=list)
+    poses: dict[int, RobotPose] = field(default_factory=dict)
+    """By the scans' stamps, in the order in which they came."""
 
     def add(self, pose: RobotPose) -> None:
         assert pose.happened_ns is not None
-        self.stamps.append(pose.happened_ns)
-        self.poses.append(pose)
+        self.poses.pop(pose.happened_ns, None)  # of a clock that was set back since
+        self.poses[pose.happened_ns] = pose
 
     def at(self, when_ns: int) -> RobotPose | None:
         """Return where it was at a scan; None: that is too long ago."""
-        place = bisect_left(self.stamps, when_ns)
-        is_there = place < len(self.stamps) and self.stamps[place] == when_ns
-        return self.poses[place] if is_there else None
+        return self.poses.get(when_ns)
 
     def forget(self) -> None:
-        old = bisect_left(self.stamps, self.stamps[-1] - KEEP_NS)
-        if old > len(self.stamps) // 2:
-            del self.stamps[:old], self.poses[:old]
+        """Let go of what is older than the last scan by far, or of a clock that was set back."""
+        last_ns = next(reversed(self.poses))
+        if max(self.poses) - min(self.poses) > KEEP_NS:
+            kept = self.poses.items()
+            self.poses = {at: pose for at, pose in kept if last_ns - KEEP_NS <= at <= last_ns}
 
 
 def named(commit: VisitCommit, note: Note) -> VisitCommit:

@@ -32,7 +32,7 @@ class VisitTally:
     glass: set[DoorId] = field(default_factory=set)
     """Doors that are known to be of glass."""
     levels: Counter[int] = field(default_factory=Counter)
-    """How many doors each level has."""
+    """How many doors each level had at most, at any moment of the scans."""
     _last: tuple[int, float, float] | None = None
 
     def add(self, visit: Visit) -> None:
@@ -46,7 +46,7 @@ class VisitTally:
             return
         self._last = (pose.level, pose.x, pose.y)
         self.glass.update(map(DoorId, doors.ids[doors.glass].tolist()))
-        self.levels = Counter(doors.levels.tolist())
+        self.levels |= Counter(doors.levels.tolist())
         here = doors.levels == pose.level
         if not here.any():
             return

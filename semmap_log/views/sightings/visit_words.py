@@ -35,11 +35,14 @@ def when(visit: Visit, tz: str) -> str:
 
 
 def share(value: float) -> str:
-    """Return a share of 1 with two digits, none before the point: `.98`; with three from `.995` on.
+    """Return a share of 1 with two digits, none before the point: `.98`; with more from `.995` on.
 
     What is not quite sure does not look so.
     """
-    text = f"{value:.2f}" if value < ALMOST_SURE else f"{value:.3f}"
+    digits = 2 if value < ALMOST_SURE else 3
+    while value < 1 and float(f"{value:.{digits}f}") >= 1:
+        digits += 1
+    text = f"{value:.{digits}f}"
     return text[1:] if text.startswith("0.") else text
 
 

@@ -163,3 +163,13 @@ def test_scans_of_thousands_of_beams_are_told_at_once() -> None:
 
     assert len(beams.fates) == 200_000
     assert np.mean(beams.toward().fates == Fate.stopped) == 1.0
+
+
+def test_what_is_nearly_sure_does_not_look_sure() -> None:
+    """
+    However many digits that takes.
+    """
+    said = [verdict(replace(some_visit(), state=DoorState.OPEN, accuracy=accuracy))
+            for accuracy in (0.98, 0.996, 0.9996)]  # fmt: skip
+
+    assert ["OPEN .98", "OPEN .996", "OPEN .9996"] == said
