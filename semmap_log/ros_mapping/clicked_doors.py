@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import atan2, cos, hypot, isfinite, sin
 
+from semmap_log.common.texts import command_line
 from semmap_log.domain.doors import Door
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event
 from semmap_log.formats.parsing.problems import shown
@@ -70,7 +71,7 @@ class ClickedDoors:
         name = f"clicked {(first.x + click.x) / 2:.1f} {(first.y + click.y) / 2:.1f}"
         self.said = (
             f"door {new} from {first.x:.2f}, {first.y:.2f} to {click.x:.2f}, {click.y:.2f}, "
-            f"{width:.2f} m wide; wrong? semmap-log remove LOG {new}"
+            f"{width:.2f} m wide; wrong? {command_line('remove', 'LOG', str(new))}"
         )
         yield DoorAdded(
             door_id=new, level=self._level, x=first.x, y=first.y, theta=theta, width=width,
