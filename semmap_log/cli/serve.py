@@ -287,7 +287,7 @@ def run(
             floors = _floors(doors.door_map(), floor_map, map_rules, level)
         options = ServeOptions(costmap, floors, palette.colours, default_prob, costs)
         with ExitStack() as running:
-            failure: Callable[[], Exception | None] = lambda: None  # noqa: E731
+            failure: Callable[[], Exception | None] = _no_failure
             if planners is not None:
                 failure = running.enter_context(planners.served(log, doors, changes))
             if version is None:
@@ -306,6 +306,10 @@ def run(
     finally:
         doors.close()
     say(f"{log}: closed.")
+
+
+def _no_failure() -> None:
+    """Return why nobody can be answered any more, where no planner asks: never."""
 
 
 def _chosen_log(
