@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import DoorState
 from semmap_log.scans.door_watcher import DoorWatcher
 from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.scans.proposing.jambs import at_jambs
 from semmap_log.scans.proposing.swept_cells import SweptCells
-from semmap_log.scans.proposing.wall_gaps import MOST_M, Gaps, gaps_in
+from semmap_log.scans.proposing.wall_gaps import Gaps, gaps_in
 from semmap_log.scans.visit import Visit
 
 Floats = NDArray[np.float64]
@@ -23,11 +24,11 @@ FREE = 0.6
 """So large a share of a gap's line has to be free."""
 OPENS_AT_M = (0.35, 0.5, 0.65)
 """So far before and behind the line it is looked at whether the space is wider than the gap ..."""
-OPENS_BY_M = 0.3
+OPENS_BY_M = 0.22
 """... so far beside its ends."""
 LEAST_SCORE = 0.5
-USUAL_M = 1.1
-"""Wider doors are rarer."""
+LEAST_M, USUAL_M, MOST_M = 0.65, 1.4, 2.6
+"""From jamb to jamb: a narrower gap is no door, wider ones than usual are rarer."""
 KNOWN_M = 0.7
 """A gap whose middle is so near to that of a door of the map is that door."""
 
@@ -96,7 +97,9 @@ def proposals_of(
     gaps = gaps.of(~_are_known(gaps, doors, level))
     free = _free_share(swept, gaps)
     seen_through = free >= FREE
-    gaps, free = gaps.of(seen_through), free[seen_through]
+    gaps, free = at_jambs(gaps.of(seen_through), swept), free[seen_through]
+    is_wide = gaps.lines[:, 3] >= LEAST_M
+    gaps, free = gaps.of(is_wide), free[is_wide]
     opens = _opens(swept, gaps)
     visits = _visits(scans, gaps, level)
     found = [
