@@ -82,7 +82,9 @@ def _of(name: str, each: Mapping[str, Any]) -> str:
         f"  recall {_share(each['recall'])}, precision {_share(each['precision'])}\n"
         f"  width {_with_error(each['width_m'])} m (median {each['width_median_m']:+.3f}), "
         f"off by {_with_error(each['width_off_m'])} m; "
-        f"centre {_with_error(each['centre_m'])} m; angle {_with_error(each['angle_deg'])} deg"
+        f"centre {_with_error(each['centre_m'])} m; angle {_with_error(each['angle_deg'])} deg\n"
+        f"  said to be hinged {each['said_hinged']}: {each['hinged']} are, {each['hinge_right']} "
+        "of them where it is said"
     )
 
 

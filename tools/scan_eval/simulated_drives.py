@@ -8,7 +8,7 @@ from math import atan2, hypot
 from pathlib import Path
 
 import numpy as np
-from patrol_sim.laser_doors import DOUBLE, FOLDING, HINGED, DoorLife
+from patrol_sim.laser_doors import DoorLife
 from patrol_sim.laser_judging import Pose, placed_scans, seen_through
 from patrol_sim.laser_plan import read_plan
 from patrol_sim.laser_pose import PoseError, localised
@@ -79,7 +79,6 @@ def _doorway(life: DoorLife, *, is_seen: bool) -> Doorway:
     x, y = map(float, start)
     return Doorway(
         x, y, atan2(along[1], along[0]), hypot(*along),
-        leaves={HINGED: "single", DOUBLE: "double"}.get(body.kind, body.kind),
-        hinge=("end" if body.hinge_at_end else "start") if body.kind in {HINGED, FOLDING} else "",
+        kind=body.kind, hinge_at_end=body.hinge_at_end,
         is_seen=is_seen,
     )  # fmt: skip

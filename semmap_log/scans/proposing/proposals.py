@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, hypot, sin
+from math import cos, hypot, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import DoorState
 from semmap_log.scans.door_watcher import DoorWatcher
 from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.scans.proposing.hinges import hinge_of
 from semmap_log.scans.proposing.jambs import at_jambs
 from semmap_log.scans.proposing.swept_cells import SweptCells
 from semmap_log.scans.proposing.wall_gaps import Gaps, gaps_in
@@ -42,9 +43,10 @@ class Proposal:
     y: float
     theta: float
     width: float
-    """x, y of the line's start and width m, theta rad: as of a door; frame `map`."""
+    """x, y of the line's start and width m, theta rad: as of a door; frame `map`. It starts at the
+    hinge, where that was seen."""
     kind: str
-    """`opening`: a gap that beams go through; `leaf`: a leaf was seen standing ajar in it."""
+    """As the annotation: `hinged`, a leaf was seen at the line's start; empty: nobody knows."""
     score: float
     """0..1: how much speaks for a door; no probability."""
     walls: float
@@ -173,7 +175,8 @@ def _proposal(
     gaps: Gaps, row: int, level: int, shares: tuple[float, float], visits: Sequence[Visit]
 ) -> Proposal:
     looked = [visit for visit in visits if not visit.passed]
-    x, y, theta, width = gaps.lines[row].tolist()
+    hinge = hinge_of(gaps.lines[row], looked)
+    x, y, theta, width = _from_hinge(gaps.lines[row], hinge).tolist()
     free, opens = shares
     walls, along = float(gaps.walls[row].mean()), float(gaps.along[row])
     passed = len(visits) - len(looked)
@@ -181,13 +184,21 @@ def _proposal(
     ajar = sum(v.ajar > 0.5 and v.through + v.stopped > 0.7 for v in looked)
     return Proposal(
         level=level, x=x, y=y, theta=theta, width=width,
-        kind="leaf" if ajar else "opening",
+        kind="hinged" if hinge else "",
         score=_score(along, opens, width, passed=passed, seen_open=seen_open),
         walls=walls, along=along, free=free, opens=opens,
         scans=sum(v.scans for v in looked), visits=len(looked), seen_open=seen_open,
         seen_closed=sum(v.state is DoorState.CLOSED for v in looked),
         seen_ajar=ajar, passed=passed,
     )  # fmt: skip
+
+
+def _from_hinge(line: Floats, hinge: str) -> Floats:
+    """Return a line that starts at its hinge."""
+    if hinge != "end":
+        return line
+    x, y, theta, width = line.tolist()
+    return np.array([x + width * cos(theta), y + width * sin(theta), theta + pi, width])
 
 
 def _score(along: float, opens: float, width: float, *, passed: int, seen_open: int) -> float:
