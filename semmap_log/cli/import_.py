@@ -11,12 +11,14 @@ from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, pr
 from semmap_log.cli.mapping import (
     MAPPING_HELP,
     DryRun,
+    Heights,
     KeepScans,
     MappingFile,
     PoseTopic,
     Scan,
     check_keep_scans,
     check_scan,
+    heights_of,
     tell_plan,
     tell_scan_import,
 )
@@ -44,8 +46,8 @@ def run(
     level: Annotated[
         str | None,
         typer.Option(
-            help="By number or name. Building: only this level. Others: where their doors are, or "
-            "which level a map shows; needed if there are several."
+            help="By number or name. Building: only this level. Others: where their doors are, "
+            "which level a map shows, where a bag's robot drove; needed if there are several."
         ),
     ] = None,
     windows: Annotated[
@@ -89,6 +91,7 @@ def run(
     mapping: MappingFile = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
+    heights: Heights = None,
     keep_scans: KeepScans = False,
     propose_doors: ProposeDoors = False,
     yes: Yes = False,
@@ -152,6 +155,7 @@ def run(
       semmap-log import office patrol.bag --scan
       semmap-log import office patrol.bag --scan --keep-scans
       semmap-log import office patrol --scan /front/scan --pose-topic /amcl_pose
+      semmap-log import office patrol --scan /velodyne_points --heights 0.3,1.5 --level L2
       semmap-log import office patrol.bag --scan --propose-doors --plot doors.png
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 1 --only 4
     """
@@ -161,22 +165,24 @@ def run(
     from semmap_log.importing.scan_topics import ScanOptions
 
     files = files or []
-    check_scan(scan, pose_topic)
+    check_scan(scan, pose_topic, heights)
+    band = heights_of(heights)
     check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
     topics = None if scan is None else tuple(filter(None, scan))
-    scans = None if topics is None else ScanOptions(topics, pose_topic or "")
+    scans = None if topics is None else ScanOptions(topics, pose_topic or "", band)
     is_by_scans = scans is not None
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run, by_scans=is_by_scans)
     asked = Proposing(propose_doors, yes, only, plot)
     check_proposing(asked, has_scan=scan is not None, files=files, dry_run=dry_run)
     if propose_doors:
-        options = ImportOptions(mapping=mapping, scan=scans)
+        options = ImportOptions(level=level, mapping=mapping, scan=scans)
         propose(log, files[0], options, asked, actor=actor, reason=reason, as_json=as_json)
         return
     if dry_run:
         reader = sl.read(log)
         since_ns = _time_ns(reader, since, "--since")
-        _show(reader, files, ImportOptions(mapping=mapping, scan=scans, since_ns=since_ns), actor)
+        options = ImportOptions(level=level, mapping=mapping, scan=scans, since_ns=since_ns)
+        _show(reader, files, options, actor)
         return
     results = []
     with sl.append(log) as opened:

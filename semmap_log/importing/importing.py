@@ -62,8 +62,8 @@ class ImportOptions:
     """How a file is to be taken."""
 
     level: str | None = None
-    """Building: only this level. Other files: the level of their doors, or of the map; None: the
-    only one."""
+    """Building: only this level. Other files: the level of their doors, of the map, or of where the
+    robot drove; None: the only one."""
     windows: Path | None = None
     """CSV: when the states are known at all."""
     tz: str | None = None
@@ -227,14 +227,16 @@ def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
     """
     since_ns = None if options.scan is None else options.since_ns
     mine = ImportOptions(
-        tz=options.tz, mapping=options.mapping, scan=options.scan, since_ns=since_ns
-    )
+        level=options.level, tz=options.tz, mapping=options.mapping, scan=options.scan,
+        since_ns=since_ns,
+    )  # fmt: skip
     if options != mine:
         raise CommandError(
             f"{path}: a bag's messages say when they were, and a mapping says how they are read; "
-            "leave out --level, --windows, --at, --update, --renumber."
+            "leave out --windows, --at, --update, --renumber."
         )
-    return WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
+    mapping = WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
+    return mapping if options.level is None else replace(mapping, level=options.level)
 
 
 def _plan_scans(

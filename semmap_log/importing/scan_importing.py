@@ -212,7 +212,7 @@ class _Scanning:
             warnings.append(f"left out, since the log has visits of that laser then: {told}")
         summary = list(counts_of(translator.lasers, self.sightings))
         if len(unknown) < len(planned):
-            summary.append(f"visits imported before: {len(planned) - len(unknown):,}")
+            summary.append(f"of them in the log already: {len(planned) - len(unknown):,}")
         odd_doors = tuple(door_oddities_of(self.sightings, known))
         return ScanPlan(new, tuple(summary), tuple(warnings), odd_doors)
 

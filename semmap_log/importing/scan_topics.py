@@ -22,6 +22,8 @@ class ScanOptions:
     """Empty: the bag's only one; of several, those called `scan`."""
     pose_topic: str = ""
     """Poses of the robot on the map; empty: TF leads from the map to it."""
+    heights: tuple[float, float] | None = None
+    """Of the points of clouds that count, over the robot's frame, m; None: as usual."""
 
 
 def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> RosMapping:
@@ -32,7 +34,8 @@ def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> 
     """
     if options is None:
         return mapping
-    return mapping.with_scans(_topics(path, mapping, options), options.pose_topic)
+    topics = _topics(path, mapping, options)
+    return mapping.with_scans(topics, options.pose_topic, options.heights)
 
 
 def _topics(path: Path, mapping: RosMapping, options: ScanOptions) -> Collection[str]:

@@ -109,7 +109,8 @@ def test_a_door_that_is_open_and_then_shut_is_seen_so(
     assert START <= poses[0].happened_ns < opened.happened_ns < START + 12 * S
     assert START + 60 * S <= poses[2].happened_ns < shut.happened_ns < START + 72 * S
     assert imported.plan.count == 6
-    assert "1 OPEN, 1 CLOSED, 0 undecided" in imported.plan.summary[-1]
+    told = "visits: 2 to 1 door: 1 OPEN, 1 CLOSED, 0 driven through, 0 undecided"
+    assert told == imported.plan.summary[-1]
 
 
 def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> None:
@@ -126,7 +127,7 @@ def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> Non
     named = _import(office, path, ImportOptions(scan=ScanOptions(("/scan",))))
     by_file = _import(office, path, ImportOptions(mapping=mapping))
 
-    assert "visits imported before: 2" in again.plan.summary
+    assert "of them in the log already: 2" in again.plan.summary
     assert () == again.plan.warnings == again.plan.left_out
     assert [None] * 3 == [each.first_event for each in (again, named, by_file)]
     assert before == {each: each.read_bytes() for each in office.iterdir()}
@@ -276,7 +277,7 @@ def test_driving_through_a_door_is_told_as_that(office: Path, tmp_path: Path) ->
     (passed,) = _events(office, DoorPassed)
     assert (1, True) == (passed.door_id, passed.passed)
     assert START + 4 * S < passed.happened_ns < START + 8 * S
-    assert "driven through: 1" in imported.plan.summary[-1]
+    assert "1 driven through, 0 undecided" in imported.plan.summary[-1]
 
 
 def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Path) -> None:
@@ -420,6 +421,94 @@ def test_doors_of_another_level_are_not_seen(tmp_path: Path) -> None:
 
     assert [] == _events(tmp_path / "office", DoorObserved)
     assert any("scans are of level 1, the doors on level 2" in e for e in imported.plan.warnings)
+
+
+@pytest.fixture
+def two_levels(tmp_path: Path) -> Path:
+    """A log of two levels, the door of the room on the upper one."""
+    x, y, theta, width = DOOR
+    with sl.create(tmp_path / "office", tz="UTC", robot="tug1") as log:
+        log.append([LevelAdded(level=n, name=f"L{n}", happened_ns=LONG_AGO) for n in (1, 2)])
+        log.add_door(x=x, y=y, theta=theta, width=width, name="lab", level=2, at=LONG_AGO)
+    return tmp_path / "office"
+
+
+def test_a_log_of_several_levels_is_told_where_the_robot_drove(
+    two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    What the message says to do can be done: --level.
+    """
+    bag = _mcap(tmp_path)
+
+    assert 1 == _run("import", two_levels, bag, "--scan")
+    assert "the log has several levels: 1 (L1), 2 (L2); say which one: --level L" in (
+        capsys.readouterr().err
+    )
+    assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2", "--dry-run")
+    assert '"level": 2' in capsys.readouterr().out
+    assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2")
+
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+    assert {2} == {pose.level for pose in _events(two_levels, RobotPose)}
+
+
+def test_a_level_that_a_topic_tells_goes_before_that_of_all(
+    two_levels: Path, tmp_path: Path
+) -> None:
+    """
+    In a mapping file there is one for all, too.
+    """
+    mapping = tmp_path / "robot.yaml"
+    mapping.write_text("level: L1\ntopics: {/scan: {read: scan, level: L2}}\n")
+
+    _import(two_levels, _mcap(tmp_path), ImportOptions(mapping=mapping))
+
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+
+
+def test_the_level_of_all_is_that_of_topics_that_tell_none(
+    two_levels: Path, tmp_path: Path
+) -> None:
+    """
+    The command line goes before the mapping file.
+    """
+    mapping = tmp_path / "robot.yaml"
+    mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
+    options = ImportOptions(mapping=mapping)
+
+    below = _import(two_levels, _mcap(tmp_path), options)
+    _import(two_levels, tmp_path / "patrol.mcap", replace(options, level="L2"))
+
+    assert any("scans are of level 1, the doors on level 2" in e for e in below.plan.warnings)
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+
+
+def test_a_report_and_proposals_are_of_the_level_that_is_told(
+    two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    As the import of the same bag.
+    """
+    bag = _mcap(tmp_path)
+
+    assert 0 == _run("scan-report", two_levels, bag, "--level", "L2", "--json")
+    (door,) = json.loads(capsys.readouterr().out)["doors"]
+    assert (1, 1) == (door["open"], door["closed"])
+    assert 0 == _run("import", two_levels, bag, "--scan", "--propose-doors", "--level", "2")
+    assert "192 scans" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("heights", ["0.3", "1.5,0.3", "a,b", "0.3,inf", "1,2,3"])
+def test_heights_that_are_none_are_a_usage_error(
+    heights: str, office: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    With what is expected.
+    """
+    assert 2 == _run("import", office, "x.bag", "--scan", "/points", "--heights", heights)
+
+    assert f"as 0.3,1.5; got '{heights}'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
