@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,6 +34,8 @@ from semmap_log.cli.proposing import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
 
@@ -200,7 +203,7 @@ def run(
             if not as_json:
                 _tell(log, moved)
         for file in files:
-            with progress(f"Importing {file.name}", unit="entries") as told:
+            with _told_of_ctrl_c(file), progress(f"Importing {file.name}", unit="entries") as told:
                 imported = import_file(
                     opened, file, options, note=note, keep_scans=keep_scans, progress=told
                 )
@@ -212,6 +215,9 @@ def run(
     if as_json:
         print_json(results)
 
+
+_A_LASER = "(sensor_msgs/LaserScan)"
+"""The end of what is said of a topic that is left out."""
 
 run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"
 
@@ -234,6 +240,16 @@ def _check_together(
         raise typer.BadParameter("of scans, say when: --since TIME", param_hint="--since-ever")
     if dry_run and is_dated and not by_scans:
         raise typer.BadParameter("shows what a bag would bring", param_hint="--dry-run")
+
+
+@contextmanager
+def _told_of_ctrl_c(file: Path) -> Iterator[None]:
+    """Say on Ctrl-C what became of a file."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say(f"{file}: interrupted; the same command goes on where it stopped.")
+        raise
 
 
 def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int | None:
@@ -323,6 +339,8 @@ def _tell(file: Path, imported: Any) -> None:
         typer.echo(f"  {text}")
     for text in told_once(plan.left_out):
         say(f"  left out: {text}")
+    if any(text.endswith(_A_LASER) for text in plan.left_out):
+        say("  with --scan a laser's scans tell how the doors stood")
     for text in told_once(plan.warnings):
         say(f"  warning: {text}")
 

@@ -137,6 +137,6 @@ def _tell(log: Path, file: Path, found: ProposedDoors, added: list[int], asked: 
         ids = ", ".join(map(str, added))
         say(f"  added {counted(len(added), 'door')}: {ids} (source {found.source})")
     elif found.proposals:
+        look = "" if asked.plot is not None else " Look at them (--plot doors.png)."
         line = command_line("import", log, str(file), "--scan", "--propose-doors", "--yes")
-        say(f"  Nothing was added. Look at them (--plot doors.png); all of them: {line}; "
-            "some: --only N")  # fmt: skip
+        say(f"  Nothing was added.{look} To add all of them: {line}; some: --only N, too")

@@ -124,7 +124,10 @@ def import_file(
     if options.map_rules is not None and not is_map(path):
         raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
     if options.scan is not None and not is_bag(path):
-        raise CommandError(f"{path}: --scan reads the scans of a bag; this is none.")
+        raise CommandError(
+            f"{path}: --scan reads the scans of a bag; this is none. Known are {READABLE_BAGS}; a "
+            "topic is told by its whole name: --scan /scan."
+        )
     found = _plan_scans(log, path, options, progress, keep_scans=keep_scans, actor=note.actor)
     if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))

@@ -9,7 +9,7 @@ from pathlib import Path
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_reading import open_bag
 from semmap_log.formats.ros.ros_types import LASER_SCAN, POINT_CLOUD, short_name
-from semmap_log.ros_mapping.topic_rules import ONLY_TYPES, ReadScan, RosMapping
+from semmap_log.ros_mapping.topic_rules import ONLY_TYPES, ReadPlace, ReadScan, RosMapping
 
 MOST_TOPICS = 20
 
@@ -41,11 +41,13 @@ def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> 
 def _topics(path: Path, mapping: RosMapping, options: ScanOptions) -> Collection[str]:
     with open_bag(path) as bag:
         there = {channel.topic: channel.message_type.name for channel in bag.channels}
-    possible = ONLY_TYPES[ReadScan]
     lasers = sorted(topic for topic, name in there.items() if name == LASER_SCAN)
-    for topic in (*options.topics, *([options.pose_topic] if options.pose_topic else [])):
-        if topic not in there or (topic in options.topics and there[topic] not in possible):
-            kinds = " or ".join(map(short_name, possible)) if topic in options.topics else "poses"
+    named = [(topic, ONLY_TYPES[ReadScan]) for topic in options.topics]
+    if options.pose_topic:
+        named.append((options.pose_topic, ONLY_TYPES[ReadPlace]))
+    for topic, possible in named:
+        if there.get(topic) not in possible:
+            kinds = " or ".join(map(short_name, possible))
             raise FormatError(
                 path, f"expected a topic {topic} of {kinds}; there is: {_listed(there)}"
             )

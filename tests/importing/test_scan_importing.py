@@ -296,7 +296,88 @@ def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Pat
     assert "none of its 96 scans has a place in the frame map" in text
     assert "laser on base_link on odom, which has no parent" in text
     assert "--pose-topic /amcl_pose" in text
+    assert "a mapping file" not in text
     assert 1 == len(list(sl.read(office).commits()))
+
+
+def test_a_map_of_another_name_and_poses_that_are_there_are_pointed_at(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    And what is told to be written into a mapping file does help.
+    """
+    room = LaserRoom(seconds=2.0)
+    said = sorted([*room.said(), *room.poses()], key=lambda each: each.at_ns)
+    write_mcap(tmp_path / "x.mcap", said)
+    mapping = tmp_path / "robot.yaml"
+    mapping.write_text("well_known: true\nframes: {map: world}\n")
+
+    assert 1 == _run("import", office, tmp_path / "x.mcap", "--scan", "--mapping", mapping)
+
+    text = capsys.readouterr().err
+    assert "try --pose-topic /amcl_pose." in text
+    assert "say so in a mapping file: well_known: true, frames: {map: map}." in text
+
+
+def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: Path) -> None:
+    """
+    Poses of the robot would not help: nothing tells where the laser is on it.
+    """
+    room = LaserRoom(seconds=2.0)
+    said = sorted([*room.tf(), *room.scans(), *room.poses()], key=lambda each: each.at_ns)
+    write_mcap(tmp_path / "x.mcap", said)
+
+    with pytest.raises(FormatError, match="laser is in no transform") as refused:
+        _import(office, tmp_path / "x.mcap")
+
+    assert "record /tf and /tf_static" in str(refused.value)
+    assert "pose" not in str(refused.value)
+    assert "mapping file" not in str(refused.value)
+
+
+def test_an_import_without_scan_says_what_a_laser_would_bring(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Below the topics that are left out.
+    """
+    said = [Said("/door_states", *Robot().door_state("front", 2), START), *drives_by()]
+    write_mcap(tmp_path / "x.mcap", said)
+
+    assert 0 == _run("import", office, tmp_path / "x.mcap")
+
+    assert "with --scan a laser's scans tell how the doors stood" in capsys.readouterr().err
+
+
+def test_ctrl_c_is_answered(
+    office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """
+    With what became of it: the same command goes on.
+    """
+
+    def stopped(*_args: object, **_others: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("semmap_log.importing.importing.import_file", stopped)
+
+    assert 130 == _run("import", office, "x.bag", "--scan")
+
+    assert "x.bag: interrupted; the same command goes on" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("topic", ["/tf", "/scan"])
+def test_a_topic_of_poses_that_has_none_is_refused_with_those_there_are(
+    topic: str, office: Path, tmp_path: Path
+) -> None:
+    """
+    Before anything is read of it.
+    """
+    options = ImportOptions(scan=ScanOptions((), topic))
+
+    with pytest.raises(FormatError, match=rf"expected a topic {topic} of geometry_msgs/Pose"):
+        _import(office, _mcap(tmp_path), options)
 
 
 def test_a_topic_of_poses_helps_a_bag_without_localisation(office: Path, tmp_path: Path) -> None:
@@ -587,7 +668,7 @@ def test_a_dry_run_shows_what_would_be_written_and_counts(
     assert {"scan:laser leaf-likelihood"} == {line["source"] for line in lines}
     assert "6 events; nothing was written" in err
     assert "scans of /scan: 192, 192 on the map" in err
-    assert "visits: 2 to 1 door, of which 1 OPEN, 1 CLOSED, 0 undecided" in err
+    assert "visits: 2 to 1 door: 1 OPEN, 1 CLOSED, 0 driven through, 0 undecided" in err
     assert before == {each: each.read_bytes() for each in office.iterdir()}
 
 
