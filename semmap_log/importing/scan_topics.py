@@ -25,6 +25,15 @@ class ScanOptions:
     heights: tuple[float, float] | None = None
     """Of the points of clouds that count, over the robot's frame, m; None: as usual."""
 
+    def words(self) -> list[str]:
+        """Return the options of a command line that ask for the same."""
+        words = [word for topic in self.topics or ("",) for word in ("--scan", topic) if word]
+        if self.pose_topic:
+            words += ["--pose-topic", self.pose_topic]
+        if self.heights is not None:
+            words += ["--heights", ",".join(f"{each:g}" for each in self.heights)]
+        return words
+
 
 def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> RosMapping:
     """Return a mapping that reads the lasers that were asked for, as far as the bag has them.
