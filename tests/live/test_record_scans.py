@@ -141,7 +141,7 @@ def test_the_visits_of_a_laser_that_falls_silent_end(
     assert any(line.startswith("DoorObserved") for line in seen)
 
 
-def test_only_the_laser_that_is_silent_ends_its_visits() -> None:
+def test_only_the_robot_that_is_silent_ends_its_visits() -> None:
     """
     Half a minute after its last scan, though another one goes on; and once.
     """
@@ -150,19 +150,22 @@ def test_only_the_laser_that_is_silent_ends_its_visits() -> None:
     known.apply(DoorAdded(door_id=DoorId(1), x=x, y=y, theta=theta, width=width))
     now_s = [1000.0]
     watch = ScanWatch(known, "tug1", clock=lambda: now_s[0])
-    front = Hearing(SCANS).hear(LaserRoom(laser_frame="front", seconds=6.0).said())
-    rear = Hearing(SCANS).hear(LaserRoom(laser_frame="rear", seconds=6.0).said())
-    watch.add([*front, *rear])
+    one, two = (
+        [replace(each, scan=replace(each.scan, robot=robot))
+         for each in Hearing(SCANS).hear(LaserRoom(seconds=6.0).said())]
+        for robot in ("one", "two")
+    )  # fmt: skip
+    watch.add([*one, *two])
     assert [] == list(watch.take())
 
     now_s[0] += 29.9
-    watch.add(rear[-1:])
+    watch.add(two[-1:])
     assert [] == list(watch.take())
     now_s[0] += 0.1
 
-    assert ["front"] == [commit.visit.laser for commit in watch.take()]
+    assert ["one"] == [commit.visit.robot for commit in watch.take()]
     assert [] == list(watch.take())
-    assert ["rear"] == [commit.visit.laser for commit in watch.close()]
+    assert ["two"] == [commit.visit.robot for commit in watch.close()]
 
 
 def test_a_door_that_comes_while_it_records_is_seen_from_then_on(tmp_path: Path) -> None:
