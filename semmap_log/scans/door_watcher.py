@@ -26,9 +26,10 @@ class DoorWatcher:
 
     A visit is of one door by one robot, through all of its lasers: it ends when the door was out of
     sight for a while, or has been looked at for long; when the door moved, changed otherwise or was
-    removed; at `end` and at `close`. A robot that drove through is a visit of its own, with `passed`: one,
-    however many lasers it has. How scans are cut into calls makes no difference; many at once are
-    faster. A visit that only says again what was told from the same stand has `told_ns`.
+    removed; at `end` and at `close`. A robot that drove through is a visit of its own, with
+    `passed`: one, however many lasers it has. How scans are cut into calls makes no difference;
+    many at once are faster. A visit that only says again what was told from the same stand has
+    `told_ns`.
     """
 
     def __init__(self, model: ScanModel = DEFAULT) -> None:

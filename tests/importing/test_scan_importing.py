@@ -179,6 +179,38 @@ def test_visits_that_the_robot_recorded_while_it_drove_count_once(
     assert "left out, since the log has visits of that laser then: 1" in imported.plan.warnings
 
 
+@pytest.mark.parametrize("names", [("ann", ""), ("", "ann"), ("ann", "bob")])
+def test_the_same_drive_in_another_name_counts_once(
+    names: tuple[str, str], office: Path, tmp_path: Path
+) -> None:
+    """
+    Another bag of it, as a converter or a second recorder writes it: no two robots were there.
+    """
+    first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
+    write_mcap(first, drives_by())
+    write_mcap(second, drives_by()[5:])
+    with sl.append(office) as log:
+        import_file(log, first, SCANS, note=Note(actor=names[0]))
+        imported = import_file(log, second, SCANS, note=Note(actor=names[1]))
+
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
+    assert "left out, since the log has visits of that laser then: 2" in imported.plan.warnings
+
+
+def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_path: Path) -> None:
+    """
+    Its laser is called the same; it was elsewhere.
+    """
+    other = LaserRoom(drive=lambda t: moved(10.0 - 0.6 * t, -0.6))
+    write_mcap(tmp_path / "one.mcap", LaserRoom().said())
+    write_mcap(tmp_path / "other.mcap", other.said())
+    with sl.append(office) as log:
+        import_file(log, tmp_path / "one.mcap", SCANS, note=Note(actor="tug2"))
+        import_file(log, tmp_path / "other.mcap", SCANS)
+
+    assert [DoorState.OPEN, DoorState.OPEN] == _states(office)
+
+
 def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> None:
     """
     As one commit, the same as without the scans: who imports them later has nothing twice.

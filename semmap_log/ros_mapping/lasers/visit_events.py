@@ -22,6 +22,8 @@ METHOD = "leaf-likelihood"
 """How a laser's scans are judged: part of a sighting's source."""
 KEEP_NS = 60 * 10**9
 """Of where the robot was: longer than any visit."""
+WAY_NS = 3 * 10**9
+"""So far apart are the places that are kept of a robot's way through a visit."""
 LATE_NS = 10 * 10**9
 """So far the scans of one laser may be behind those of another."""
 
@@ -43,6 +45,8 @@ class VisitCommit:
     visit: Visit
     events: list[Event]
     note: Note
+    way: tuple[RobotPose, ...] = ()
+    """Where the robot was meanwhile, some seconds apart."""
 
 
 def source_of(visit: Visit) -> str:
@@ -51,6 +55,11 @@ def source_of(visit: Visit) -> str:
     The same for the same laser in every bag, so that `calibrate --source` finds it.
     """
     return f"scan:{visit.laser} {METHOD}"
+
+
+def is_laser(source: str) -> bool:
+    """Tell whether a commit's source is a laser of which visits are told so."""
+    return source.startswith("scan:") and source.endswith(f" {METHOD}")
 
 
 @dataclass(slots=True)
@@ -108,7 +117,9 @@ class LaserSightings:
             if visit.passed or visit.state is not DoorState.UNKNOWN:
                 self._said[visit.door_id] = (visit.last_ns, visit.state)
                 note = Note(actor=visit.robot or self.robot, source=source_of(visit))
-                yield VisitCommit(visit, [*self._poses(visit), _said(visit)], note)
+                events = [*self._poses(visit), _said(visit)]
+                way = self._tracks[visit.robot].between(visit.first_ns, visit.last_ns)
+                yield VisitCommit(visit, events, note, way)
 
     def _is_told(self, visit: Visit) -> bool:
         """Tell whether a visit says only what was told from the same stand, and still is told."""
@@ -159,6 +170,15 @@ class _Track:
     def at(self, when_ns: int) -> RobotPose | None:
         """Return where it was at a scan; None: that is too long ago."""
         return self.poses.get(when_ns)
+
+    def between(self, first_ns: int, last_ns: int) -> tuple[RobotPose, ...]:
+        """Return where it was from one scan to another, `WAY_NS` apart; the last one, too."""
+        inside = sorted(at for at in self.poses if first_ns <= at <= last_ns)
+        chosen: list[int] = []
+        for at in inside:
+            if not chosen or at - chosen[-1] >= WAY_NS or at == inside[-1]:
+                chosen.append(at)
+        return tuple(self.poses[at] for at in chosen)
 
     def forget(self) -> None:
         """Let go of what is older than the last scan by far, or of a clock that was set back."""
