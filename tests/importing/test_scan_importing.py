@@ -211,6 +211,21 @@ def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_
     assert [DoorState.OPEN, DoorState.OPEN] == _states(office)
 
 
+def test_a_visit_that_does_not_decide_writes_nothing(office: Path, tmp_path: Path) -> None:
+    """
+    A leaf that stands at 40 degrees: the door keeps the state that it had.
+    """
+    across = 0.9 * math.cos(math.radians(40)), 0.9 * math.sin(math.radians(40))
+    leaf = [(4.0, 1.2, 4.0 + across[0], 1.2 + across[1])]
+    write_mcap(tmp_path / "x.mcap", LaserRoom(state=lambda _: leaf).said())
+
+    imported = _import(office, tmp_path / "x.mcap")
+
+    assert "1 undecided (not written)" in imported.plan.summary[1]
+    assert [] == _states(office)
+    assert 0 == imported.plan.count
+
+
 def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> None:
     """
     As one commit, the same as without the scans: who imports them later has nothing twice.
