@@ -106,8 +106,9 @@ SCANS = (
           "    for dy in (-1, 0, 1):\n"
           "        near[int(levels[row]), column + dx, line + dy].append(row)",
           "near[int(levels[row]), column, line].append(row)", "test_door_grid"),
-    guard("laser: a robot that parks proves little more", "Newness.of",
-          "worth = min(self._fresh, 1.0)", "worth = 1.0", "test_door_watcher"),
+    guard("laser: a robot that parks proves little more", "RobotVisits._worth",
+          "min(view.worth, self._looked[door_id].not_seen_since(view.at, self._model))",
+          "1.0", "test_door_watcher"),
     guard("laser: what trembles does not move", "Newness._go",
           "moved >= self._model.least_fresh", "True", "test_door_watcher"),
     guard("laser: a door that is still in sight is not new", "RobotVisits._worth",
