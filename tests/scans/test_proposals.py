@@ -105,6 +105,18 @@ def test_a_shut_door_is_wall() -> None:
     assert proposals_of(_seen(ALONG, leaf(0)), NO_DOORS) == []
 
 
+def test_a_gap_that_no_beam_went_through_is_none() -> None:
+    """
+    The floor plan has a gap of a door's width where the laser saw wall, far from all doors.
+    """
+    steps = np.arange(-5, 6, 0.05)
+    wall = np.stack([steps, np.full_like(steps, -1.0)], axis=1)
+    gap = (steps > 0) & (steps < 0.9)
+
+    assert len(gaps_in(wall[~gap])) >= 1
+    assert proposals_of(_seen(ALONG), NO_DOORS, wall[~gap]) == []
+
+
 def test_a_door_of_the_log_is_not_proposed_again() -> None:
     """
     Also where it is drawn a little beside; one on another level is another door.

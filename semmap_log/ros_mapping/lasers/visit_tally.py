@@ -27,6 +27,8 @@ class VisitTally:
     """Counts visits, door by door."""
 
     doors: dict[DoorId, DoorFigures] = field(default_factory=dict)
+    again: int = 0
+    """Visits that only said again what was told from the same stand: of them no more is counted."""
     nearest: tuple[float, int] = (math.inf, 0)
     """How near the robot came to the middle of a door, m, and to which."""
     glass: set[DoorId] = field(default_factory=set)
@@ -94,6 +96,11 @@ class VisitTally:
             f"{seen[DoorState.OPEN]:,} OPEN, {seen[DoorState.CLOSED]:,} CLOSED, "
             f"{self.passages:,} driven through, {seen[DoorState.UNKNOWN]:,} undecided"
         )
+        if self.again:
+            yield (
+                f"seen again from the same stand: {counted(self.again, 'visit')} in which a door "
+                "was as told before (not written: who stands still proves nothing more)"
+            )
         if reasons := self.undecided:
             told = ", ".join(f"{why} {n:,}" for why, n in reasons.most_common())
             yield f"undecided, so nothing is written of them: {told}"
