@@ -16,6 +16,7 @@ from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
 from semmap_log.scans.proposing.hinges import hinge_of
 from semmap_log.scans.proposing.jambs import at_jambs
 from semmap_log.scans.proposing.swept_cells import SweptCells
+from semmap_log.scans.proposing.wall_directions import along_their_walls
 from semmap_log.scans.proposing.wall_gaps import Gaps, gaps_in
 from semmap_log.scans.visit import Visit
 
@@ -97,6 +98,8 @@ def proposals_of(
     swept = SweptCells.of(scans)
     gaps = gaps_in(swept.centres(swept.walls) if walls is None else walls)
     gaps = gaps.of(~_are_known(gaps, doors, level))
+    if walls is not None:
+        gaps = along_their_walls(gaps, walls)
     free = _free_share(swept, gaps)
     seen_through = free >= FREE
     gaps, free = at_jambs(gaps.of(seen_through), swept), free[seen_through]
