@@ -120,7 +120,7 @@ def run(
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
       semmap-log record office --ros2 --scan
       semmap-log record office --ros2 --scan --keep-scans
-      semmap-log record office --ros2 --scan /velodyne_points --heights 0.3,1.5 --level L2
+      semmap-log record office --ros2 --scan /points --heights 0.3,1.5 --level L2
       semmap-log record office --ros2 --clicked-points
     """
     if ros1 or ros2:
