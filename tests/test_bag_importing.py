@@ -226,7 +226,7 @@ def test_a_level_has_to_be_said_where_there_are_several(office: Path, tmp_path: 
     mapping.write_text("topics: {/doors: {read: door_map, level: L2}}")
 
     with pytest.raises(
-        CommandError, match=r"/doors: the log has several levels: .* A mapping file says"
+        CommandError, match=r"/doors: the log has several levels: .* a mapping file says"
     ):
         _import(office, tmp_path / "x.mcap")
     _import(office, tmp_path / "x.mcap", mapping=mapping)
@@ -300,7 +300,6 @@ def test_progress_is_told_in_messages(tmp_path: Path, office: Path) -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        ImportOptions(level="3"),
         ImportOptions(at_ns=START),
         ImportOptions(update=True),
         ImportOptions(renumber=True),
@@ -311,14 +310,14 @@ def test_options_that_mean_nothing_of_a_bag_are_refused(
     options: ImportOptions, tmp_path: Path
 ) -> None:
     """
-    Before, --level was passed over in silence, and the doors came to another one.
+    Nothing is passed over in silence.
     """
     (tmp_path / "windows.csv").touch()
     with sl.create(tmp_path / "log", tz="UTC") as log:
         write_mcap(tmp_path / "x.mcap", [Said("/d", *Robot(2).door_map([{"door_id": 1}]), START)])
         windows = tmp_path / "windows.csv" if options.windows else None
 
-        with pytest.raises(CommandError, match=r"x\.mcap: a bag's .* leave out --level"):
+        with pytest.raises(CommandError, match=r"x\.mcap: a bag's .* leave out --windows"):
             import_file(log, tmp_path / "x.mcap", replace(options, windows=windows))
 
         assert 0 == len(log.replay())

@@ -34,6 +34,7 @@ from patrol_sim.laser_pose import PoseError, localised
 from patrol_sim.laser_sensor import Laser
 from patrol_sim.laser_surfaces import Floats
 from patrol_sim.laser_world import Patrol, SimScan, World, simulated
+from scan_eval.ratios import Estimate, ratio
 
 from semmap_log.errors import SemmapError
 
@@ -53,8 +54,6 @@ BINS = 10
 MANY = 30
 """A bin with fewer visits is not judged."""
 Score = dict[str, Any]
-Estimate = tuple[float, float]
-"""A share and its standard error."""
 
 
 def main() -> int:
@@ -145,18 +144,12 @@ def _group(visits: Sequence[Judged]) -> Score:
 
 
 def _share(visits: Sequence[Judged], is_so: Callable[[Judged], bool]) -> Estimate:
-    """Return the share of visits, and its standard error: patrols are independent, visits not."""
-    if not visits:
-        return math.nan, math.nan
+    """Return the share of visits, and its standard error over patrols."""
     seeds = sorted({v.seed for v in visits})
-    yes = np.array([sum(is_so(v) for v in visits if v.seed == seed) for seed in seeds], float)
-    all_ = np.array([sum(v.seed == seed for v in visits) for seed in seeds], float)
-    share = yes.sum() / all_.sum()
-    n = len(seeds)
-    if n < 2:
-        return float(share), math.nan
-    spread = float(((yes - share * all_) ** 2).sum())
-    return float(share), math.sqrt(spread * n / (n - 1)) / float(all_.sum())
+    return ratio(
+        [sum(is_so(v) for v in visits if v.seed == seed) for seed in seeds],
+        [sum(v.seed == seed for v in visits) for seed in seeds],
+    )
 
 
 def _bins(visits: Sequence[Judged]) -> list[dict[str, float]]:

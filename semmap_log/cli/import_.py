@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,12 +12,14 @@ from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, pr
 from semmap_log.cli.mapping import (
     MAPPING_HELP,
     DryRun,
+    Heights,
     KeepScans,
     MappingFile,
     PoseTopic,
     Scan,
     check_keep_scans,
     check_scan,
+    heights_of,
     tell_plan,
     tell_scan_import,
 )
@@ -31,6 +34,8 @@ from semmap_log.cli.proposing import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
 
@@ -44,8 +49,8 @@ def run(
     level: Annotated[
         str | None,
         typer.Option(
-            help="By number or name. Building: only this level. Others: where their doors are, or "
-            "which level a map shows; needed if there are several."
+            help="By number or name. Building: only this level. Others: where their doors are, "
+            "which level a map shows, where a bag's robot drove; needed if there are several."
         ),
     ] = None,
     windows: Annotated[
@@ -89,6 +94,7 @@ def run(
     mapping: MappingFile = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
+    heights: Heights = None,
     keep_scans: KeepScans = False,
     propose_doors: ProposeDoors = False,
     yes: Yes = False,
@@ -152,6 +158,7 @@ def run(
       semmap-log import office patrol.bag --scan
       semmap-log import office patrol.bag --scan --keep-scans
       semmap-log import office patrol --scan /front/scan --pose-topic /amcl_pose
+      semmap-log import office patrol --scan /velodyne_points --heights 0.3,1.5 --level L2
       semmap-log import office patrol.bag --scan --propose-doors --plot doors.png
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 1 --only 4
     """
@@ -161,22 +168,24 @@ def run(
     from semmap_log.importing.scan_topics import ScanOptions
 
     files = files or []
-    check_scan(scan, pose_topic)
+    check_scan(scan, pose_topic, heights)
+    band = heights_of(heights)
     check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
     topics = None if scan is None else tuple(filter(None, scan))
-    scans = None if topics is None else ScanOptions(topics, pose_topic or "")
+    scans = None if topics is None else ScanOptions(topics, pose_topic or "", band)
     is_by_scans = scans is not None
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run, by_scans=is_by_scans)
     asked = Proposing(propose_doors, yes, only, plot)
     check_proposing(asked, has_scan=scan is not None, files=files, dry_run=dry_run)
     if propose_doors:
-        options = ImportOptions(mapping=mapping, scan=scans)
+        options = ImportOptions(level=level, mapping=mapping, scan=scans)
         propose(log, files[0], options, asked, actor=actor, reason=reason, as_json=as_json)
         return
     if dry_run:
         reader = sl.read(log)
         since_ns = _time_ns(reader, since, "--since")
-        _show(reader, files, ImportOptions(mapping=mapping, scan=scans, since_ns=since_ns), actor)
+        options = ImportOptions(level=level, mapping=mapping, scan=scans, since_ns=since_ns)
+        _show(reader, files, options, actor)
         return
     results = []
     with sl.append(log) as opened:
@@ -194,7 +203,7 @@ def run(
             if not as_json:
                 _tell(log, moved)
         for file in files:
-            with progress(f"Importing {file.name}", unit="entries") as told:
+            with _told_of_ctrl_c(file), progress(f"Importing {file.name}", unit="entries") as told:
                 imported = import_file(
                     opened, file, options, note=note, keep_scans=keep_scans, progress=told
                 )
@@ -206,6 +215,9 @@ def run(
     if as_json:
         print_json(results)
 
+
+_A_LASER = "(sensor_msgs/LaserScan)"
+"""The end of what is said of a topic that is left out."""
 
 run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"
 
@@ -228,6 +240,16 @@ def _check_together(
         raise typer.BadParameter("of scans, say when: --since TIME", param_hint="--since-ever")
     if dry_run and is_dated and not by_scans:
         raise typer.BadParameter("shows what a bag would bring", param_hint="--dry-run")
+
+
+@contextmanager
+def _told_of_ctrl_c(file: Path) -> Iterator[None]:
+    """Say on Ctrl-C what became of a file."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say(f"{file}: interrupted; the same command goes on where it stopped.")
+        raise
 
 
 def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int | None:
@@ -317,6 +339,8 @@ def _tell(file: Path, imported: Any) -> None:
         typer.echo(f"  {text}")
     for text in told_once(plan.left_out):
         say(f"  left out: {text}")
+    if any(text.endswith(_A_LASER) for text in plan.left_out):
+        say("  with --scan a laser's scans tell how the doors stood")
     for text in told_once(plan.warnings):
         say(f"  warning: {text}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -47,6 +48,19 @@ PoseTopic = Annotated[
     ),
 ]
 
+Heights = Annotated[
+    str | None,
+    typer.Option(
+        "--heights",
+        metavar="LOW,HIGH",
+        help="With --scan: of a PointCloud2 these heights over the robot's frame, m; 0.3,1.5.",
+    ),
+]
+RobotLevel = Annotated[
+    str | None,
+    typer.Option("--level", help="ROS: where the robot drives; needed if there are several."),
+]
+
 KeepScans = Annotated[
     bool,
     typer.Option(
@@ -85,10 +99,27 @@ MAPPING_HELP = """\
 """
 
 
-def check_scan(scan: list[str] | None, pose_topic: str | None) -> None:
-    """Refuse a pose topic without lasers."""
-    if pose_topic is not None and scan is None:
-        raise typer.BadParameter("is for lasers: give --scan, too", param_hint="--pose-topic")
+def check_scan(scan: list[str] | None, pose_topic: str | None, heights: str | None) -> None:
+    """Refuse what is said of lasers without lasers."""
+    for option, given in (("--pose-topic", pose_topic), ("--heights", heights)):
+        if given is not None and scan is None:
+            raise typer.BadParameter("is for lasers: give --scan, too", param_hint=option)
+
+
+def heights_of(text: str | None) -> tuple[float, float] | None:
+    """Return a band of heights, as the command line has it; None: it was not given."""
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(","))
+    except ValueError:
+        low = high = math.nan
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise typer.BadParameter(
+            f"expected two heights in metres, the lower first, as 0.3,1.5; got {text!r}",
+            param_hint="--heights",
+        )
+    return low, high
 
 
 def check_keep_scans(*, keep_scans: bool, dry_run: bool) -> None:

@@ -96,7 +96,17 @@ def propose(
     if as_json:
         _print_json(file, found, added)
     else:
-        _tell(log, file, found, added, asked)
+        _tell(_command(log, file, options), file, found, added, asked)
+
+
+def _command(log: Path, file: Path, options: ImportOptions) -> str:
+    """Return the command that adds what is proposed now."""
+    words = [] if options.scan is None else options.scan.words()
+    if options.level is not None:
+        words += ["--level", options.level]
+    if options.mapping is not None:
+        words += ["--mapping", str(options.mapping)]
+    return command_line("import", log, str(file), *words, "--propose-doors", "--yes")
 
 
 def _plot(log: DoorLog, file: Path, found: ProposedDoors, path: Path) -> None:
@@ -121,7 +131,9 @@ def _print_json(file: Path, found: ProposedDoors, added: list[int]) -> None:
     })  # fmt: skip
 
 
-def _tell(log: Path, file: Path, found: ProposedDoors, added: list[int], asked: Proposing) -> None:
+def _tell(
+    command: str, file: Path, found: ProposedDoors, added: list[int], asked: Proposing
+) -> None:
     from semmap_log.views.proposal_table import proposal_table
 
     if found.proposals:
@@ -137,6 +149,5 @@ def _tell(log: Path, file: Path, found: ProposedDoors, added: list[int], asked: 
         ids = ", ".join(map(str, added))
         say(f"  added {counted(len(added), 'door')}: {ids} (source {found.source})")
     elif found.proposals:
-        line = command_line("import", log, str(file), "--scan", "--propose-doors", "--yes")
-        say(f"  Nothing was added. Look at them (--plot doors.png); all of them: {line}; "
-            "some: --only N")  # fmt: skip
+        look = "" if asked.plot is not None else " Look at them (--plot doors.png)."
+        say(f"  Nothing was added.{look} To add all of them: {command}; some: --only N, too")

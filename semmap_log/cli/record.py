@@ -14,12 +14,15 @@ from semmap_log.cli.mapping import (
     MAPPING_HELP,
     ClickedPoints,
     DryRun,
+    Heights,
     KeepScans,
     MappingFile,
     PoseTopic,
+    RobotLevel,
     Scan,
     check_keep_scans,
     check_scan,
+    heights_of,
 )
 from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, Read, record_topics
@@ -44,6 +47,8 @@ def run(
     mapping: MappingFile = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
+    heights: Heights = None,
+    level: RobotLevel = None,
     keep_scans: KeepScans = False,
     clicked_points: ClickedPoints = False,
     dry_run: DryRun = False,
@@ -86,6 +91,7 @@ def run(
 
     With --scan a laser sees the doors of the log: each visit to a door that decides is a commit,
     once it is over. Without TOPIC: the topics called scan. TF has to lead from map to the laser.
+    Of a log with several levels --level says where the robot drives.
     --keep-scans keeps what the laser saw in LOG.scans, so that a person can check it: `view`,
     `scan-report --plot`.
 
@@ -114,6 +120,7 @@ def run(
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
       semmap-log record office --ros2 --scan
       semmap-log record office --ros2 --scan --keep-scans
+      semmap-log record office --ros2 --scan /points --heights 0.3,1.5 --level L2
       semmap-log record office --ros2 --clicked-points
     """
     if ros1 or ros2:
@@ -121,18 +128,22 @@ def run(
             raise typer.BadParameter(
                 "is about lines of standard input", param_hint="--ack, --strict"
             )
-        check_scan(scan, pose_topic)
+        check_scan(scan, pose_topic, heights)
         check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
         version = chosen_ros(ros1=ros1, ros2=ros2)
         policy = Promised(durability.value, batch_events, batch_ms / 1000)
-        read = Read(mapping, scan, pose_topic, keep_scans=keep_scans, clicks=clicked_points)
+        read = Read(
+            mapping, scan, pose_topic, heights_of(heights), level, keep_scans=keep_scans,
+            clicks=clicked_points,
+        )  # fmt: skip
         record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
-    of_lasers = scan is not None or pose_topic is not None or keep_scans
-    if mapping or dry_run or of_lasers or clicked_points or context.obj:
+    of_lasers = any(each is not None for each in (scan, pose_topic, heights)) or keep_scans
+    if mapping or level or dry_run or of_lasers or clicked_points or context.obj:
         raise typer.BadParameter(
             "is for topics: say which ROS, --ros1 or --ros2",
-            param_hint="--mapping, --scan, --pose-topic, --keep-scans, --clicked-points, --dry-run",
+            param_hint="--mapping, --level, --scan, --pose-topic, --heights, --keep-scans, "
+            "--clicked-points, --dry-run",
         )
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from semmap_log.domain.commits import Note
     from semmap_log.domain.events import Event
+    from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.formats.ros.ros_types import RosVersion
     from semmap_log.live.ros_recorder import EventSink
@@ -44,6 +45,9 @@ class Read(NamedTuple):
     scan: list[str] | None
     """The topics of lasers; an empty name: those called `scan`; None: those of the mapping."""
     pose_topic: str | None
+    heights: tuple[float, float] | None = None
+    level: str | None = None
+    """Where the robot drives; None: as the mapping says, or the log's only one."""
     keep_scans: bool = False
     """Keep the scans of visits beside the log."""
     clicks: bool = False
@@ -80,7 +84,9 @@ def record_topics(
     with stopped_for_good():
         mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
         if read.scan is not None:
-            mapping = mapping.asked_for(read.scan, read.pose_topic or "")
+            mapping = mapping.asked_for(read.scan, read.pose_topic or "", read.heights)
+        if read.level is not None:
+            mapping = replace(mapping, level=read.level)
         if read.clicks:
             mapping = mapping.with_clicks()
         if read.keep_scans and not mapping.reads_scans:
@@ -90,14 +96,28 @@ def record_topics(
             )
     if promised is None:
         known = sl.read(log) if log.exists() else None
+        _check_level(known, read.level)
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
         return
     with stopped_for_good():
         opened = sl.append(log, **promised._asdict())
-    with opened, _keeping(opened, wanted=read.keep_scans) as keeper:
-        _record(
-            context, version, mapping, LogSink(opened), str(log), keeper=keeper, as_json=as_json
-        )
+    with opened:
+        _check_level(opened, read.level)
+        with _keeping(opened, wanted=read.keep_scans) as keeper:
+            _record(
+                context, version, mapping, LogSink(opened), str(log), keeper=keeper,
+                as_json=as_json,
+            )  # fmt: skip
+
+
+def _check_level(log: DoorLog | None, level: str | None) -> None:
+    """Refuse a level that is not there, before ROS is asked."""
+    from semmap_log.domain.doors import DoorMap
+    from semmap_log.folds.levels import resolve_level
+
+    if level is not None:
+        with stopped_for_good():
+            resolve_level(level, DoorMap({}, {}) if log is None else log.replay())
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from semmap_log.cli.common import (
     say,
     tell_how_to_begin,
 )
-from semmap_log.cli.mapping import PoseTopic, Scan
+from semmap_log.cli.mapping import Heights, PoseTopic, RobotLevel, Scan, heights_of
 
 if TYPE_CHECKING:
     from semmap_log.importing.scan_reporting import SeenVisits
@@ -45,6 +45,8 @@ def run(
     until: Until = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
+    heights: Heights = None,
+    level: RobotLevel = None,
     mapping: Annotated[
         Path | None,
         typer.Option("--mapping", metavar="YAML", help="Of ROS topics, as `import` takes it."),
@@ -79,9 +81,10 @@ def run(
     """
     _check_plot(plot)
     bags = bags or []
-    if not bags and (scan is not None or pose_topic is not None or mapping is not None):
+    if not bags and any(each is not None for each in (scan, pose_topic, heights, level, mapping)):
         raise typer.BadParameter(
-            "says how a BAG is read", param_hint="--scan, --pose-topic, --mapping"
+            "says how a BAG is read",
+            param_hint="--scan, --pose-topic, --heights, --level, --mapping",
         )
 
     import semmap_log as sl
@@ -97,7 +100,9 @@ def run(
         refuse_own_folder(opened.path, plot)
     start, end = range_of(opened, since, until)
     options = ImportOptions(
-        mapping=mapping, scan=ScanOptions(tuple(filter(None, scan or ())), pose_topic or "")
+        level=level,
+        mapping=mapping,
+        scan=ScanOptions(tuple(filter(None, scan or ())), pose_topic or "", heights_of(heights)),
     )
     with (
         progress("Reading", unit="messages") as told,

@@ -110,7 +110,8 @@ def append_proposed(
 ) -> list[DoorId]:
     """Append proposals as doors, in one commit; return their ids.
 
-    Each is named `door-at X Y`, by the middle of its line, and is there since the first scan.
+    Each is named `door-at X Y`, by the middle of its line, is there since the first scan, and is
+    annotated with its kind, where that was seen.
 
     Args:
         log: Where to.
@@ -131,10 +132,14 @@ def append_proposed(
             door_id=door, level=each.level, x=each.x, y=each.y, theta=each.theta,
             width=each.width, happened_ns=found.first_ns,
         )  # fmt: skip
-        name = name_of(each)
+        notes = {"name": name_of(each), "kind": each.kind}
         events += [
             place,
-            DoorAnnotated(door_id=door, key="name", value=name, happened_ns=found.first_ns),
+            *(
+                DoorAnnotated(door_id=door, key=key, value=value, happened_ns=found.first_ns)
+                for key, value in notes.items()
+                if value
+            ),
         ]
     if events:
         said = replace(note, source=found.source, correlation=note.correlation or note.source)

@@ -62,8 +62,8 @@ class ImportOptions:
     """How a file is to be taken."""
 
     level: str | None = None
-    """Building: only this level. Other files: the level of their doors, or of the map; None: the
-    only one."""
+    """Building: only this level. Other files: the level of their doors, of the map, or of where the
+    robot drove; None: the only one."""
     windows: Path | None = None
     """CSV: when the states are known at all."""
     tz: str | None = None
@@ -124,7 +124,10 @@ def import_file(
     if options.map_rules is not None and not is_map(path):
         raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
     if options.scan is not None and not is_bag(path):
-        raise CommandError(f"{path}: --scan reads the scans of a bag; this is none.")
+        raise CommandError(
+            f"{path}: --scan reads the scans of a bag; this is none. Known are {READABLE_BAGS}; a "
+            "topic is told by its whole name: --scan /scan."
+        )
     found = _plan_scans(log, path, options, progress, keep_scans=keep_scans, actor=note.actor)
     if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
@@ -227,14 +230,16 @@ def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
     """
     since_ns = None if options.scan is None else options.since_ns
     mine = ImportOptions(
-        tz=options.tz, mapping=options.mapping, scan=options.scan, since_ns=since_ns
-    )
+        level=options.level, tz=options.tz, mapping=options.mapping, scan=options.scan,
+        since_ns=since_ns,
+    )  # fmt: skip
     if options != mine:
         raise CommandError(
             f"{path}: a bag's messages say when they were, and a mapping says how they are read; "
-            "leave out --level, --windows, --at, --update, --renumber."
+            "leave out --windows, --at, --update, --renumber."
         )
-    return WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
+    mapping = WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
+    return mapping if options.level is None else replace(mapping, level=options.level)
 
 
 def _plan_scans(

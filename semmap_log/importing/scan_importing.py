@@ -25,6 +25,7 @@ from semmap_log.formats.bags.bag_reading import open_bag
 from semmap_log.importing.bag_importing import left_out_of, plan_bag, reads_any
 from semmap_log.importing.doors_then import DoorsThen
 from semmap_log.importing.import_plan import ImportPlan
+from semmap_log.importing.no_place import why_no_place
 from semmap_log.importing.seen_before import PlannedVisit, SeenBefore
 from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
@@ -212,7 +213,7 @@ class _Scanning:
             warnings.append(f"left out, since the log has visits of that laser then: {told}")
         summary = list(counts_of(translator.lasers, self.sightings))
         if len(unknown) < len(planned):
-            summary.append(f"visits imported before: {len(planned) - len(unknown):,}")
+            summary.append(f"of them in the log already: {len(planned) - len(unknown):,}")
         odd_doors = tuple(door_oddities_of(self.sightings, known))
         return ScanPlan(new, tuple(summary), tuple(warnings), odd_doors)
 
@@ -264,14 +265,16 @@ class _Scanning:
         if not any(each.received for each in lasers.counts.values()):
             raise FormatError(self.path, NO_SCANS)
         if self._first is None:
-            raise FormatError(self.path, _no_place(lasers, self.mapping, self.complaints))
+            raise FormatError(
+                self.path, why_no_place(self.path, lasers, self.mapping, self.complaints)
+            )
         if self.sightings.tally.levels:
             return
         now = sum(door.is_placed for door in self.log.replay().doors.values())
         if not now:
             raise CommandError(
                 f"{self.log.path}: no door of the log has a place; add them (`add`, `import`) "
-                "before scans are asked about them."
+                "before scans are asked about them, or see which the scans show: --propose-doors."
             )
         since = format_local(self._first.scan.stamp_ns, self.log.info.timezone)
         line = command_line("import", self.log.path, str(self.path), "--scan", "--since", since)
@@ -284,22 +287,6 @@ class _Scanning:
         yield from self.complaints.lines()
         zone = self.log.info.timezone
         yield from oddities_of(lasers, self.sightings, lambda ns: format_local(ns, zone))
-
-
-def _no_place(lasers: Lasers, mapping: RosMapping, complaints: TopicProblems) -> str:
-    """Return why no scan has a place, and what to do."""
-    scans = sum(each.received for each in lasers.counts.values())
-    why = "; ".join(f"{topic}: {text}" for topic, text in lasers.why_not.items())
-    if not why:
-        return f"none of its {scans:,} scans can be used: {'; '.join(complaints.lines())}"
-    on_map = mapping.map_frame
-    return (
-        f"none of its {scans:,} scans has a place in the frame {on_map} ({why}). TF has to lead "
-        f"from {on_map} to the laser: record /tf and /tf_static while the robot localises (amcl, "
-        "slam_toolbox), or play the bag through it and record that; or name a topic with the "
-        "robot's pose on the map, as --pose-topic /amcl_pose. A map frame of another name is "
-        "told by a mapping file: frames: {map: NAME}"
-    )
 
 
 def _visit_id(bag_id: bytes, mapping: RosMapping, commit: VisitCommit) -> bytes:
@@ -330,4 +317,4 @@ def placed_scans(
     if not any(each.received for each in lasers.counts.values()):
         raise FormatError(path, NO_SCANS)
     if not is_any:
-        raise FormatError(path, _no_place(lasers, scanning.mapping, scanning.complaints))
+        raise FormatError(path, why_no_place(path, lasers, scanning.mapping, scanning.complaints))

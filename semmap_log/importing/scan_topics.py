@@ -9,7 +9,7 @@ from pathlib import Path
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_reading import open_bag
 from semmap_log.formats.ros.ros_types import LASER_SCAN, POINT_CLOUD, short_name
-from semmap_log.ros_mapping.topic_rules import ONLY_TYPES, ReadScan, RosMapping
+from semmap_log.ros_mapping.topic_rules import ONLY_TYPES, ReadPlace, ReadScan, RosMapping
 
 MOST_TOPICS = 20
 
@@ -22,6 +22,17 @@ class ScanOptions:
     """Empty: the bag's only one; of several, those called `scan`."""
     pose_topic: str = ""
     """Poses of the robot on the map; empty: TF leads from the map to it."""
+    heights: tuple[float, float] | None = None
+    """Of the points of clouds that count, over the robot's frame, m; None: as usual."""
+
+    def words(self) -> list[str]:
+        """Return the options of a command line that ask for the same."""
+        words = [word for topic in self.topics or ("",) for word in ("--scan", topic) if word]
+        if self.pose_topic:
+            words += ["--pose-topic", self.pose_topic]
+        if self.heights is not None:
+            words += ["--heights", ",".join(f"{each:g}" for each in self.heights)]
+        return words
 
 
 def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> RosMapping:
@@ -32,17 +43,20 @@ def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> 
     """
     if options is None:
         return mapping
-    return mapping.with_scans(_topics(path, mapping, options), options.pose_topic)
+    topics = _topics(path, mapping, options)
+    return mapping.with_scans(topics, options.pose_topic, options.heights)
 
 
 def _topics(path: Path, mapping: RosMapping, options: ScanOptions) -> Collection[str]:
     with open_bag(path) as bag:
         there = {channel.topic: channel.message_type.name for channel in bag.channels}
-    possible = ONLY_TYPES[ReadScan]
     lasers = sorted(topic for topic, name in there.items() if name == LASER_SCAN)
-    for topic in (*options.topics, *([options.pose_topic] if options.pose_topic else [])):
-        if topic not in there or (topic in options.topics and there[topic] not in possible):
-            kinds = " or ".join(map(short_name, possible)) if topic in options.topics else "poses"
+    named = [(topic, ONLY_TYPES[ReadScan]) for topic in options.topics]
+    if options.pose_topic:
+        named.append((options.pose_topic, ONLY_TYPES[ReadPlace]))
+    for topic, possible in named:
+        if there.get(topic) not in possible:
+            kinds = " or ".join(map(short_name, possible))
             raise FormatError(
                 path, f"expected a topic {topic} of {kinds}; there is: {_listed(there)}"
             )

@@ -73,6 +73,7 @@ class _FileReader:
         mapping = RosMapping(
             topics=topics,
             well_known=keys.flag("well_known", default=False),
+            level=keys.text("level", "") or None,
             repeats_s=keys.number("repeats", default.repeats_s, *_SECONDS),
             moved_m=poses.number("metres", default.moved_m, "metres, 0 or more"),
             turned_rad=math.radians(

@@ -45,7 +45,7 @@ class Context:
         self._begun = self.known.door_map()
 
     def level(self, text: str | None) -> int:
-        """Return the level of that number or name; None: the one that is meant where none is told.
+        """Return the level of that number or name; None: the mapping's, or the log's only one.
 
         Of the levels that the log had when the reading began: which topic is seen first does not
         count.
@@ -53,7 +53,7 @@ class Context:
         Raises:
             UnknownLevelError: There is none, or there are several.
         """
-        return resolve_level(text, self._begun)
+        return resolve_level(self.mapping.level if text is None else text, self._begun)
 
     def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int | None:
         """Return when what a message tells happened; see the function of that name."""

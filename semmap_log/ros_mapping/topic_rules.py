@@ -131,6 +131,12 @@ class ReadScan:
     heights: tuple[float, float] = (0.3, 1.5)
     """Of a cloud: points between these heights over the robot's frame count, m."""
 
+    def told(self, pose_topic: str = "", heights: tuple[float, float] | None = None) -> ReadScan:
+        """Return it with what is told in its place: a topic of poses, heights."""
+        return replace(
+            self, pose_topic=pose_topic or self.pose_topic, heights=heights or self.heights
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class ReadFloorMap:
@@ -232,6 +238,8 @@ class RosMapping:
     robot_frame: str = "base_link"
     scans: ReadScan | None = None
     """How topics called `scan` are read that are not named; None: they are not."""
+    level: str | None = None
+    """Of topics that tell none; None: the log's only one."""
 
     def rule(self, topic: str, ros_type: str) -> TopicRule | None:
         """Return how a topic is read; None: it is not."""
@@ -247,12 +255,18 @@ class RosMapping:
         """Tell whether any laser is read."""
         return self.scans is not None or any(True for _ in self.scan_rules())
 
-    def with_scans(self, topics: Collection[str], pose_topic: str = "") -> RosMapping:
+    def with_scans(
+        self,
+        topics: Collection[str],
+        pose_topic: str = "",
+        heights: tuple[float, float] | None = None,
+    ) -> RosMapping:
         """Return a mapping that reads scans of these topics, too.
 
         Args:
             topics: As the mapping says, where it names them.
             pose_topic: Of all its lasers, where it is given.
+            heights: The same.
         """
         rules = {topic: TopicRule(ReadScan()) for topic in topics} | {
             topic: rule
@@ -260,16 +274,21 @@ class RosMapping:
             if topic not in topics or isinstance(rule.reading, ReadScan)
         }
         for topic, rule in rules.items():
-            if pose_topic and isinstance(rule.reading, ReadScan):
-                rules[topic] = replace(rule, reading=replace(rule.reading, pose_topic=pose_topic))
+            if isinstance(rule.reading, ReadScan):
+                rules[topic] = replace(rule, reading=rule.reading.told(pose_topic, heights))
         return replace(self, topics=rules)
 
-    def asked_for(self, topics: Collection[str], pose_topic: str = "") -> RosMapping:
+    def asked_for(
+        self,
+        topics: Collection[str],
+        pose_topic: str = "",
+        heights: tuple[float, float] | None = None,
+    ) -> RosMapping:
         """Return a mapping that reads scans of these topics; an empty one: all called `scan`."""
-        mapping = self.with_scans([topic for topic in topics if topic], pose_topic)
+        mapping = self.with_scans([topic for topic in topics if topic], pose_topic, heights)
         named = any(isinstance(rule.reading, ReadScan) for rule in mapping.topics.values())
         is_any = "" in topics and not named
-        return replace(mapping, scans=ReadScan(pose_topic=pose_topic)) if is_any else mapping
+        return replace(mapping, scans=ReadScan().told(pose_topic, heights)) if is_any else mapping
 
     def with_clicks(self) -> RosMapping:
         """Return a mapping that reads RViz's clicks, too, where it does not name them."""

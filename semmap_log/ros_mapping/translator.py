@@ -76,7 +76,8 @@ class Translator:
         try:
             self._readers[topic] = self._reader(topic, rule)
         except UnknownLevelError as error:
-            raise CommandError(f"{topic}: {error} A mapping file says it: level.") from None
+            told = f"{topic}: {error} For one topic alone, a mapping file says it: level."
+            raise CommandError(told) from None
         self._rules[topic] = rule
 
     def take(self, topic: str, message_type: MessageType, data: bytes, received_ns: int) -> Made:

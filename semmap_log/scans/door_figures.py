@@ -56,11 +56,11 @@ class DoorFigures:
     door_id: DoorId
     visits: int = 0
     open: int = 0
-    """Visits that say OPEN; where the robot drove through, too."""
+    """Visits whose beams say OPEN."""
     closed: int = 0
     undecided: int = 0
     passed: int = 0
-    """Visits in which the robot drove through."""
+    """Visits that say that the robot drove through."""
     contradictions: int = 0
     """Visits that say CLOSED while it did."""
     accuracy: Mean = field(default_factory=Mean)
@@ -86,7 +86,6 @@ class DoorFigures:
         when = (visit.first_ns, visit.last_ns)
         if visit.passed:
             self.passed += 1
-            self.open += 1
             self._passed_at = when
             self.contradictions += _overlap(when, self._closed_at)
             return
@@ -116,8 +115,8 @@ class DoorFigures:
 
     @property
     def decided(self) -> int:
-        """Visits that say OPEN or CLOSED."""
-        return self.open + self.closed
+        """Visits that say OPEN or CLOSED, or that the robot drove through."""
+        return self.open + self.closed + self.passed
 
     @property
     def why(self) -> str:

@@ -6,8 +6,8 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 
 from semmap_log.domain.doors import DoorId
-from semmap_log.scans.laser_visits import LaserVisits
 from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.scans.robot_visits import RobotVisits
 from semmap_log.scans.scan_model import DEFAULT, ScanModel
 from semmap_log.scans.visit import Visit
 from semmap_log.scans.watched_doors import WatchedDoors
@@ -24,18 +24,19 @@ class DoorWatcher:
             visits = watcher.take(scans, doors)     # those that ended
         visits = watcher.close()                    # those that were still going on
 
-    A visit is of one door by one laser of one robot: it ends when the door was out of sight for a
-    while, or has been looked at for long; when the door moved, changed otherwise or was removed;
-    at `end` and at `close`. A robot that drove through is a visit of its own, with `passed`: one,
-    however many lasers it has. How scans are cut into calls makes no difference; many at once are
-    faster.
+    A visit is of one door by one robot, through all of its lasers: it ends when the door was out of
+    sight for a while, or has been looked at for long; when the door moved, changed otherwise or was
+    removed; at `end` and at `close`. A robot that drove through is a visit of its own, with
+    `passed`: one, however many lasers it has. How scans are cut into calls makes no difference;
+    many at once are faster. A visit that only says again what was told from the same stand has
+    `told_ns`.
     """
 
     def __init__(self, model: ScanModel = DEFAULT) -> None:
         self.model = model
         self.dropped: Counter[str] = Counter()
         """Why scans were not used, and how many."""
-        self._lasers: dict[tuple[str, str], LaserVisits] = {}
+        self._robots: dict[str, RobotVisits] = {}
         self._doors: WatchedDoors | None = None
         self._passed: dict[tuple[str, DoorId], Visit] = {}
         """Robot and door -> when it drove through last."""
@@ -43,28 +44,29 @@ class DoorWatcher:
     def take(self, scans: Sequence[PlacedScan], doors: DoorPlaces) -> list[Visit]:
         """Look at `scans`, through all of which the doors are these; return the visits that ended.
 
-        The scans of a laser are given in the order of their stamps; those that are not are dropped
-        and counted. The same object `doors` as in the last call costs nothing.
+        The scans of a laser are given in the order of their stamps, those of a robot's lasers
+        nearly so; others are dropped and counted. The same object `doors` as in the last call costs
+        nothing.
         """
         done = self._know(doors)
         known = self._doors
         assert known is not None
-        by_laser: dict[tuple[str, str], list[PlacedScan]] = defaultdict(list)
+        by_robot: dict[str, list[PlacedScan]] = defaultdict(list)
         for scan in scans:
-            by_laser[scan.robot, scan.laser].append(scan)
-        for (robot, laser), its in by_laser.items():
-            done += self._laser(robot, laser).take(its, known)
+            by_robot[scan.robot].append(scan)
+        for robot, its in by_robot.items():
+            done += self._robot(robot).take(its, known)
         return [visit for visit in _sorted(done) if not self._is_told(visit)]
 
     def close(self) -> list[Visit]:
         """Return the visits that have not ended, as far as they went."""
         if self._doors is None:
             return []
-        return _sorted([v for laser in self._lasers.values() for v in laser.end(self._doors)])
+        return _sorted([v for robot in self._robots.values() for v in robot.end(self._doors)])
 
-    def end(self, robot: str, laser: str) -> list[Visit]:
-        """Return the visits of one laser that have not ended, as far as they went: it is silent."""
-        found = self._lasers.get((robot, laser))
+    def end(self, robot: str) -> list[Visit]:
+        """Return the visits of one robot that have not ended, as far as they went: it is silent."""
+        found = self._robots.get(robot)
         return [] if found is None or self._doors is None else _sorted(found.end(self._doors))
 
     def _know(self, doors: DoorPlaces) -> list[Visit]:
@@ -76,7 +78,7 @@ class DoorWatcher:
         if before is None:
             return []
         gone = self._doors.changed_since(before)
-        return [v for laser in self._lasers.values() for v in laser.end(before, gone)]
+        return [v for robot in self._robots.values() for v in robot.leave(before, gone)]
 
     def _is_told(self, visit: Visit) -> bool:
         """Tell whether another laser of the robot told already that it drove through then."""
@@ -91,10 +93,10 @@ class DoorWatcher:
         self._passed[key] = visit
         return False
 
-    def _laser(self, robot: str, laser: str) -> LaserVisits:
-        if (robot, laser) not in self._lasers:
-            self._lasers[robot, laser] = LaserVisits(robot, laser, self.model, self.dropped)
-        return self._lasers[robot, laser]
+    def _robot(self, robot: str) -> RobotVisits:
+        if robot not in self._robots:
+            self._robots[robot] = RobotVisits(robot, self.model, self.dropped)
+        return self._robots[robot]
 
 
 def _sorted(visits: list[Visit]) -> list[Visit]:

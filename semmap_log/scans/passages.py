@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, hypot, sin
 
@@ -66,11 +67,18 @@ class Track:
         self._crossings: list[_Crossing] = []
         self._last: _Place | None = None
 
-    def go(self, stack: ScanStack, doors: WatchedDoors) -> list[Passage]:
-        """Follow the laser; return the doors that it has driven through now."""
+    def go(self, stack: ScanStack, rows: Sequence[int], doors: WatchedDoors) -> list[Passage]:
+        """Follow the laser through its scans; return the doors that it has driven through now.
+
+        Args:
+            stack: Scans.
+            rows: Which of them are its own, ascending.
+            doors: As they are.
+        """
         near = _doors_near(stack, doors)
         found: list[Passage] = []
-        for i, (x, y) in enumerate(stack.places.tolist()):
+        for i in rows:
+            x, y = stack.places[i].tolist()
             before = self._last
             number = 0 if before is None else before.number + 1
             now = _Place(int(stack.stamps_ns[i]), x, y, int(stack.levels[i]), number)

@@ -82,6 +82,10 @@ class ScanModel:
     """A visit ends this long after the door was last seen ..."""
     longest_s: float = 30.0
     """... or this long after it was first seen."""
+    stand: float = 0.5
+    """A laser that is no farther from where it was stands."""
+    same_again_s: float = 1800.0
+    """From one stand the same state of a door is told again after this time: a patrol's pace."""
 
     enough: float = 0.7
     """Looks through the line, or on it, that a word needs."""

@@ -47,6 +47,9 @@ class Visit:
     why: str = ""
     """Why it is UNKNOWN, in a few words; empty: it is not."""
     laser: str = ""
+    """Which of the robot's lasers saw most of it."""
     robot: str = ""
     side: int = 0
     """From where it was seen: 1 the left of its line, -1 the right, 0 both or not told."""
+    told_ns: int = 0
+    """When the same state was told from the same stand already; 0: it is news. See `stands`."""

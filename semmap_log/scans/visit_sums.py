@@ -16,6 +16,18 @@ from semmap_log.scans.sight_sums import SightSums
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True)
+class SeenBy:
+    """The scan that a sight is of."""
+
+    stamp_ns: int
+    laser: str
+    fresh: float
+    """Of a new scan it is worth so much."""
+    stand: int
+    """Where the robot stood: see `Stands`."""
+
+
 @dataclass(slots=True, eq=False)
 class VisitSums:
     """The sums of a visit that is still going on; each beam weighed by what a look at it is worth.
@@ -44,6 +56,15 @@ class VisitSums:
     """Looks that ended near the line, and the sum of how far behind it, m."""
     sides: set[int] = field(default_factory=set)
     """From which it was seen: 1 the left of the line, -1 the right."""
+    stands: set[int] = field(default_factory=set)
+    """Where the robot stood meanwhile: numbers, see `Stands`."""
+    lasers: dict[str, float] = field(default_factory=dict)
+    """How many of the looks each laser had."""
+
+    @property
+    def laser(self) -> str:
+        """Which laser had most looks."""
+        return max(sorted(self.lasers), key=lambda laser: self.lasers[laser])
 
     @classmethod
     def begun(cls, stamp_ns: int, leaves: Leaves) -> VisitSums:
@@ -52,13 +73,17 @@ class VisitSums:
         through, stopped, deep = np.zeros((3, s))
         return cls(stamp_ns, stamp_ns, np.zeros((s, h)), np.zeros(s + 1), through, stopped, deep)
 
-    def add(self, stamp_ns: int, sums: SightSums, sights: Sights, row: int, fresh: float) -> None:
-        """Take in a sight, which is worth `fresh` of a new scan."""
-        look = fresh * float(sights.looks[row])
-        self.last_ns = stamp_ns
+    def add(self, scan: SeenBy, sums: SightSums, sights: Sights, row: int) -> None:
+        """Take in a sight."""
+        look = scan.fresh * float(sights.looks[row])
+        self.first_ns = min(scan.stamp_ns, self.first_ns)
+        self.last_ns = max(scan.stamp_ns, self.last_ns)
+        self.stands.add(scan.stand)
+        seen = look * float(sums.seen[row])
+        self.lasers[scan.laser] = self.lasers.get(scan.laser, 0.0) + seen
         self.scans += 1
         self.table += look * sums.tables[row]
-        self.looks += look * float(sums.seen[row])
+        self.looks += seen
         self.through += look * sums.through[row]
         self.stopped += look * sums.stopped[row]
         self.deep += look * sums.deep[row]
@@ -66,7 +91,7 @@ class VisitSums:
         self.near += look * float(sums.near[row])
         self.behind += look * float(sums.behind[row])
         self.sides.add(1 if sums.left[row] else -1)
-        beside = fresh * float(sights.beside_looks[row])
+        beside = scan.fresh * float(sights.beside_looks[row])
         self.walls += beside * sums.walls[row]
         if row in sums.over:
             self.table += beside * sums.over[row]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +100,26 @@ def test_a_number_that_no_proposal_has_is_refused(
     assert _added(office) == []
 
 
-def test_they_are_drawn(office: Path, bag: Path) -> None:
+def test_the_command_that_adds_them_has_what_was_asked_for(
+    office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    It can be typed as it is told.
+    """
+    asked = ("--scan", "/scan", "--heights", "0.2,1", "--level", "0", "--propose-doors")
+    assert _run("import", office, bag, *asked) == 0
+    said = capsys.readouterr().err
+    assert "Look at them (--plot doors.png)" in said
+    (line,) = [each for each in said.splitlines() if "Nothing was added" in each]
+
+    words = shlex.split(line.partition("all of them: semmap-log ")[2].partition(";")[0])
+
+    assert [*asked, "--yes"] == words[3:]
+    assert _run(*words) == 0
+    assert 1 == len(_added(office))
+
+
+def test_they_are_drawn(office: Path, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     Over what the laser saw, with the numbers of the table.
     """
@@ -108,6 +128,7 @@ def test_they_are_drawn(office: Path, bag: Path) -> None:
 
     assert _run("import", office, bag, "--scan", "--propose-doors", "--plot", picture) == 0
 
+    assert "Look at them" not in capsys.readouterr().err
     drawn = picture.read_text()
     assert "Doors proposed from x.mcap: 1" in drawn
     assert ">1</text>" in drawn

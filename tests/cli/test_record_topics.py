@@ -30,6 +30,10 @@ def _run(*words: object) -> Any:
         (["--ros1", "--ros2"], "say which ROS: --ros1 or --ros2"),
         (["--mapping", "m.yaml"], "is for topics: say which ROS, --ros1 or --ros2"),
         (["--dry-run"], "is for topics: say which ROS, --ros1 or --ros2"),
+        (["--level", "L1"], "is for topics: say which ROS, --ros1 or --ros2"),
+        (["--heights", "0.3,1.5"], "is for topics: say which ROS, --ros1 or --ros2"),
+        (["--ros1", "--heights", "0.3,1.5"], "is for lasers: give --scan, too"),
+        (["--ros1", "--scan", "--heights", "0.3"], "expected two heights in metres"),
         (["/map:=/floor"], "is for topics: say which ROS, --ros1 or --ros2"),
         (["--ros1", "--ack"], "is about lines of standard input"),
         (["--ros2", "--strict"], "is about lines of standard input"),
@@ -57,6 +61,18 @@ def test_a_wrong_mapping_is_told_before_ros_is_joined(
     assert 2 == _run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
 
     assert "m.yaml:2: /a: read: expected one of door_map," in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("dry_run", [[], ["--dry-run"]])
+def test_a_level_that_is_not_there_is_told_before_ros_is_joined(
+    dry_run: list[str], office: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A recorder that leaves out every topic is none.
+    """
+    assert 2 == _run("record", office, "--ros2", "--scan", "--level", "attic", *dry_run)
+
+    assert "attic" in capsys.readouterr().err
 
 
 def test_a_log_that_is_written_by_another_is_told_before_ros_is_joined(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -42,3 +45,32 @@ def test_the_mapping_of_the_page_can_be_read(tmp_path: Path) -> None:
               if isinstance(rule.reading, ReadScan)]  # fmt: skip
     assert [None, None, "tug2"] == [laser.robot for laser in lasers]
     assert "/tug2/amcl_pose" == lasers[2].pose_topic
+
+
+def test_pictures_of_the_page_are_small_and_told_in_words() -> None:
+    """
+    For who cannot see them, and for who is on the road.
+    """
+    pictures = re.findall(r"!\[([^]]*)\]\(([^)]*)\)", PAGE)
+
+    assert 3 == len(pictures)
+    for words, path in pictures:
+        assert len(words) > 60
+        assert (ROOT / "docs" / "guides" / path).stat().st_size < 150_000
+
+
+@pytest.mark.slow
+def test_pictures_of_the_page_can_be_made_anew(tmp_path: Path) -> None:
+    """
+    By the command that the contributors' page names.
+    """
+    command = "python tools/laser_pictures.py"
+    assert command in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+    subprocess.run(
+        [sys.executable, ROOT / command.split()[1], tmp_path, "--no-view"], check=True, cwd=ROOT
+    )
+
+    made = {path.name: path.stat().st_size for path in tmp_path.iterdir()}
+    assert {"laser_visits.png", "laser_proposed.png"} == made.keys()
+    assert max(made.values()) < 150_000

@@ -109,7 +109,8 @@ def test_a_door_that_is_open_and_then_shut_is_seen_so(
     assert START <= poses[0].happened_ns < opened.happened_ns < START + 12 * S
     assert START + 60 * S <= poses[2].happened_ns < shut.happened_ns < START + 72 * S
     assert imported.plan.count == 6
-    assert "1 OPEN, 1 CLOSED, 0 undecided" in imported.plan.summary[-1]
+    told = "visits: 2 to 1 door: 1 OPEN, 1 CLOSED, 0 driven through, 0 undecided"
+    assert told == imported.plan.summary[-1]
 
 
 def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> None:
@@ -126,7 +127,7 @@ def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> Non
     named = _import(office, path, ImportOptions(scan=ScanOptions(("/scan",))))
     by_file = _import(office, path, ImportOptions(mapping=mapping))
 
-    assert "visits imported before: 2" in again.plan.summary
+    assert "of them in the log already: 2" in again.plan.summary
     assert () == again.plan.warnings == again.plan.left_out
     assert [None] * 3 == [each.first_event for each in (again, named, by_file)]
     assert before == {each: each.read_bytes() for each in office.iterdir()}
@@ -177,6 +178,53 @@ def test_visits_that_the_robot_recorded_while_it_drove_count_once(
 
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
     assert "left out, since the log has visits of that laser then: 1" in imported.plan.warnings
+
+
+@pytest.mark.parametrize("names", [("ann", ""), ("", "ann"), ("ann", "bob")])
+def test_the_same_drive_in_another_name_counts_once(
+    names: tuple[str, str], office: Path, tmp_path: Path
+) -> None:
+    """
+    Another bag of it, as a converter or a second recorder writes it: no two robots were there.
+    """
+    first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
+    write_mcap(first, drives_by())
+    write_mcap(second, drives_by()[5:])
+    with sl.append(office) as log:
+        import_file(log, first, SCANS, note=Note(actor=names[0]))
+        imported = import_file(log, second, SCANS, note=Note(actor=names[1]))
+
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
+    assert "left out, since the log has visits of that laser then: 2" in imported.plan.warnings
+
+
+def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_path: Path) -> None:
+    """
+    Its laser is called the same; it was elsewhere.
+    """
+    other = LaserRoom(drive=lambda t: moved(10.0 - 0.6 * t, -0.6))
+    write_mcap(tmp_path / "one.mcap", LaserRoom().said())
+    write_mcap(tmp_path / "other.mcap", other.said())
+    with sl.append(office) as log:
+        import_file(log, tmp_path / "one.mcap", SCANS, note=Note(actor="tug2"))
+        import_file(log, tmp_path / "other.mcap", SCANS)
+
+    assert [DoorState.OPEN, DoorState.OPEN] == _states(office)
+
+
+def test_a_visit_that_does_not_decide_writes_nothing(office: Path, tmp_path: Path) -> None:
+    """
+    A leaf that stands at 40 degrees: the door keeps the state that it had.
+    """
+    across = 0.9 * math.cos(math.radians(40)), 0.9 * math.sin(math.radians(40))
+    leaf = [(4.0, 1.2, 4.0 + across[0], 1.2 + across[1])]
+    write_mcap(tmp_path / "x.mcap", LaserRoom(state=lambda _: leaf).said())
+
+    imported = _import(office, tmp_path / "x.mcap")
+
+    assert "1 undecided" in imported.plan.summary[1]
+    assert [] == _states(office)
+    assert 0 == imported.plan.count
 
 
 def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> None:
@@ -276,7 +324,7 @@ def test_driving_through_a_door_is_told_as_that(office: Path, tmp_path: Path) ->
     (passed,) = _events(office, DoorPassed)
     assert (1, True) == (passed.door_id, passed.passed)
     assert START + 4 * S < passed.happened_ns < START + 8 * S
-    assert "driven through: 1" in imported.plan.summary[-1]
+    assert "1 driven through, 0 undecided" in imported.plan.summary[-1]
 
 
 def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Path) -> None:
@@ -295,7 +343,88 @@ def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Pat
     assert "none of its 96 scans has a place in the frame map" in text
     assert "laser on base_link on odom, which has no parent" in text
     assert "--pose-topic /amcl_pose" in text
+    assert "a mapping file" not in text
     assert 1 == len(list(sl.read(office).commits()))
+
+
+def test_a_map_of_another_name_and_poses_that_are_there_are_pointed_at(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    And what is told to be written into a mapping file does help.
+    """
+    room = LaserRoom(seconds=2.0)
+    said = sorted([*room.said(), *room.poses()], key=lambda each: each.at_ns)
+    write_mcap(tmp_path / "x.mcap", said)
+    mapping = tmp_path / "robot.yaml"
+    mapping.write_text("well_known: true\nframes: {map: world}\n")
+
+    assert 1 == _run("import", office, tmp_path / "x.mcap", "--scan", "--mapping", mapping)
+
+    text = capsys.readouterr().err
+    assert "try --pose-topic /amcl_pose." in text
+    assert "say so in a mapping file: well_known: true, frames: {map: map}." in text
+
+
+def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: Path) -> None:
+    """
+    Poses of the robot would not help: nothing tells where the laser is on it.
+    """
+    room = LaserRoom(seconds=2.0)
+    said = sorted([*room.tf(), *room.scans(), *room.poses()], key=lambda each: each.at_ns)
+    write_mcap(tmp_path / "x.mcap", said)
+
+    with pytest.raises(FormatError, match="laser is in no transform") as refused:
+        _import(office, tmp_path / "x.mcap")
+
+    assert "record /tf and /tf_static" in str(refused.value)
+    assert "pose" not in str(refused.value)
+    assert "mapping file" not in str(refused.value)
+
+
+def test_an_import_without_scan_says_what_a_laser_would_bring(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Below the topics that are left out.
+    """
+    said = [Said("/door_states", *Robot().door_state("front", 2), START), *drives_by()]
+    write_mcap(tmp_path / "x.mcap", said)
+
+    assert 0 == _run("import", office, tmp_path / "x.mcap")
+
+    assert "with --scan a laser's scans tell how the doors stood" in capsys.readouterr().err
+
+
+def test_ctrl_c_is_answered(
+    office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """
+    With what became of it: the same command goes on.
+    """
+
+    def stopped(*_args: object, **_others: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("semmap_log.importing.importing.import_file", stopped)
+
+    assert 130 == _run("import", office, "x.bag", "--scan")
+
+    assert "x.bag: interrupted; the same command goes on" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("topic", ["/tf", "/scan"])
+def test_a_topic_of_poses_that_has_none_is_refused_with_those_there_are(
+    topic: str, office: Path, tmp_path: Path
+) -> None:
+    """
+    Before anything is read of it.
+    """
+    options = ImportOptions(scan=ScanOptions((), topic))
+
+    with pytest.raises(FormatError, match=rf"expected a topic {topic} of geometry_msgs/Pose"):
+        _import(office, _mcap(tmp_path), options)
 
 
 def test_a_topic_of_poses_helps_a_bag_without_localisation(office: Path, tmp_path: Path) -> None:
@@ -366,9 +495,9 @@ def test_of_several_lasers_the_one_called_scan_is_read(office: Path, tmp_path: P
     assert ["scans of /scan: 192, 192 on the map"] == list(imported.plan.summary[:1])
 
 
-def test_two_lasers_of_a_robot_see_a_door_each(office: Path, tmp_path: Path) -> None:
+def test_two_lasers_of_a_robot_see_a_door_once(office: Path, tmp_path: Path) -> None:
     """
-    Their sightings name them: `calibrate` takes each by itself.
+    The sighting names the one that saw most of it.
     """
     front = LaserRoom(state=lambda _: SHUT)
     rear = LaserRoom(
@@ -384,12 +513,9 @@ def test_two_lasers_of_a_robot_see_a_door_each(office: Path, tmp_path: Path) -> 
         "import", office, tmp_path / "x.mcap", "--scan", "/scan", "--scan", "/rear/scan"
     )
 
-    seen = {(entry.source, entry.event.state)
-            for entry in sl.read(office).history(kinds=[DoorObserved])}  # fmt: skip
-    assert {
-        ("scan:laser leaf-likelihood", DoorState.CLOSED),
-        ("scan:rear leaf-likelihood", DoorState.CLOSED),
-    } == seen
+    seen = [(entry.source, entry.event.state)
+            for entry in sl.read(office).history(kinds=[DoorObserved])]  # fmt: skip
+    assert [("scan:laser leaf-likelihood", DoorState.CLOSED)] == seen
 
 
 def test_doors_that_are_never_near_are_a_wrong_frame_maybe(tmp_path: Path) -> None:
@@ -420,6 +546,94 @@ def test_doors_of_another_level_are_not_seen(tmp_path: Path) -> None:
 
     assert [] == _events(tmp_path / "office", DoorObserved)
     assert any("scans are of level 1, the doors on level 2" in e for e in imported.plan.warnings)
+
+
+@pytest.fixture
+def two_levels(tmp_path: Path) -> Path:
+    """A log of two levels, the door of the room on the upper one."""
+    x, y, theta, width = DOOR
+    with sl.create(tmp_path / "office", tz="UTC", robot="tug1") as log:
+        log.append([LevelAdded(level=n, name=f"L{n}", happened_ns=LONG_AGO) for n in (1, 2)])
+        log.add_door(x=x, y=y, theta=theta, width=width, name="lab", level=2, at=LONG_AGO)
+    return tmp_path / "office"
+
+
+def test_a_log_of_several_levels_is_told_where_the_robot_drove(
+    two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    What the message says to do can be done: --level.
+    """
+    bag = _mcap(tmp_path)
+
+    assert 1 == _run("import", two_levels, bag, "--scan")
+    assert "the log has several levels: 1 (L1), 2 (L2); say which one: --level L" in (
+        capsys.readouterr().err
+    )
+    assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2", "--dry-run")
+    assert '"level": 2' in capsys.readouterr().out
+    assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2")
+
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+    assert {2} == {pose.level for pose in _events(two_levels, RobotPose)}
+
+
+def test_a_level_that_a_topic_tells_goes_before_that_of_all(
+    two_levels: Path, tmp_path: Path
+) -> None:
+    """
+    In a mapping file there is one for all, too.
+    """
+    mapping = tmp_path / "robot.yaml"
+    mapping.write_text("level: L1\ntopics: {/scan: {read: scan, level: L2}}\n")
+
+    _import(two_levels, _mcap(tmp_path), ImportOptions(mapping=mapping))
+
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+
+
+def test_the_level_of_all_is_that_of_topics_that_tell_none(
+    two_levels: Path, tmp_path: Path
+) -> None:
+    """
+    The command line goes before the mapping file.
+    """
+    mapping = tmp_path / "robot.yaml"
+    mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
+    options = ImportOptions(mapping=mapping)
+
+    below = _import(two_levels, _mcap(tmp_path), options)
+    _import(two_levels, tmp_path / "patrol.mcap", replace(options, level="L2"))
+
+    assert any("scans are of level 1, the doors on level 2" in e for e in below.plan.warnings)
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+
+
+def test_a_report_and_proposals_are_of_the_level_that_is_told(
+    two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    As the import of the same bag.
+    """
+    bag = _mcap(tmp_path)
+
+    assert 0 == _run("scan-report", two_levels, bag, "--level", "L2", "--json")
+    (door,) = json.loads(capsys.readouterr().out)["doors"]
+    assert (1, 1) == (door["open"], door["closed"])
+    assert 0 == _run("import", two_levels, bag, "--scan", "--propose-doors", "--level", "2")
+    assert "192 scans" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("heights", ["0.3", "1.5,0.3", "a,b", "0.3,inf", "1,2,3"])
+def test_heights_that_are_none_are_a_usage_error(
+    heights: str, office: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    With what is expected.
+    """
+    assert 2 == _run("import", office, "x.bag", "--scan", "/points", "--heights", heights)
+
+    assert f"as 0.3,1.5; got '{heights}'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -498,7 +712,7 @@ def test_a_dry_run_shows_what_would_be_written_and_counts(
     assert {"scan:laser leaf-likelihood"} == {line["source"] for line in lines}
     assert "6 events; nothing was written" in err
     assert "scans of /scan: 192, 192 on the map" in err
-    assert "visits: 2 to 1 door, of which 1 OPEN, 1 CLOSED, 0 undecided" in err
+    assert "visits: 2 to 1 door: 1 OPEN, 1 CLOSED, 0 driven through, 0 undecided" in err
     assert before == {each: each.read_bytes() for each in office.iterdir()}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Iterable
 from dataclasses import replace
@@ -24,8 +25,8 @@ from semmap_log.ros_mapping.topic_rules import WELL_KNOWN, ReadScan, RosMapping
 from tests.formats.bags.bags_of_others import Said, write_mcap
 from tests.live.memory_node import MemoryNode
 from tests.live.ros_world import RosWorld
-from tests.live.running import wait_until
-from tests.live.test_record_ros import _talking
+from tests.live.running import Running, wait_until
+from tests.live.test_record_ros import Talker, _talking
 from tests.ros_mapping.laser_room import DOOR, SHUT, LaserRoom, drives_by
 from tests.ros_mapping.robots import START, Robot, S
 from tests.ros_mapping.test_scans_placed import Hearing
@@ -141,7 +142,7 @@ def test_the_visits_of_a_laser_that_falls_silent_end(
     assert any(line.startswith("DoorObserved") for line in seen)
 
 
-def test_only_the_laser_that_is_silent_ends_its_visits() -> None:
+def test_only_the_robot_that_is_silent_ends_its_visits() -> None:
     """
     Half a minute after its last scan, though another one goes on; and once.
     """
@@ -150,19 +151,22 @@ def test_only_the_laser_that_is_silent_ends_its_visits() -> None:
     known.apply(DoorAdded(door_id=DoorId(1), x=x, y=y, theta=theta, width=width))
     now_s = [1000.0]
     watch = ScanWatch(known, "tug1", clock=lambda: now_s[0])
-    front = Hearing(SCANS).hear(LaserRoom(laser_frame="front", seconds=6.0).said())
-    rear = Hearing(SCANS).hear(LaserRoom(laser_frame="rear", seconds=6.0).said())
-    watch.add([*front, *rear])
+    one, two = (
+        [replace(each, scan=replace(each.scan, robot=robot))
+         for each in Hearing(SCANS).hear(LaserRoom(seconds=6.0).said())]
+        for robot in ("one", "two")
+    )  # fmt: skip
+    watch.add([*one, *two])
     assert [] == list(watch.take())
 
     now_s[0] += 29.9
-    watch.add(rear[-1:])
+    watch.add(two[-1:])
     assert [] == list(watch.take())
     now_s[0] += 0.1
 
-    assert ["front"] == [commit.visit.laser for commit in watch.take()]
+    assert ["one"] == [commit.visit.robot for commit in watch.take()]
     assert [] == list(watch.take())
-    assert ["rear"] == [commit.visit.laser for commit in watch.close()]
+    assert ["two"] == [commit.visit.robot for commit in watch.close()]
 
 
 def test_a_door_that_comes_while_it_records_is_seen_from_then_on(tmp_path: Path) -> None:
@@ -242,26 +246,9 @@ def test_a_laser_on_a_real_ros_sees_a_door(ros: RosWorld, tmp_path: Path) -> Non
     /scan, /tf and a latched /tf_static, as a robot publishes them, now; Ctrl-C ends a visit.
     """
     office = _office(tmp_path / "office")
-    version: Any = 1 if ros.version == 1 else 2
-    room = LaserRoom(version=version, beams=180, scan_hz=5.0, tf_hz=10.0)
-    recorder_args = ("record", office, ros.option, "--scan")
 
-    with _talking(ros) as talker, ros.semmap(*recorder_args) as recorder:
-        room.begins_s = (time.time_ns() - START) / S
-        (fixed, *_) = room.statics()
-        talker.say("/tf_static", (fixed.ros_type, fixed.data), latched=True)
-        (first, *_) = room.tf()
-        talker.say("/tf", (first.ros_type, first.data))
-        talker.say("/scan", _of(room, 0.0))
-        for topic in ("/scan", "/tf", "/tf_static"):
-            recorder.wait_for(f"{topic}: recording")
-        talker.wait()
-        room.begins_s = (time.time_ns() - START) / S
-        for each in room.said():
-            if each.topic != "/tf_static":
-                time.sleep(max(0.0, (each.at_ns - time.time_ns()) / S))
-                talker.say(each.topic, (each.ros_type, each.data))
-        talker.wait()
+    with _talking(ros) as talker, ros.semmap("record", office, ros.option, "--scan") as recorder:
+        _drive_by(ros, talker, recorder)
         time.sleep(1.0)
         assert 0 == recorder.stop()
 
@@ -273,6 +260,57 @@ def test_a_laser_on_a_real_ros_sees_a_door(ros: RosWorld, tmp_path: Path) -> Non
     assert (1, DoorState.OPEN) == (seen.door_id, seen.state)
     (entry,) = sl.read(office).history(kinds=[DoorObserved])
     assert ("tug1", "scan:laser leaf-likelihood") == (entry.actor, entry.source)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL], ids=["SIGTERM", "SIGKILL"])
+def test_a_recorder_that_is_ended_amid_a_visit_leaves_a_whole_log(
+    ros: RosWorld, tmp_path: Path, number: int
+) -> None:
+    """
+    SIGTERM ends the visit, and it is written with its scans; SIGKILL loses it whole. Every verb
+    answers, and the next recorder begins.
+    """
+    office = _office(tmp_path / "office")
+    words = ("record", office, ros.option, "--scan", "--keep-scans")
+
+    with _talking(ros) as talker, ros.semmap(*words) as recorder:
+        _drive_by(ros, talker, recorder, seconds=6.0)
+        time.sleep(1.0)
+        code = recorder.stop(number)
+
+    is_told = number == signal.SIGTERM
+    assert code == (0 if is_told else -signal.SIGKILL)
+    kinds = [line.partition("(")[0] for line in _events(office)]
+    assert kinds == (["RobotPose", "RobotPose", "DoorObserved"] if is_told else [])
+    with ros.semmap(*words) as again:
+        again.wait_for("/scan: recording")
+        assert 0 == again.stop()
+    for verb in ("verify", "info", "replay", "history", "timeline", "probabilities"):
+        answered = ros.semmap(verb, office, *(["lab"] if verb == "timeline" else []))
+        assert 0 == answered.wait(), answered
+    report = ros.semmap("scan-report", office)
+    assert report.wait() == (0 if is_told else 1), report
+
+
+def _drive_by(ros: RosWorld, talker: Talker, recorder: Running, *, seconds: float = 12.0) -> None:
+    """Have a robot publish /scan, /tf and a latched /tf_static, now, as it drives by the door."""
+    version: Any = 1 if ros.version == 1 else 2
+    room = LaserRoom(version=version, beams=180, scan_hz=5.0, tf_hz=10.0, seconds=seconds)
+    room.begins_s = (time.time_ns() - START) / S
+    (fixed, *_) = room.statics()
+    talker.say("/tf_static", (fixed.ros_type, fixed.data), latched=True)
+    (first, *_) = room.tf()
+    talker.say("/tf", (first.ros_type, first.data))
+    talker.say("/scan", _of(room, 0.0))
+    for topic in ("/scan", "/tf", "/tf_static"):
+        recorder.wait_for(f"{topic}: recording")
+    talker.wait()
+    room.begins_s = (time.time_ns() - START) / S
+    for each in room.said():
+        if each.topic != "/tf_static":
+            time.sleep(max(0.0, (each.at_ns - time.time_ns()) / S))
+            talker.say(each.topic, (each.ros_type, each.data))
+    talker.wait()
 
 
 def _of(room: LaserRoom, t: float) -> tuple[str, bytes]:

@@ -204,3 +204,17 @@ def test_a_laser_has_its_keys(tmp_path: Path) -> None:
     assert isinstance(mapping.rule("/b/amcl_pose", POSE_STAMPED), TopicRule)
     assert isinstance(mapping.rule("/tf_static", TRANSFORMS), TopicRule)
     assert mapping.rule("/scan", LASER_SCAN) is None
+
+
+@pytest.mark.parametrize("topics", [["/velo"], ["/velo", "/scan"], [""]])
+def test_what_is_told_of_lasers_on_the_command_line_holds_for_all(topics: list[str]) -> None:
+    """
+    What is not told stays as it is.
+    """
+    told = RosMapping().asked_for(topics, heights=(0.2, 0.9))
+    again = told.asked_for(topics, "/amcl_pose")
+
+    assert {(0.2, 0.9)} == {rule.heights for rule in told.scan_rules()}
+    assert {((0.2, 0.9), "/amcl_pose")} == {
+        (rule.heights, rule.pose_topic) for rule in again.with_scans([]).scan_rules()
+    } or topics == [""]

@@ -261,5 +261,5 @@ def test_a_floor_plan_of_a_level_that_cannot_be_is_told_at_once(level: str) -> N
     """
     Not at each message.
     """
-    with pytest.raises(CommandError, match=r"/map: no level .* A mapping file says it: level"):
+    with pytest.raises(CommandError, match=r"/map: no level .* a mapping file says it: level"):
         Listener({"/map": ReadFloorMap(level)})

@@ -164,7 +164,7 @@ def test_figures_are_those_of_each_door() -> None:
         some_visit(2, 3, accuracy=1.0, opening=1.0, passed=True),
     ])  # fmt: skip
 
-    assert (first.door_id, first.visits, first.open, first.closed) == (2, 3, 1, 1)
+    assert (first.door_id, first.visits, first.open, first.closed) == (2, 3, 0, 1)
     assert (first.undecided, first.passed, first.decided, first.why) == (1, 1, 2, "ajar")
     assert (first.accuracy.value, first.opening.value) == (0.8, pytest.approx(0.25))
     assert (first.behind_m.value, first.left_m.value) == (0.1, -0.1)

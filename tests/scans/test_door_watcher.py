@@ -378,18 +378,15 @@ def test_a_door_on_another_level_is_not_met() -> None:
     assert [] == seen([replaced(scan, level=1) for scan in SCANS_PAST_A_SHUT_DOOR], places())
 
 
-def test_robots_and_lasers_have_visits_of_their_own() -> None:
-    front, open_door = SCANS_PAST_A_SHUT_DOOR, SCANS_PAST_AN_OPEN_DOOR
-    rear = [replaced(scan, laser="rear") for scan in open_door]
+def test_robots_have_visits_of_their_own() -> None:
+    shut, open_door = SCANS_PAST_A_SHUT_DOOR, SCANS_PAST_AN_OPEN_DOOR
     other = [replaced(scan, robot="two") for scan in open_door]
-    mixed = [scan for three in zip(front, rear, other, strict=True) for scan in three]
+    mixed = [scan for both in zip(shut, other, strict=True) for scan in both]
 
     visits = seen(mixed, places())
 
-    assert {("", "front"): "CLOSED", ("", "rear"): "OPEN", ("two", "front"): "OPEN"} == {
-        (v.robot, v.laser): v.state.name for v in visits
-    }
-    assert the_visit(front, places()) in visits
+    assert {"": "CLOSED", "two": "OPEN"} == {v.robot: v.state.name for v in visits}
+    assert the_visit(shut, places()) in visits
 
 
 def test_a_visit_ends_when_the_door_was_out_of_sight() -> None:

@@ -146,3 +146,14 @@ def test_a_robot_with_two_lasers_has_passed_once(at_once: int) -> None:
     robots = [visit.robot for visit in found]
     assert (2, 2) == (robots.count(""), robots.count("other"))
     assert ["", "rear"] == [visit.laser for visit in found if not visit.robot]
+
+
+def test_a_robot_that_comes_straight_back_has_passed_twice() -> None:
+    """
+    Though it was behind the door for a second only.
+    """
+    there_and_back = [*straight(0.0, 1.5), *straight(1.5, 0.0)]
+
+    one, other = passages(drive(*there_and_back, every_s=0.1))
+
+    assert 0 < other.first_ns - one.last_ns < 2 * 10**9

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import nan, pi
+from dataclasses import replace
+from math import nan, pi, radians
 
 import numpy as np
 import pytest
@@ -53,9 +54,37 @@ def test_an_open_door_is_proposed_where_it_is() -> None:
 
     assert _is_at_the_door(found)
     assert found.width == pytest.approx(LINE[3], abs=0.16)
-    assert found.kind == "opening"
+    assert found.kind == ""
     assert found.seen_open >= 1
     assert (found.passed, found.seen_closed) == (0, 0)
+
+
+def test_errors_of_poses_do_not_make_a_door_narrower() -> None:
+    """
+    They blur the walls beside it, which then stand into it.
+    """
+    rng = np.random.default_rng(3)
+    off = [
+        replace(
+            scan,
+            origins=scan.origins + rng.normal(0, 0.05, 2),
+            bearings=scan.bearings + rng.normal(0, radians(1)),
+        )
+        for scan in _seen(tuple((x, 0.0, 0.0) for x in np.tile(np.arange(-3.0, 4.0, 0.15), 3)))
+    ]
+
+    (found,) = proposals_of(off, NO_DOORS)
+
+    assert found.width == pytest.approx(LINE[3] + 0.02, abs=0.04)
+
+
+def test_a_gap_too_narrow_for_a_door_is_none() -> None:
+    """
+    From jamb to jamb.
+    """
+    gap = ((0.55, 1.0, 0.9, 1.0),)
+
+    assert proposals_of(_seen(ALONG, *gap), NO_DOORS) == []
 
 
 def test_driving_through_speaks_for_a_door() -> None:
@@ -74,6 +103,18 @@ def test_a_shut_door_is_wall() -> None:
     Nothing tells its leaf from the wall, so nothing is proposed.
     """
     assert proposals_of(_seen(ALONG, leaf(0)), NO_DOORS) == []
+
+
+def test_a_gap_that_no_beam_went_through_is_none() -> None:
+    """
+    The floor plan has a gap of a door's width where the laser saw wall, far from all doors.
+    """
+    steps = np.arange(-5, 6, 0.05)
+    wall = np.stack([steps, np.full_like(steps, -1.0)], axis=1)
+    gap = (steps > 0) & (steps < 0.9)
+
+    assert len(gaps_in(wall[~gap])) >= 1
+    assert proposals_of(_seen(ALONG), NO_DOORS, wall[~gap]) == []
 
 
 def test_a_door_of_the_log_is_not_proposed_again() -> None:
@@ -180,6 +221,23 @@ def test_a_robot_that_stands_is_not_kept_again_and_again() -> None:
 
     assert (standing.taken, len(standing.scans)) == (9, 3)
     assert len(moving.scans) == len(ALONG)
+
+
+def test_a_long_day_keeps_no_more_than_it_shows() -> None:
+    """
+    Of the same drive, again and again, ever fewer are kept: whole drives, late ones, too.
+    """
+    kept = KeptScans()
+    drive = _seen((*ALONG, *INTO))
+    for lap in range(400):
+        kept.take(replace(scan, stamp_ns=scan.stamp_ns + lap * 60 * 10**9) for scan in drive)
+
+    laps = {(scan.stamp_ns - drive[0].stamp_ns) // (60 * 10**9) for scan in kept.scans}
+
+    assert kept.taken == 400 * len(drive)
+    assert len(kept.scans) < kept.taken / 2
+    assert set(range(10)) < laps
+    assert max(laps) > 300
 
 
 def test_scans_over_half_the_world_are_refused() -> None:

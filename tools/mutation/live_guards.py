@@ -38,7 +38,7 @@ RECORDING = (
     guard("a late topic that cannot be read", "RosRecorder._look",
           "CommandError", "RosError", "test_ros_recorder"),
     guard("lines are no topics", "record.run",
-          "mapping or dry_run or of_lasers or clicked_points or context.obj", "False",
+          "mapping or level or dry_run or of_lasers or clicked_points or context.obj", "False",
           "test_record_topics"),
 )  # fmt: skip
 

@@ -116,6 +116,12 @@ def placed_scans(
         )  # fmt: skip
 
 
+def seen_through(patrol: Patrol, scans: Sequence[SimScan]) -> set[DoorId]:
+    """Return the doors through which at least `IN_VIEW` beams truly went."""
+    through = _counts(list(_truly_placed(patrol, scans)), door_places(patrol)).through.sum(0)
+    return {door for door, beams in zip(patrol.lives, through, strict=True) if beams >= IN_VIEW}
+
+
 def group_of(life: DoorLife, at_s: float) -> str:
     """Return how a door stood: closed, ajar, open, or half open."""
     amounts = life.amounts(at_s)

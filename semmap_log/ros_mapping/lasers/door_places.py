@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from semmap_log.domain.doors import Door
+from semmap_log.domain.doors import Door, DoorState
 from semmap_log.domain.events import DoorAnnotated, Event
 from semmap_log.domain.meaning import PLACING, Presence
 from semmap_log.ros_mapping.known import Known
@@ -56,3 +56,8 @@ class DoorsNow:
     def at(self, _when_ns: int) -> DoorPlaces:
         """Return the places."""
         return self._places
+
+    def state(self, door_id: int, _since_ns: int, _when_ns: int) -> DoorState | None:
+        """Return how a door is, whoever said so; None: it is not there."""
+        door = self._known.doors.get(door_id)
+        return None if door is None else door.state

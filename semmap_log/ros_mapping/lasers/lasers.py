@@ -66,6 +66,9 @@ class Lasers:
     """By topic."""
     why_not: dict[str, str] = field(default_factory=dict)
     """Topic -> why the last of its scans without a place had none."""
+    tops: dict[str, str] = field(default_factory=dict)
+    """Topic -> where the frames above the laser end, where that is not the map; the laser's own
+    frame: in no transform."""
     _trees: dict[str, TransformTree] = field(default_factory=dict)
     _spreads: dict[str, Spreads] = field(default_factory=dict)
     _links: dict[str, MapLink] = field(default_factory=dict)
@@ -210,6 +213,7 @@ class _Laser:
         tree, top = self.all.tree_of(self.robot), self.all.mapping.map_frame
         chain = tree.chain(top, scan.frame)
         if chain is None:
+            self.all.tops[self.topic] = tree.root(scan.frame)
             return _Waits(tree.no_way(top, scan.frame))
         last_ns = scan.stamp_ns
         first_ns = last_ns

@@ -15,7 +15,7 @@ from semmap_log.ros_mapping.lasers.scan_words import counts_of, door_oddities_of
 from semmap_log.ros_mapping.lasers.visit_events import LaserSightings, VisitCommit
 
 QUIET_S = 30.0
-"""Of the clock on the wall: the visits of a laser end that is silent for so long."""
+"""Of the clock on the wall: the visits of a robot end whose lasers are silent for so long."""
 
 
 class ScanWatch:
@@ -33,28 +33,28 @@ class ScanWatch:
         self._sightings = LaserSightings(self._doors, robot, keeper=keeper)
         self._waiting: list[RobotScan] = []
         self._clock = clock
-        self._heard_s: dict[tuple[str, str], float] = {}
-        """Robot and laser whose visits may be going on -> when its last scan came."""
+        self._heard_s: dict[str, float] = {}
+        """Robot whose visits may be going on -> when its last scan came."""
 
     def add(self, scans: Sequence[RobotScan]) -> None:
         """Have scans wait for `take`."""
         self._waiting += scans
         for each in scans:
-            self._heard_s[each.scan.robot, each.scan.laser] = self._clock()
+            self._heard_s[each.scan.robot] = self._clock()
 
     def take(self) -> Iterator[VisitCommit]:
         """Look through the scans that wait; yield the visits that ended.
 
-        Those of a laser that is silent end, too: a sighting does not wait for the next scan, which
+        Those of a robot that is silent end, too: a sighting does not wait for the next scan, which
         may come in an hour, or never.
         """
         if self._waiting:
             scans, self._waiting = self._waiting, []
             yield from self._sightings.take(scans)
         since_s = self._clock() - QUIET_S
-        for each in [each for each, heard_s in self._heard_s.items() if heard_s <= since_s]:
-            del self._heard_s[each]
-            yield from self._sightings.end(*each)
+        for robot in [robot for robot, heard_s in self._heard_s.items() if heard_s <= since_s]:
+            del self._heard_s[robot]
+            yield from self._sightings.end(robot)
 
     def close(self) -> Iterator[VisitCommit]:
         """The same, and all visits end."""
@@ -73,7 +73,8 @@ class ScanWatch:
     @property
     def visits(self) -> int:
         """How many visits there were."""
-        return self._sightings.tally.visits.total() + self._sightings.tally.passages
+        tally = self._sightings.tally
+        return tally.visits.total() + tally.passages + tally.again
 
     def lines(self, lasers: Lasers) -> Iterator[str]:
         """Yield what there was of scans and visits, and what is odd about it."""

@@ -27,6 +27,8 @@ class VisitTally:
     """Counts visits, door by door."""
 
     doors: dict[DoorId, DoorFigures] = field(default_factory=dict)
+    again: int = 0
+    """Visits that only said again what was told from the same stand: of them no more is counted."""
     nearest: tuple[float, int] = (math.inf, 0)
     """How near the robot came to the middle of a door, m, and to which."""
     glass: set[DoorId] = field(default_factory=set)
@@ -64,10 +66,10 @@ class VisitTally:
 
     @property
     def visits(self) -> Counter[DoorState]:
-        """How many visits ended in which state; passages are counted apart."""
+        """How many visits say which state; passages are counted apart."""
         found: Counter[DoorState] = Counter()
         for door in self.doors.values():
-            found[DoorState.OPEN] += door.open - door.passed
+            found[DoorState.OPEN] += door.open
             found[DoorState.CLOSED] += door.closed
             found[DoorState.UNKNOWN] += door.undecided
         return found
@@ -85,14 +87,23 @@ class VisitTally:
     def summary(self) -> Iterator[str]:
         """Yield in words what there was."""
         seen = self.visits
-        undecided = seen[DoorState.UNKNOWN]
+        visits = seen.total() + self.passages
+        if not visits:
+            yield "visits: none"
+            return
         yield (
-            f"visits: {seen.total():,} to {counted(len(self.doors), 'door')}, of which "
+            f"visits: {visits:,} to {counted(len(self.doors), 'door')}: "
             f"{seen[DoorState.OPEN]:,} OPEN, {seen[DoorState.CLOSED]:,} CLOSED, "
-            f"{undecided:,} undecided (not written); driven through: {self.passages:,}"
+            f"{self.passages:,} driven through, {seen[DoorState.UNKNOWN]:,} undecided"
         )
+        if self.again:
+            yield (
+                f"seen again from the same stand: {counted(self.again, 'visit')} in which a door "
+                "was as told before (not written: who stands still proves nothing more)"
+            )
         if reasons := self.undecided:
-            yield "undecided: " + ", ".join(f"{why} {n:,}" for why, n in reasons.most_common())
+            told = ", ".join(f"{why} {n:,}" for why, n in reasons.most_common())
+            yield f"undecided, so nothing is written of them: {told}"
 
     def warnings(self, name_of: Callable[[int], str]) -> Iterator[str]:
         """Yield what is odd; a door is called by `name_of` its id."""
@@ -107,7 +118,7 @@ class VisitTally:
             return "the log had no door with a place at the time of the scans"
         if not self.levels[level]:
             there = ", ".join(map(str, sorted(self.levels)))
-            return f"the scans are of level {level}, the doors on level {there}: say which (level)"
+            return f"the scans are of level {level}, the doors on level {there}: say which, --level"
         if metres > REACH_M:
             return (
                 f"no door was ever within {REACH_M:g} m (nearest: door {door_id}, {metres:.1f} m): "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, hypot, sin
+from math import cos, hypot, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import DoorState
 from semmap_log.scans.door_watcher import DoorWatcher
 from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.scans.proposing.hinges import hinge_of
+from semmap_log.scans.proposing.jambs import at_jambs
 from semmap_log.scans.proposing.swept_cells import SweptCells
-from semmap_log.scans.proposing.wall_gaps import MOST_M, Gaps, gaps_in
+from semmap_log.scans.proposing.wall_directions import along_their_walls
+from semmap_log.scans.proposing.wall_gaps import Gaps, gaps_in
 from semmap_log.scans.visit import Visit
 
 Floats = NDArray[np.float64]
@@ -23,11 +26,11 @@ FREE = 0.6
 """So large a share of a gap's line has to be free."""
 OPENS_AT_M = (0.35, 0.5, 0.65)
 """So far before and behind the line it is looked at whether the space is wider than the gap ..."""
-OPENS_BY_M = 0.3
+OPENS_BY_M = 0.22
 """... so far beside its ends."""
 LEAST_SCORE = 0.5
-USUAL_M = 1.1
-"""Wider doors are rarer."""
+LEAST_M, USUAL_M, MOST_M = 0.65, 1.4, 2.6
+"""From jamb to jamb: a narrower gap is no door, wider ones than usual are rarer."""
 KNOWN_M = 0.7
 """A gap whose middle is so near to that of a door of the map is that door."""
 
@@ -41,9 +44,10 @@ class Proposal:
     y: float
     theta: float
     width: float
-    """x, y of the line's start and width m, theta rad: as of a door; frame `map`."""
+    """x, y of the line's start and width m, theta rad: as of a door; frame `map`. It starts at the
+    hinge, where that was seen."""
     kind: str
-    """`opening`: a gap that beams go through; `leaf`: a leaf was seen standing ajar in it."""
+    """As the annotation: `hinged`, a leaf was seen at the line's start; empty: nobody knows."""
     score: float
     """0..1: how much speaks for a door; no probability."""
     walls: float
@@ -94,9 +98,13 @@ def proposals_of(
     swept = SweptCells.of(scans)
     gaps = gaps_in(swept.centres(swept.walls) if walls is None else walls)
     gaps = gaps.of(~_are_known(gaps, doors, level))
+    if walls is not None:
+        gaps = along_their_walls(gaps, walls)
     free = _free_share(swept, gaps)
     seen_through = free >= FREE
-    gaps, free = gaps.of(seen_through), free[seen_through]
+    gaps, free = at_jambs(gaps.of(seen_through), swept), free[seen_through]
+    is_wide = gaps.lines[:, 3] >= LEAST_M
+    gaps, free = gaps.of(is_wide), free[is_wide]
     opens = _opens(swept, gaps)
     visits = _visits(scans, gaps, level)
     found = [
@@ -170,7 +178,8 @@ def _proposal(
     gaps: Gaps, row: int, level: int, shares: tuple[float, float], visits: Sequence[Visit]
 ) -> Proposal:
     looked = [visit for visit in visits if not visit.passed]
-    x, y, theta, width = gaps.lines[row].tolist()
+    hinge = hinge_of(gaps.lines[row], looked)
+    x, y, theta, width = _from_hinge(gaps.lines[row], hinge).tolist()
     free, opens = shares
     walls, along = float(gaps.walls[row].mean()), float(gaps.along[row])
     passed = len(visits) - len(looked)
@@ -178,13 +187,21 @@ def _proposal(
     ajar = sum(v.ajar > 0.5 and v.through + v.stopped > 0.7 for v in looked)
     return Proposal(
         level=level, x=x, y=y, theta=theta, width=width,
-        kind="leaf" if ajar else "opening",
+        kind="hinged" if hinge else "",
         score=_score(along, opens, width, passed=passed, seen_open=seen_open),
         walls=walls, along=along, free=free, opens=opens,
         scans=sum(v.scans for v in looked), visits=len(looked), seen_open=seen_open,
         seen_closed=sum(v.state is DoorState.CLOSED for v in looked),
         seen_ajar=ajar, passed=passed,
     )  # fmt: skip
+
+
+def _from_hinge(line: Floats, hinge: str) -> Floats:
+    """Return a line that starts at its hinge."""
+    if hinge != "end":
+        return line
+    x, y, theta, width = line.tolist()
+    return np.array([x + width * cos(theta), y + width * sin(theta), theta + pi, width])
 
 
 def _score(along: float, opens: float, width: float, *, passed: int, seen_open: int) -> float:

@@ -90,6 +90,18 @@ class SweptCells:
         rows, columns = np.nonzero(cells)
         return np.stack([self.x + (columns + 0.5) * CELL_M, self.y + (rows + 0.5) * CELL_M], axis=1)
 
+    def around(self, middle: tuple[float, float], reach: float) -> tuple[Counts, Floats, Floats]:
+        """Return how many beams ended in each cell of a square, and the cells' x and y, m."""
+        first, past = (
+            [int((at + sign * reach - low) // CELL_M) + (sign > 0) for at, low in
+             zip(middle, (self.x, self.y), strict=True)]
+            for sign in (-1, 1)
+        )  # fmt: skip
+        rows = np.arange(max(first[1], 0), min(max(past[1], 0), self.ended.shape[0]))
+        columns = np.arange(max(first[0], 0), min(max(past[0], 0), self.ended.shape[1]))
+        x, y = np.meshgrid(self.x + (columns + 0.5) * CELL_M, self.y + (rows + 0.5) * CELL_M)
+        return self.ended[np.ix_(rows, columns)], x, y
+
     def at(self, cells: NDArray[np.bool_], x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Return a property of the cells at places; outside of the map it is False."""
         columns = np.floor((x - self.x) / CELL_M).astype(int)

@@ -16,8 +16,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 CELL_M = 0.05
-LEAST_M, MOST_M = 0.6, 2.4
-"""A door's width."""
+LEAST_M, MOST_M = 0.5, 2.4
+"""A door's width, as wide as it is between cells that are wall: blurred, they stand into it."""
 ROW_CELLS = 2
 """A wall is as thick as so many cells more on both sides of its row: it is not straight."""
 HOLE_CELLS = 2

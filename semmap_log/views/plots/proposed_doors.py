@@ -17,9 +17,13 @@ from semmap_log.views.plots.matplotlib_sdk import new_figure, save_figure
 
 Floats = NDArray[np.float64]
 
-LONG_IN, LEAST_IN, MOST_IN = 14.0, 4.0, 14.0
+LONG_IN, LEAST_IN, MOST_IN = 11.0, 4.0, 11.0
 MOST_POINTS = 60_000
 """Of where beams ended."""
+BESIDE_M = 1.0
+"""Shown around the building; what few stray beams met beyond it is not."""
+STRAY = 0.5
+"""Per cent of where beams ended, on each side."""
 LABEL_M = 0.5
 """From a door's middle to its number."""
 
@@ -44,7 +48,15 @@ def plot_proposed(
         OutputError: The file cannot be written; what was there stays.
     """
     levels = sorted(ends)
-    span = np.ptp(np.concatenate(list(ends.values())), axis=0)
+    shown = {
+        level: extent_of(
+            ends[level],
+            walls.get(level),
+            [each.middle for each in proposals if each.level == level],
+        )
+        for level in levels
+    }
+    span = np.max([np.ptp(corners, axis=0) for corners in shown.values()], axis=0)
     tall = float(np.clip(LONG_IN * span[1] / max(span[0], 1e-6), LEAST_IN, MOST_IN))
     figure = new_figure(LONG_IN, tall * len(levels) + 0.8, layout="constrained")
     panels = np.atleast_1d(figure.subplots(len(levels), 1))
@@ -59,11 +71,26 @@ def plot_proposed(
                     panel, (each.x, each.y, each.theta, each.width), PLOT_PROPOSED, str(number)
                 )
         panel.set_aspect("equal")
+        panel.set(xlim=shown[level][:, 0], ylim=shown[level][:, 1])
         panel.set_xlabel("x, metres" if len(levels) == 1 else f"x, metres (level {level})")
         panel.set_ylabel("y, metres")
         _draw_legend(panel)
     figure.suptitle(title)
     save_figure(figure, path)
+
+
+def extent_of(ends: Floats, walls: Floats | None, doors: Sequence[tuple[float, float]]) -> Floats:
+    """Return two corners of what is shown of a level: (2, 2) m, the lower left one first.
+
+    Args:
+        ends: (n, 2) m, where beams ended; what few of them met far away is not shown.
+        walls: (n, 2) m, of its floor plan; None: it has none.
+        doors: Middles, m, of those that are proposed: all of them are shown.
+    """
+    inner = np.percentile(ends, [STRAY, 100 - STRAY], axis=0)
+    middles = np.array(doors).reshape(-1, 2)
+    corners = np.concatenate([inner, middles, inner[:0] if walls is None else walls])
+    return np.stack([corners.min(axis=0) - BESIDE_M, corners.max(axis=0) + BESIDE_M])
 
 
 def _draw_points(panel: Any, ends: Floats, walls: Floats | None) -> None:

@@ -40,8 +40,12 @@ from semmap_log.views.sightings.visit_words import grounds, verdict, when
 
 PANEL_IN, WORDS_IN, GAP_IN = 2.3, 0.62, 0.12
 """Side of a picture; height of the words above it; room between pictures."""
-HEAD_IN, FOOT_IN, EDGE_IN = 0.55, 0.75, 0.3
-"""Of a door's name and figures; of the key; around all."""
+HEAD_IN, EDGE_IN = 0.55, 0.3
+"""Of a door's name and figures; around all."""
+KEY_COLUMN_IN, KEY_ROW_IN, NOTE_IN = 2.45, 0.19, 0.4
+"""Of the key: a sign with its words; below it a note."""
+SIGNS = 8
+"""How many the key has."""
 COLUMNS = 6
 MOST_OF_ONE, MOST_OF_EACH = 24, 6
 """Visits that are drawn of a door that is alone, and of each of several."""
@@ -101,7 +105,8 @@ def draw_sightings(
     columns = min(COLUMNS, max(2, *(len(door.visits) for door in shown), 0))
     rows = [math.ceil(len(door.visits) / columns) for door in shown]
     width = columns * (PANEL_IN + GAP_IN) - GAP_IN + 2 * EDGE_IN
-    height = sum(HEAD_IN + n * _ROW_IN for n in rows) + FOOT_IN + EDGE_IN
+    foot = NOTE_IN + math.ceil(SIGNS / _key_columns(width)) * KEY_ROW_IN
+    height = sum(HEAD_IN + n * _ROW_IN for n in rows) + foot + EDGE_IN
     sheet = _Sheet(new_figure(width, height), width, height)
     top = height - EDGE_IN
     for door, n in zip(shown, rows, strict=True):
@@ -116,6 +121,11 @@ def draw_sightings(
 
 
 _ROW_IN = PANEL_IN + WORDS_IN
+
+
+def _key_columns(width: float) -> int:
+    """Return how many columns of signs there is room for, in a figure of a width."""
+    return max(1, int((width - 2 * EDGE_IN) / KEY_COLUMN_IN))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,9 +153,9 @@ class _Sheet:
         """Write what the colours mean."""
         more = f"; {counted(doors_left_out, 'door')} more not drawn" if doors_left_out else ""
         self.figure.legend(
-            handles=list(_key(palette)), loc="lower left", ncols=4, fontsize=8, frameon=False,
-            bbox_to_anchor=(EDGE_IN / self.width, 0.2 / self.height), borderaxespad=0,
-            handlelength=1.6, columnspacing=1.4,
+            handles=list(_key(palette)), loc="lower left", ncols=_key_columns(self.width),
+            fontsize=8, frameon=False, bbox_to_anchor=(EDGE_IN / self.width, 0.28 / self.height),
+            borderaxespad=0, borderpad=0, handlelength=1.6, columnspacing=1.2, labelspacing=0.4,
         )  # fmt: skip
         self.figure.text(
             EDGE_IN / self.width, 0.08 / self.height,
@@ -225,7 +235,7 @@ def look_of(fate: Fate, palette: Palette) -> tuple[Any, float]:
 def _key(palette: Palette) -> Iterator[Any]:
     said = {
         Fate.through: "beam went through the line", Fate.stopped: "ended on it",
-        Fate.short: "ended before it", Fate.lost: "did not come back (drawn on the line)",
+        Fate.short: "ended before it", Fate.lost: "did not come back (on the line)",
         Fate.aside: "not toward the door",
     }  # fmt: skip
     for fate, label in said.items():
@@ -237,7 +247,7 @@ def _key(palette: Palette) -> Iterator[Any]:
                  label="laser, its last place as a dot")  # fmt: skip
     yield Line2D([], [], color="black", linewidth=1, marker="|", label="the door's line")
     yield Line2D([], [], color=PLOT_LEAF, linewidth=4, solid_capstyle="round",
-                 label="the leaf, most likely, in the colour of what is said")  # fmt: skip
+                 label="where its leaf most likely stands")  # fmt: skip
 
 
 def _part(colour: Rgb) -> tuple[float, float, float]:
@@ -253,9 +263,8 @@ def _name(door: DoorPictures, letters: HasShape) -> str:
 def _figures(door: DoorPictures) -> str:
     figures = door.figures
     states = f"{figures.open} OPEN, {figures.closed} CLOSED, {figures.undecided} undecided"
-    said = [f"{counted(figures.visits, 'visit')}: {states}"]
-    if figures.passed:
-        said.append(f"driven through in {figures.passed}")
+    through = f", {figures.passed} driven through" if figures.passed else ""
+    said = [f"{counted(figures.visits, 'visit')}: {states}{through}"]
     if math.isfinite(behind := figures.behind_m.value):
         where = "behind" if behind >= 0 else "before"
         said.append(f"beams near its line end {abs(behind):.2f} m {where} it")

@@ -62,6 +62,20 @@ def test_a_picture_shows_line_leaf_beams_and_the_way(palette: Palette) -> None:
     assert any(line.get_color() == through and len(line.get_xydata()) for line in wide.lines)
 
 
+@pytest.mark.parametrize("visits", [1, 2, 3, 4, 6])
+def test_the_key_has_room_in_pictures_of_any_width(visits: int) -> None:
+    """
+    Whole, below the pictures of visits and above the note.
+    """
+    figure = draw_sightings([_pictures(visits=visits)], tz="UTC")
+
+    figure.draw_without_rendering()
+    key, note = figure.legends[0].get_window_extent(), figure.texts[-1].get_window_extent()
+    assert 0 <= key.x0 < key.x1 <= figure.bbox.x1
+    assert 0 <= note.y0 < note.y1 <= key.y0
+    assert key.y1 < min(panel.get_window_extent().y0 for panel in figure.axes)
+
+
 def test_words_tell_the_door_its_figures_and_each_visit() -> None:
     """
     And a key tells what the colours mean.
@@ -164,4 +178,4 @@ def test_a_door_that_was_only_driven_through_has_its_head_alone() -> None:
     )
 
     assert figure.axes == []
-    assert any("driven through in 1" in said for said in _words(figure))
+    assert any("1 driven through" in said for said in _words(figure))
