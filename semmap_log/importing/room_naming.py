@@ -1,7 +1,7 @@
 """Names of rooms, from a building's file to the doors that lead into them.
 
 A building names points, not rooms. Where one such point lies in a room, and no other, the room is
-called so; each of its doors is told, by an annotation for its side. So the name stays with the
+called so; each of its doors is told, by the annotation `rooms`. So the name stays with the
 doors wherever the floor plan comes from later.
 """
 
@@ -17,7 +17,7 @@ from semmap_log.formats.files.door_table import DoorTable, TableDoor, TablePlace
 from semmap_log.rooms.door_sides import sides_of
 from semmap_log.rooms.level_rooms import LevelRooms, level_rooms
 from semmap_log.rooms.room_graph import OUTSIDE, RoomId
-from semmap_log.rooms.room_names import LEFT_ROOM, RIGHT_ROOM
+from semmap_log.rooms.room_names import ROOMS
 
 Number = int
 """Of a door in the table."""
@@ -38,12 +38,10 @@ def with_room_names(table: DoorTable) -> DoorTable:
         named = _named(rooms, [place for place in table.places if place.level == floor.level])
         sides = sides_of(rooms, doors) if doors else []
         for number, (left, right) in zip(numbers, sides, strict=True):
-            told[number] = {
-                key: named[side].name
-                for key, side in ((LEFT_ROOM, left), (RIGHT_ROOM, right))
-                if side in named
-            }
-            used |= {named[side] for side in (left, right) if side in named}
+            names = [named[side].name if side in named else "" for side in (left, right)]
+            if any(names) and left != right:
+                told[number] = {ROOMS: ",".join(names)}
+                used |= {named[side] for side in (left, right) if side in named}
     doors_told = tuple(
         replace(door, annotations={**door.annotations, **told.get(number, {})})
         for number, door in enumerate(table.doors)
@@ -61,7 +59,7 @@ def _named(rooms: LevelRooms, places: Sequence[TablePlace]) -> dict[RoomId | Non
     return {
         room: found[0]
         for room, found in inside.items()
-        if room > OUTSIDE and len({place.name for place in found}) == 1
+        if room > OUTSIDE and len({place.name for place in found}) == 1 and "," not in found[0].name
     }
 
 

@@ -1,8 +1,9 @@
 """What rooms are called: by what is told at their doors, by a lift, or by their doors' names.
 
-1. The doors' annotations `left_room` and `right_room`: what the room on that side is called,
-   looking from the door's start along its line. Most doors decide. The import of a building sets
-   them where one named vertex lies in the room; a person sets them with `semmap-log annotate`.
+1. The doors' annotation `rooms`, `lobby,corridor`: the room on the left and that on the right,
+   looking from the door's start along its line. The doors of a room decide together, so that a
+   person who takes one for the other is outvoted. The import of a building sets it where a named
+   vertex lies alone in a room; a person, with `semmap-log annotate LOG DOOR rooms …`.
 2. A room whose doors are all of one lift is that lift's cabin, and has its name.
 3. A room with several doors has the name that these have in common but for a last word such as
    `_inner` or `_outer`; a room with one door, that of its door. A door that is only numbered
@@ -18,10 +19,13 @@ from collections.abc import Mapping, Sequence
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.rooms.room_graph import Doorway, RoomId
 
-LEFT_ROOM, RIGHT_ROOM = "left_room", "right_room"
-"""Annotations of a door: what the room on that side of it is called."""
+ROOMS = "rooms"
+"""The annotation of a door: what the rooms on its left and its right are called."""
 LIFT = "lift"
 """The annotation of a lift's doors: the lift's name. Doors with the same one are of one lift."""
+
+ON_ITS_SIDE, ON_THE_OTHER = 3, 2
+"""How much a name that a door tells counts for the room on its side, and for the other."""
 
 _SIDE = re.compile(r"[ _-](inner|outer|inside|outside|in|out|front|back|door)$", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.*[ _-])?door[ _-]?\d+|door", re.IGNORECASE)
@@ -39,10 +43,11 @@ def room_names(
     """
     every = _leading(doorways)
     walked = _leading([each for each in doorways if not doors[each.door_id].annotations.get(LIFT)])
+    told = _told({room: every[room] for room in rooms if room in every}, doors)
     found = {}
     for room in rooms:
         name = (
-            _told(room, doorways, doors)
+            told.get(room)
             or _lift_of([doors[doorway.door_id] for doorway in every.get(room, ())])
             or _common([doors[doorway.door_id] for doorway in walked.get(room, ())])
             or _of_its_door(room, walked, doors)
@@ -50,6 +55,17 @@ def room_names(
         if name:
             found[room] = name
     return found
+
+
+def rooms_told(door: Door) -> tuple[str, str] | None:
+    """Return what a door's annotation calls the rooms on its left and right; "": not that one.
+
+    None: it tells nothing, or not two.
+    """
+    names = [name.strip() for name in door.annotations.get(ROOMS, "").split(",")]
+    if len(names) != 2 or not any(names) or names[0] == names[1]:
+        return None
+    return names[0], names[1]
 
 
 def stem(name: str) -> str:
@@ -68,15 +84,39 @@ def _leading(doorways: Sequence[Doorway]) -> dict[RoomId, list[Doorway]]:
     return found
 
 
-def _told(room: RoomId, doorways: Sequence[Doorway], doors: Mapping[DoorId, Door]) -> str | None:
-    """Return what most of a room's doors call it; of several names the first door's."""
-    names = Counter(
-        name
-        for doorway in doorways
-        for side, key in ((doorway.left, LEFT_ROOM), (doorway.right, RIGHT_ROOM))
-        if side == room and (name := doors[doorway.door_id].annotations.get(key))
-    )
-    return names.most_common(1)[0][0] if names else None
+def _told(
+    leading: Mapping[RoomId, Sequence[Doorway]], doors: Mapping[DoorId, Door]
+) -> dict[RoomId, str]:
+    """Return what the doors of rooms call them; the surest first, whose name no neighbour has."""
+    votes: dict[RoomId, Counter[str]] = {}
+    for room, doorways in leading.items():
+        votes[room] = Counter()
+        for doorway in doorways:
+            votes[room].update(_votes(room, doorway, doors[doorway.door_id]))
+    found: dict[RoomId, str] = {}
+    while votes:
+        room = max(votes, key=lambda each: (max(votes[each].values(), default=0), -each))
+        (name, count), *_ = votes.pop(room).most_common(1) or [("", 0)]
+        if not name or not count:
+            continue
+        found[room] = name
+        for doorway in leading[room]:
+            beyond = doorway.beyond(room)
+            if beyond in votes:
+                votes[beyond].subtract(_votes(beyond, doorway, doors[doorway.door_id], only=name))
+    return found
+
+
+def _votes(
+    room: RoomId, doorway: Doorway, door: Door, *, only: str | None = None
+) -> dict[str, int]:
+    """Return what a door tells of a room: more of the name on its side, less of the other."""
+    told = rooms_told(door) or ("", "")
+    left, right = (ON_ITS_SIDE, ON_THE_OTHER) if room == doorway.left else (
+        ON_THE_OTHER, ON_ITS_SIDE
+    )  # fmt: skip
+    weights = {told[1]: right, told[0]: left}
+    return {name: weight for name, weight in weights.items() if name and only in (None, name)}
 
 
 def _lift_of(doors: Sequence[Door]) -> str | None:

@@ -47,7 +47,7 @@ def test_a_doors_sides_are_called_as_the_points_in_their_rooms() -> None:
     """
     named = with_room_names(_table(LAB, DESK))
 
-    assert {"name": "d", "left_room": "lab", "right_room": "desk"} == named.doors[0].annotations
+    assert {"name": "d", "rooms": "lab,desk"} == named.doors[0].annotations
     assert (OTHER_LEVEL, ()) == (named.doors[1], named.left_out)
 
 
@@ -59,8 +59,9 @@ def test_a_doors_sides_are_called_as_the_points_in_their_rooms() -> None:
         ([replace(LAB, x=1.5)], 1),
         ([replace(LAB, x=-90.0)], 1),
         ([replace(LAB, level=7)], 1),
+        ([replace(LAB, name="lab, big")], 1),
     ],
-    ids=["two names", "outside", "in a wall", "off the plan", "a level without a plan"],
+    ids=["two names", "outside", "in a wall", "off the plan", "a level without a plan", "a comma"],
 )
 def test_points_that_name_no_room_are_said(places: list[TablePlace], left_out: int) -> None:
     """
@@ -79,7 +80,7 @@ def test_points_of_one_name_in_a_room_are_one() -> None:
     """
     named = with_room_names(_table(LAB, replace(LAB, x=4.0)))
 
-    assert "lab" == named.doors[0].annotations["left_room"]
+    assert "lab," == named.doors[0].annotations["rooms"]
 
 
 def test_without_a_plan_nothing_is_named() -> None:

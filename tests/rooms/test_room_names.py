@@ -42,8 +42,32 @@ def test_what_is_told_at_a_door_is_the_name_of_that_side() -> None:
     More than any name of a door.
     """
     assert ["lab", "hall", "store"] == _names(
-        door_at(1, *WEST, name="a", left_room="lab", right_room="hall"),
-        door_at(2, *EAST, name="b", right_room="store"),
+        door_at(1, *WEST, name="a", rooms="lab,hall"),
+        door_at(2, *EAST, name="b", rooms=" , store"),
+    )
+
+
+def test_a_person_may_take_left_for_right() -> None:
+    """
+    The doors of the room between, which have its name in common, outvote it.
+    """
+    names = ["lab", "hall", "store"]
+
+    assert names == _names(
+        door_at(1, *WEST, rooms="hall,lab"), door_at(2, *EAST, rooms="store,hall")
+    )
+    assert names == _names(
+        door_at(1, *WEST, rooms="hall,lab"), door_at(2, *EAST, rooms="hall,store")
+    )
+
+
+@pytest.mark.parametrize("told", ["", "lab", ",", "lab,lab", "a,b,c"])
+def test_what_names_no_two_sides_tells_nothing(told: str) -> None:
+    """
+    The doors' own names remain.
+    """
+    assert ["office", None, "store"] == _names(
+        door_at(1, *WEST, name="office", rooms=told), door_at(2, *EAST, name="store")
     )
 
 
@@ -52,9 +76,9 @@ def test_of_several_names_most_doors_decide_and_of_as_many_the_first() -> None:
     The doors of a room may have been told otherwise, one by one.
     """
     doors = [
-        door_at(1, *WEST, right_room="hall"),
-        door_at(2, *EAST, left_room="foyer"),
-        door_at(3, *SOUTH, left_room="foyer"),
+        door_at(1, *WEST, rooms=",hall"),
+        door_at(2, *EAST, rooms="foyer,"),
+        door_at(3, *SOUTH, rooms="foyer,"),
     ]
 
     assert "foyer" == _names(*doors)[1]
