@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from semmap_log.domain.doors import Door, DoorId
-from semmap_log.rooms.room_graph import Doorway, RoomId
+from semmap_log.rooms.room_graph import OUTSIDE, Doorway, Room, RoomId
 
 ROOMS = "rooms"
 """The annotation of a door: what the rooms on its left and its right are called."""
@@ -32,12 +32,12 @@ _NUMBERED = re.compile(r"(.*[ _-])?door[ _-]?\d+|door", re.IGNORECASE)
 
 
 def room_names(
-    rooms: Sequence[RoomId], doorways: Sequence[Doorway], doors: Mapping[DoorId, Door]
+    rooms: Mapping[RoomId, Room], doorways: Sequence[Doorway], doors: Mapping[DoorId, Door]
 ) -> dict[RoomId, str]:
     """Return the names of the rooms that have one.
 
     Args:
-        rooms: All of them.
+        rooms: All of them, by number.
         doorways: All of them, by door, ascending.
         doors: The doors.
     """
@@ -48,7 +48,7 @@ def room_names(
     for room in rooms:
         name = (
             told.get(room)
-            or _lift_of([doors[doorway.door_id] for doorway in every.get(room, ())])
+            or _lift_of(rooms[room], every.get(room, ()), rooms, doors)
             or _common([doors[doorway.door_id] for doorway in walked.get(room, ())])
             or _of_its_door(room, walked, doors)
         )
@@ -119,9 +119,18 @@ def _votes(
     return {name: weight for name, weight in weights.items() if name and only in (None, name)}
 
 
-def _lift_of(doors: Sequence[Door]) -> str | None:
-    lifts = {door.annotations.get(LIFT) for door in doors}
-    return lifts.pop() if len(lifts) == 1 else None
+def _lift_of(
+    room: Room,
+    doorways: Sequence[Doorway],
+    rooms: Mapping[RoomId, Room],
+    doors: Mapping[DoorId, Door],
+) -> str | None:
+    """Return the lift whose cabin a room is: no larger than what lies before its doors."""
+    lifts = {doors[doorway.door_id].annotations.get(LIFT) for doorway in doorways}
+    beyond = [rooms.get(doorway.beyond(room.room_id) or OUTSIDE) for doorway in doorways]
+    if len(lifts) != 1 or any(other and other.area_m2 < room.area_m2 for other in beyond):
+        return None
+    return lifts.pop()
 
 
 def _common(doors: Sequence[Door]) -> str | None:

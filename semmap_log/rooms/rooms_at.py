@@ -81,7 +81,7 @@ def room_plan(
         CostmapError: A floor plan is turned against its grid.
         MomentError: A time cannot be read.
     """
-    door_map = log.state_in(log.scope(at, known_at, event)).door_map()
+    door_map = log.replay(at, known_at, event)
     floors = {
         level: floor
         for level in sorted(door_map.levels)
@@ -106,7 +106,7 @@ def plan_of(door_map: DoorMap, floors: Mapping[int, FloorMap]) -> RoomPlan:
         doorways += _doorways(floor, found, doors)
         rooms |= _rooms(found)
     doorways.sort(key=lambda doorway: doorway.door_id)
-    names = room_names(list(rooms), doorways, door_map.doors)
+    names = room_names(rooms, doorways, door_map.doors)
     graph = RoomGraph(
         rooms={i: replace(room, name=names.get(i)) for i, room in rooms.items()},
         doorways={doorway.door_id: doorway for doorway in doorways},

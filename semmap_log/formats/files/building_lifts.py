@@ -23,9 +23,7 @@ from semmap_log.formats.parsing.yaml_values import (
     sequence_of,
     text_of,
 )
-
-LIFT = "lift"
-"""The annotation of a lift's door: the lift's name, the same on all levels."""
+from semmap_log.rooms.room_names import LIFT
 
 KINDS = {
     "1": "single_sliding",
