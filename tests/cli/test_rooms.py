@@ -78,7 +78,7 @@ def test_the_table_has_a_row_for_each_room(
         ["1", "ground", "lab", "9.4", "1", "front", "hall"],
         ["2", "ground", "hall", "12.4", "1", "front", "lab"],
         ["3", "first", "a", "9.4", "1", "lift_door", "room 4"],
-        ["4", "first", "", "12.4", "1", "lift_door", "a"],
+        ["4", "first", "", "12.5", "1", "lift_door", "a"],
     ] == [line.split("\t") for line in lines[1:]]
 
 
