@@ -125,9 +125,9 @@ class LevelPanel {
     }
   }
 
-  lay(image, { matrix } = {}, scale) {
+  lay(image, where, scale) {
     if (!image) return;
-    const [a, b, c, d, e, f] = matrix;
+    const [a, b, c, d, e, f] = where.matrix;
     const [x, y] = this.pixel(e, -f);
     image.setAttribute("transform", `matrix(${[a, b, c, d].map((n) => n * scale).join(" ")} ${x} ${y})`);
   }
