@@ -36,8 +36,8 @@ class DistanceFields:
             :, None
         ]
         upper, lower = touching(starts, ends, self._width)
-        self._below = self._neighbours(upper, lower, -self._width)
-        self._above = self._neighbours(lower, upper, self._width)
+        self._below = self._touched(upper, lower, -self._width)
+        self._above = self._touched(lower, upper, self._width)
 
     @property
     def size(self) -> int:
@@ -73,7 +73,7 @@ class DistanceFields:
             self._sweep(field, range(len(up) - 1, -1, -1), self._above, up, down)
         return field
 
-    def _neighbours(
+    def _touched(
         self, one: Index, other: Index, shift: int
     ) -> list[list[tuple[int, slice, slice]]]:
         """Return for each run the runs that it touches in a next row, and the cells in common.

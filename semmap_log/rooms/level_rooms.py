@@ -20,7 +20,7 @@ from semmap_log.domain.doors import Door
 from semmap_log.domain.events import FloorMap
 from semmap_log.rooms.regions import Regions, regions_of
 from semmap_log.rooms.room_graph import OUTSIDE, RoomId
-from semmap_log.rooms.strokes import draw_stroke
+from semmap_log.rooms.strokes import clear_stroke
 
 STROKE_M = 0.1
 """How thick a door is drawn; where cells are larger, one cell."""
@@ -94,10 +94,8 @@ def level_rooms(floor: FloorMap, doors: Iterable[Door], *, first_room: RoomId = 
 def draw_doors(free: NDArray[np.bool_], geometry: GridGeometry, doors: Iterable[Door]) -> None:
     """Take the doors' strokes from the free cells of a grid."""
     half_m = max(STROKE_M, geometry.resolution) / 2 * (1 + 1e-6)
-    taken = np.zeros_like(free)
     for door in doors:
-        draw_stroke(taken, geometry, door.start, door.end, half_m)
-    free &= ~taken
+        clear_stroke(free, geometry, door.start, door.end, half_m)
 
 
 def _numbered(regions: Regions, geometry: GridGeometry, first_room: RoomId) -> NDArray[np.int64]:

@@ -90,14 +90,14 @@ def _told(
     """Return what the doors of rooms call them; the surest first, whose name no neighbour has."""
     votes: dict[RoomId, Counter[str]] = {}
     for room, doorways in leading.items():
-        votes[room] = Counter()
         for doorway in doorways:
-            votes[room].update(_votes(room, doorway, doors[doorway.door_id]))
+            if told := _votes(room, doorway, doors[doorway.door_id]):
+                votes.setdefault(room, Counter()).update(told)
     found: dict[RoomId, str] = {}
     while votes:
-        room = max(votes, key=lambda each: (max(votes[each].values(), default=0), -each))
-        (name, count), *_ = votes.pop(room).most_common(1) or [("", 0)]
-        if not name or not count:
+        room = max(votes, key=lambda each: (max(votes[each].values()), -each))
+        ((name, count),) = votes.pop(room).most_common(1)
+        if not count:
             continue
         found[room] = name
         for doorway in leading[room]:

@@ -1,4 +1,4 @@
-"""Lines with a thickness, drawn into a grid: what a shut door takes of the floor."""
+"""Lines with a thickness, taken from a grid: what a shut door takes of the floor."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ BLOCK_CELLS = 1_000_000
 """So many cells are looked at together, however long a line is."""
 
 
-def draw_stroke(
+def clear_stroke(
     cells: NDArray[np.bool_], geometry: GridGeometry, start: Point, end: Point, half_m: float
 ) -> None:
-    """Set the cells whose centres lie at most `half_m` from a line; off the grid nothing is set.
+    """Clear the cells whose centres lie at most `half_m` from a line; off the grid nothing is done.
 
     With at least half a cell no way of 4-connected cells leads through the line.
     """
     for rows, columns in _blocks(geometry, start, end, half_m):
         x = geometry.origin_x + (np.arange(columns.start, columns.stop) + 0.5) * geometry.resolution
         y = geometry.origin_y + (np.arange(rows.start, rows.stop) + 0.5) * geometry.resolution
-        cells[rows, columns] |= distances(x[None, :], y[:, None], start, end) <= half_m
+        cells[rows, columns] &= distances(x[None, :], y[:, None], start, end) > half_m
 
 
 def distances(

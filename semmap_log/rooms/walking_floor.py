@@ -144,7 +144,7 @@ class WalkingFloor:
         order = np.flatnonzero(wanted & (labels > 0))
         leaves_door = away is not None
         for cell in order[np.lexsort((flats[order], distance[order]))].tolist():
-            if self._in_sight(point, (float(x[cell]), float(y[cell])), leaves_door=leaves_door):
+            if self._sees(point, (float(x[cell]), float(y[cell])), leaves_door=leaves_door):
                 return Spot(int(labels[cell]), int(flats[cell]), float(distance[cell]))
         return None
 
@@ -160,7 +160,7 @@ class WalkingFloor:
         flats = rows.astype(np.int64) * self.geometry.width + columns
         return flats.ravel(), centre_x.ravel(), centre_y.ravel()
 
-    def _in_sight(self, point: Point, target: Point, *, leaves_door: bool) -> bool:
+    def _sees(self, point: Point, target: Point, *, leaves_door: bool) -> bool:
         """Tell whether nothing stands between; a door that the point itself is in does not count.
 
         Where the way leaves a door, what it is in at first does not count, wall or door: the

@@ -50,7 +50,7 @@ def sampled(rooms: LevelRooms, most_cells: int) -> NDArray[np.int64]:
 
 def room_tints(labels: NDArray[np.int64]) -> dict[RoomId, int]:
     """Return the number of each room's tint, for a picture of rooms."""
-    beside = _neighbours(labels)
+    beside = _beside(labels)
     tints: dict[RoomId, int] = {}
     for room in sorted(beside):
         taken = {tints[other] for other in beside[room] if other in tints}
@@ -59,7 +59,7 @@ def room_tints(labels: NDArray[np.int64]) -> dict[RoomId, int]:
     return tints
 
 
-def _neighbours(labels: NDArray[np.int64]) -> dict[RoomId, set[RoomId]]:
+def _beside(labels: NDArray[np.int64]) -> dict[RoomId, set[RoomId]]:
     """Return the rooms beside each room: a few cells away along a row or a column."""
     found: dict[RoomId, set[RoomId]] = {int(room): set() for room in np.unique(labels) if room}
     for gap in range(1, BESIDE_CELLS + 1):
