@@ -54,7 +54,7 @@ class WalkingDistances:
             CostmapError: The plan is turned against its grid, or has too many cells of that size;
                 or a number is none that can be.
         """
-        _refuse_odd(radius_m=radius_m, cell_m=cell_m)
+        _refuse_odd({"radius_m": radius_m, "cell_m": cell_m})
         on_level = placed_on(doors).get(floor.level, [])
         self._level = floor.level
         walking = WalkingFloor(floor, on_level, radius_m=radius_m, cell_m=cell_m)
@@ -121,7 +121,9 @@ class TravelTimes:
             CostmapError: A plan is turned against its grid, or has too many cells of that size;
                 or a number is none that can be.
         """
-        _refuse_odd(radius_m=radius_m, cell_m=cell_m, ride_s=ride_s, speed_m_s=speed_m_s)
+        _refuse_odd(
+            {"radius_m": radius_m, "cell_m": cell_m, "ride_s": ride_s, "speed_m_s": speed_m_s}
+        )
         placed = placed_on(doors)
         walking = {
             level: WalkingFloor(floor, placed.get(level, []), radius_m=radius_m, cell_m=cell_m)
@@ -132,9 +134,21 @@ class TravelTimes:
         self._ride_s = ride_s
 
     @classmethod
-    def of_plan(cls, plan: RoomPlan, **options: float) -> TravelTimes:
+    @knows_keywords
+    def of_plan(
+        cls,
+        plan: RoomPlan,
+        *,
+        speed_m_s: float = SPEED_M_S,
+        ride_s: float = RIDE_S,
+        radius_m: float = RADIUS_M,
+        cell_m: float = CELL_M,
+    ) -> TravelTimes:
         """Return the travel times in a log's building; options as for the class itself."""
-        return cls(plan.floors, plan.door_map.doors.values(), plan.graph.lifts, **options)
+        return cls(
+            plan.floors, plan.door_map.doors.values(), plan.graph.lifts,
+            speed_m_s=speed_m_s, ride_s=ride_s, radius_m=radius_m, cell_m=cell_m,
+        )  # fmt: skip
 
     def between(
         self,
@@ -158,7 +172,7 @@ class TravelTimes:
         return self._ways.before(door_id, LEFT), self._ways.before(door_id, RIGHT)
 
 
-def _refuse_odd(**numbers: float) -> None:
+def _refuse_odd(numbers: Mapping[str, float]) -> None:
     """Refuse what no robot can be or do.
 
     Raises:
