@@ -111,6 +111,36 @@ def test_a_door_has_one_room_to_its_left_and_one_to_its_right() -> None:
     )
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_left_is_left_also_of_a_door_that_lies_along_x(turned: bool) -> None:
+    """
+    From west to east it is the north; from east to west the south.
+    """
+    floor = floor_of(TWO_ROOMS.cells.T.copy())
+    ends = ((3.0, 5.5), (4.0, 5.5))
+
+    (doorway,) = _plan(floor, door_at(1, *(ends[::-1] if turned else ends))).graph.doorways.values()
+
+    assert ((1, 2) if turned else (2, 1)) == (doorway.left, doorway.right)
+
+
+def test_most_probes_decide_which_room_lies_there() -> None:
+    """
+    A wall ends in the doorway: most of the door lies before the room behind it.
+    """
+    cells = np.full((60, 60), 100, np.int8)
+    cells[2:28, 2:58] = 0
+    cells[32:58, 2:13] = 0
+    cells[32:58, 14:58] = 0
+    cells[28:32, 10:20] = 0
+    cells[29:32, 13] = 100
+
+    graph = _plan(floor_of(cells), door_at(1, (1.0, 3.0), (2.0, 3.0))).graph
+
+    assert [1, 2, 3] == list(graph.rooms)
+    assert (3, 1) == (graph.doorways[DoorId(1)].left, graph.doorways[DoorId(1)].right)
+
+
 def test_a_door_that_others_walk_around_is_a_loop() -> None:
     """
     The same room on both sides; and one that hangs in no wall is told apart.
@@ -287,7 +317,9 @@ TABLE = {
 """Level -> doors, those that join two, of these to the outside, loops."""
 
 
-@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize(
+    "name", [pytest.param("clinic", marks=pytest.mark.slow), "hotel", "office"]
+)
 def test_the_doors_of_real_buildings(shared_data: Path, tmp_path: Path, name: str) -> None:
     """
     150 of 155 doors join two rooms, five are loops, none lacks a side.
@@ -312,6 +344,7 @@ def test_the_doors_of_real_buildings(shared_data: Path, tmp_path: Path, name: st
     assert all(doorway.in_wall for doorway in graph.doorways.values())
 
 
+@pytest.mark.slow
 def test_the_loops_of_the_clinic(shared_data: Path, tmp_path: Path) -> None:
     """
     Doors of halls and corridors that have another, open end.

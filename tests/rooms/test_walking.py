@@ -261,6 +261,7 @@ def test_seconds_are_metres_by_the_speed() -> None:
 # The real thing
 
 
+@pytest.mark.slow
 def test_all_doors_of_the_clinic_are_within_reach(shared_data: Path, tmp_path: Path) -> None:
     """
     Of each level, from both sides of each; as far as Dijkstra finds on the floor itself.

@@ -55,6 +55,17 @@ def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
     assert (log.info.log_id, 1) == (drawn.store.recording_id, drawn.blueprints)
 
 
+def test_rooms_are_named_where_they_have_a_name(tmp_path: Path) -> None:
+    """
+    By the doors' annotation; of a log whose rooms have none, no names are written.
+    """
+    office = Path(__file__).parents[3] / "recordings" / "office"
+
+    drawn = recorded(sl.read(office), tmp_path)
+
+    assert {"/map/rooms", "/map/room_names"} <= drawn.entities
+
+
 def test_rows_carry_the_times_and_the_number_of_their_event(tmp_path: Path) -> None:
     """
     The number at the cursor can be given to `semmap-log show`.
