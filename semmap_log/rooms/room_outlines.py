@@ -14,7 +14,7 @@ Corner = tuple[int, int]
 Ring = list[Corner]
 
 RIGHT, UP, LEFT, DOWN = (1, 0), (0, 1), (-1, 0), (0, -1)
-TURNED_LEFT = {RIGHT: UP, UP: LEFT, LEFT: DOWN, DOWN: RIGHT}
+TURNED_RIGHT = {RIGHT: DOWN, DOWN: LEFT, LEFT: UP, UP: RIGHT}
 
 
 def room_outline(rooms: LevelRooms, room_id: RoomId) -> list[list[Point]]:
@@ -84,22 +84,23 @@ def _edges(mask: NDArray[np.bool_]) -> dict[Corner, list[Corner]]:
 def _followed(onward: dict[Corner, list[Corner]], start: Corner, way: Corner) -> Ring:
     """Return the corners of the ring from a place on, and take its edges away.
 
-    Where two cells meet in a corner only, it turns to the left: they are not joined there.
+    Where two cells meet in a corner only, it turns to the right, so that no ring comes to a corner
+    twice: what lies between a room's cells is a hole that touches the ring around it.
     """
     ring: Ring = []
     here, before = start, None
     while True:
         ways = onward[here]
         if before is not None:
-            left = TURNED_LEFT[before]
-            way = left if left in ways else before if before in ways else ways[0]
+            right = TURNED_RIGHT[before]
+            way = right if right in ways else ways[0]
         ways.remove(way)
         if not ways:
             del onward[here]
         if way != before:
             ring.append(here)
         here, before = (here[0] + way[0], here[1] + way[1]), way
-        if here == start and (start not in onward or TURNED_LEFT[before] not in onward[start]):
+        if here == start:
             break
     return ring
 

@@ -39,7 +39,8 @@ def _is_inside(ring: list[Point], x: float, y: float) -> bool:
 @given(GRIDS)
 def test_a_cell_lies_inside_the_first_ring_and_in_no_other(free: NDArray[np.bool_]) -> None:
     """
-    Rings are closed, the first goes counterclockwise, the holes the other way round.
+    Rings are closed and come to no corner twice, as GIS programs want them; the first goes
+    counterclockwise, the holes the other way round.
     """
     regions = regions_of(free)
     geometry = GridGeometry(free.shape[1], free.shape[0], CELL_M, -1.0, 3.0)
@@ -49,6 +50,7 @@ def test_a_cell_lies_inside_the_first_ring_and_in_no_other(free: NDArray[np.bool
     for room in rooms.rooms:
         outer, *holes = room_outline(rooms, room)
         assert all(ring[0] == ring[-1] for ring in (outer, *holes))
+        assert all(len(ring) - 1 == len(set(ring)) for ring in (outer, *holes))
         assert _area(outer) > 0 > max((_area(hole) for hole in holes), default=-1)
         for (row, column), label in np.ndenumerate(labels):
             at = geometry.map_to_world(column, row)

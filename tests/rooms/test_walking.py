@@ -138,9 +138,23 @@ def test_a_point_near_a_wall_is_where_the_robot_can_stand_and_one_in_it_nowhere(
 
     assert _one(walking, (5.4, 3.0), LEFT) < 3.2
     assert math.inf == _one(walking, (5.4, 3.0), RIGHT)
-    assert math.inf == _one(walking, (5.65, 3.0), LEFT)
+    assert math.inf == _one(walking, (5.55, 3.0), LEFT)
     assert math.inf == _one(walking, (1.5, 3.0), LEFT)
     assert math.inf == _one(walking, (-700.0, 3.0), LEFT)
+
+
+def test_from_a_gap_too_narrow_to_stand_in_no_way_leads_through_its_wall() -> None:
+    """
+    Though the floor behind that wall is nearer than any other.
+    """
+    cells = np.full((60, 90), 100, np.int8)
+    cells[2:58, 2:40] = 0
+    cells[2:58, 50:54] = 0
+    cells[2:58, 55:88] = 0
+    walking = WalkingDistances(floor_of(cells), [])
+
+    assert math.isfinite(_one(walking, (5.7, 3.0), (8.0, 3.0)))
+    assert math.inf == _one(walking, (5.35, 3.0), (8.0, 3.0))
 
 
 def test_a_narrow_door_is_passed_through_its_middle() -> None:
