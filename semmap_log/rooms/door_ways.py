@@ -7,9 +7,10 @@ doors. So what is asked with other doors shut costs no new look at the floor.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from semmap_log.rooms.room_graph import Lift
 from semmap_log.rooms.walking_floor import Spot, WalkingFloor
 
 LEFT, RIGHT = 1.0, -1.0
+SAME = 1e-9
+"""Sums of the same numbers in another order differ by less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +118,88 @@ class DoorWays:
         for node in range(len(nodes)):
             np.minimum(best, reached[:, node, None] + last[None, node], out=best)
         return best
+
+    def way(
+        self,
+        source: Place,
+        target: Place,
+        *,
+        shut: Collection[DoorId] = (),
+        metre: float = 1.0,
+        ride: float = 0.0,
+    ) -> list[Place] | None:
+        """Return the corners of a best way, from place to place; None: there is none.
+
+        Args:
+            source: From where.
+            target: To where.
+            shut: Doors that let nobody through.
+            metre: What a metre costs.
+            ride: What a lift ride costs.
+        """
+        start, end = self._spots([source, target])
+        if start is None or end is None:
+            return None
+        nodes = [(node.level, node.spot) for node in self._nodes]
+        first = self._direct([start], nodes)[0] * metre
+        reached = self._through(first[None, :].copy(), shut, metre, ride)[0]
+        last = reached + self._direct(nodes, [end])[:, 0] * metre
+        direct = float(self._direct([start], [end])[0, 0]) * metre
+        if not math.isfinite(min(direct, last.min(initial=math.inf))):
+            return None
+        chain = [] if direct <= last.min(initial=math.inf) else self._chain(
+            int(last.argmin()), first, reached, (frozenset(shut), metre, ride)
+        )  # fmt: skip
+        stops = [start, *(nodes[number] for number in chain), end]
+        corners = [source]
+        for here, there in pairwise(stops):
+            corners += self._corners(here, there)
+        return [*corners, target]
+
+    def _chain(
+        self,
+        node: int,
+        first: NDArray[np.float64],
+        reached: NDArray[np.float64],
+        how: tuple[frozenset[DoorId], float, float],
+    ) -> list[int]:
+        """Return the nodes of a best way to one of them, that one last."""
+        shut, metre, ride = how
+        chain = [node]
+        while not math.isclose(first[chain[0]], reached[chain[0]]):
+            here = chain[0]
+            steps = dict(self._steps_to(here, shut, metre, ride))
+            before = [
+                other
+                for other, cost in steps.items()
+                if other not in chain
+                and math.isclose(reached[other] + cost, reached[here], abs_tol=SAME)
+            ]
+            chain.insert(0, min(before, key=lambda other: reached[other]))
+        return chain
+
+    def _steps_to(
+        self, node: int, shut: frozenset[DoorId], metre: float, ride: float
+    ) -> Iterator[tuple[int, float]]:
+        """Yield the nodes from which one step leads to another, with what it costs."""
+        part = (self._nodes[node].level, self._nodes[node].spot.region)
+        legs, numbers = self._legs(part), self._parts[part]
+        yield from zip(numbers, (legs[:, numbers.index(node)] * metre).tolist(), strict=True)
+        for each in self._passages:
+            if node in (each.one, each.other) and shut.isdisjoint(each.doors):
+                other = each.other if node == each.one else each.one
+                yield other, each.metres * metre + each.rides * ride
+
+    def _corners(self, here: tuple[int, Spot], there: tuple[int, Spot]) -> list[Place]:
+        """Return the corners of the way between two stops: over the floor, or through a door."""
+        (level, one), (other_level, other) = here, there
+        if (level, one.region) == (other_level, other.region):
+            points = self._measured.way((level, one.region), one.flat, other.flat)
+            return [Place(level, *point) for point in points]
+        return [
+            Place(level, *self._floors[level].point_of(one.flat)),
+            Place(other_level, *self._floors[other_level].point_of(other.flat)),
+        ]
 
     def _added(self, floor: WalkingFloor, door: Door) -> Iterable[tuple[float, int]]:
         """Add the nodes of a door; yield each side with the number of its node."""

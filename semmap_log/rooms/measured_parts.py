@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.rooms.distance_fields import Costs
+from semmap_log.rooms.strokes import Point
 from semmap_log.rooms.walking_floor import Spot, WalkingFloor
 
 Metres = NDArray[np.float64]
@@ -51,7 +52,28 @@ class MeasuredParts:
         found: Metres = costs * self._floors[part[0]].metres + beside
         return found
 
-    def field_from(self, part: Part, cell: int) -> Costs:
+    def way(self, part: Part, source: int, target: int) -> list[Point]:
+        """Return the corners of a shortest way between two cells of a part, both included."""
+        floor, measured = self._floors[part[0]], self._floors[part[0]].field(part[1])
+        field = self._field_from(part, source)
+        cells, step = [target], 0
+        while cells[-1] != source:
+            here = cells[-1]
+            cost = int(field[measured.index_of(np.array([here]))[0]])
+            ways = [(beside - here, beside, spent) for beside, spent in floor.beside(here)]
+            onward = {
+                turn: beside
+                for turn, beside, spent in ways
+                if field[measured.index_of(np.array([beside]))[0]] == cost - spent
+            }
+            turn = step if step in onward else min(onward)
+            if turn == step and len(cells) > 1:
+                cells.pop()  # straight on
+            cells.append(onward[turn])
+            step = turn
+        return [floor.point_of(cell) for cell in cells[::-1]]
+
+    def _field_from(self, part: Part, cell: int) -> Costs:
         """Return the costs from a cell to all cells of its part."""
         kept = self._kept.get(part, {}).get(cell)
         if kept is not None:

@@ -78,6 +78,12 @@ class WalkingDistances:
         """
         return self._ways.costs(self._places(from_points), self._places(to_points), shut=shut)
 
+    def way(self, start: Point, end: Point, shut: Collection[DoorId] = ()) -> list[Point] | None:
+        """Return the corners of a shortest way, both ends included; None: there is none."""
+        places = self._places([start, end])
+        found = self._ways.way(*places, shut=shut)
+        return None if found is None else [(place.x, place.y) for place in found]
+
     def before(self, door_id: DoorId) -> tuple[Point | None, Point | None]:
         """Return where the robot stands to the left and to the right of a door; None: nowhere."""
         left, right = (self._ways.before(door_id, side) for side in (LEFT, RIGHT))
@@ -166,6 +172,13 @@ class TravelTimes:
         return self._ways.costs(
             from_places, to_places, shut=shut, metre=self._metre_s, ride=self._ride_s
         )
+
+    def way(self, start: Place, end: Place, shut: Collection[DoorId] = ()) -> list[Place] | None:
+        """Return the corners of a quickest way, both ends included; None: there is none.
+
+        Two corners on different levels are the ends of a lift ride.
+        """
+        return self._ways.way(start, end, shut=shut, metre=self._metre_s, ride=self._ride_s)
 
     def before(self, door_id: DoorId) -> tuple[Place | None, Place | None]:
         """Return where the robot stands to the left and to the right of a door; None: nowhere."""

@@ -19,7 +19,7 @@ from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.domain.doors import Door
 from semmap_log.domain.events import FloorMap
 from semmap_log.errors import CostmapError
-from semmap_log.rooms.distance_fields import STRAIGHT, DistanceFields
+from semmap_log.rooms.distance_fields import DIAGONAL, STRAIGHT, DistanceFields
 from semmap_log.rooms.level_rooms import OCCUPIED_FROM, draw_doors
 from semmap_log.rooms.regions import Index, Regions, regions_of
 from semmap_log.rooms.strokes import Point
@@ -118,6 +118,20 @@ class WalkingFloor:
         return self._seen_from(middle, reach_m, (away, self._radius_m)) or self._seen_from(
             middle, reach_m, (away, LEAST_AWAY_M)
         )
+
+    def beside(self, flat: int) -> list[tuple[int, int]]:
+        """Return the cells that a step leads to, row x width + column, with what it costs."""
+        row, column = divmod(flat, self.geometry.width)
+        rows, columns = np.mgrid[row - 1 : row + 2, column - 1 : column + 2]
+        free = self.regions.label_at(rows, columns) > 0
+        found = []
+        for up, right in np.argwhere(free).tolist():
+            diagonal = up != 1 and right != 1
+            if (up, right) == (1, 1) or (diagonal and not (free[up, 1] and free[1, right])):
+                continue
+            beside = (row + up - 1) * self.geometry.width + column + right - 1
+            found.append((beside, DIAGONAL if diagonal else STRAIGHT))
+        return found
 
     def point_of(self, flat: int) -> Point:
         """Return the centre of a cell, metres."""

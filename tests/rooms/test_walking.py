@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -230,6 +232,62 @@ def test_what_is_not_kept_is_measured_anew(monkeypatch: pytest.MonkeyPatch) -> N
 
     for _ in range(2):
         assert expected == pytest.approx(walking.between(points, points))
+
+
+# The way itself
+
+
+@given(buildings())
+def test_a_way_is_as_long_as_it_is_said_to_be(building: Building) -> None:
+    """
+    From end to end, through the doors that are open, never through a wall.
+    """
+    walking = WalkingDistances(building.floor, building.doors, cell_m=CELL_M)
+    plan = plan_of(building.door_map, {0: building.floor})
+    points = [(room.x, room.y) for room in plan.graph.rooms.values()]
+    shut = [building.doors[0].door_id] if building.doors else []
+
+    for closed in ([], shut):
+        lengths = walking.between(points[:1], points, closed)[0]
+        for end, length in zip(points, lengths.tolist(), strict=True):
+            way = walking.way(points[0], end, closed)
+            assert (way is None) == math.isinf(length)
+            if way is None:
+                continue
+            assert (points[0], end) == (way[0], way[-1])
+            line = sum(math.dist(a, b) for a, b in pairwise(way))
+            assert length - 0.15 * len(building.doors) - 0.01 <= line <= length + 0.01
+            assert all(building.free[int(y / CELL_M), int(x / CELL_M)] for x, y in _along(way))
+
+
+def _along(way: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """Yield points of a way, each tenth of a metre."""
+    for (x0, y0), (x1, y1) in pairwise(way):
+        for share in np.linspace(0, 1, 2 + int(math.dist((x0, y0), (x1, y1)) * 10)):
+            yield x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+
+
+def test_there_is_no_way_where_there_is_no_distance() -> None:
+    """
+    From a wall, to the yard, through a shut door.
+    """
+    walking = WalkingDistances(TWO_ROOMS, [BETWEEN])
+
+    assert None is walking.way(LEFT, YARD)
+    assert None is walking.way((1.5, 3.0), LEFT)
+    assert None is walking.way(LEFT, RIGHT, [DoorId(1)])
+
+
+def test_a_way_over_levels_takes_the_lift() -> None:
+    """
+    Both ends of the ride are corners.
+    """
+    way = _building().way(Place(1, *LEFT), Place(2, *RIGHT))
+
+    assert way is not None
+    levels = [place.level for place in way]
+    assert sorted(levels) == levels
+    assert {1, 2} == set(levels)
 
 
 # Over levels
