@@ -1,11 +1,13 @@
 """The rooms of a log's floor plans, what joins them, and how far it is to walk through them.
 
-import semmap_log as sl
-from semmap_log.rooms import rooms_of
+    import semmap_log as sl
+    from semmap_log.rooms import rooms_of
 
-graph = rooms_of(sl.read("clinic_week"))
-for room in graph.rooms.values():
-    print(room.room_id, room.name, room.area_m2, graph.doors_of(room.room_id))
+    graph = rooms_of(sl.read("clinic_week"))
+    for room in graph.rooms.values():
+        print(room.room_id, room.name, room.area_m2, graph.doors_of(room.room_id))
+
+The rule by which rooms are cut, and how they get their names, is told in the guide *Rooms*.
 """
 
 from semmap_log.rooms.door_ways import Place

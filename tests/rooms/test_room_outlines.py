@@ -58,6 +58,18 @@ def test_a_cell_lies_inside_the_first_ring_and_in_no_other(free: NDArray[np.bool
             assert inside == (label == room)
 
 
+def test_a_hole_may_touch_the_ring_around_it() -> None:
+    """
+    In a corner, where the room closes around it but for that: two rings, not one that crosses it.
+    """
+    free = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], np.bool_)
+    rooms = LevelRooms(0, GridGeometry(3, 3, 1.0), regions_of(free), np.array([0, 1]))
+
+    outer, hole = room_outline(rooms, 1)
+
+    assert ({(2.0, 2.0)}, 8.0, -1.0) == (set(outer) & set(hole), _area(outer), _area(hole))
+
+
 def test_a_straight_wall_is_one_line() -> None:
     """
     A rectangle has four corners, told from the lower left one on.
