@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+import numpy as np
+
 from semmap_log.common.texts import command_line, counted
+from semmap_log.domain.events import FloorMap
 from semmap_log.door_log.door_labels import labels_of
 from semmap_log.folds.levels import told
 from semmap_log.rooms import OUTSIDE, Doorway, RoomId, RoomPlan
+from semmap_log.rooms.level_rooms import OCCUPIED_FROM
 
 MOST_NAMED = 5
 """So many of one kind are named; --json has all."""
@@ -49,6 +53,7 @@ class RoomWords:
         )
         if bare:
             yield f"{counted(bare, 'room')} without a door: a shaft, a pillar, or a door is missing"
+        yield from self._open_levels()
         loops = [each for each in self._doorways if each.is_loop]
         if loops:
             yield (
@@ -72,6 +77,18 @@ class RoomWords:
             how = command_line("import", "LOG", "map.yaml", "--level", "LEVEL")
             yield f"without a floor plan, so without rooms: level {told(names)}; to give one: {how}"
 
+    def _open_levels(self) -> Iterator[str]:
+        """Yield a line for each level whose known floor lies outside for the most part."""
+        for level, floor in self._plan.floors.items():
+            known_m2 = floor_m2(floor)
+            rooms_m2 = sum(room.area_m2 for room in self.rooms if room.level == level)
+            if self._level in (None, level) and rooms_m2 < known_m2 / 2:
+                name = self._plan.door_map.level_name(level)
+                yield (
+                    f"level {name}: rooms have {rooms_m2:,.0f} of {known_m2:,.0f} m² of known "
+                    "floor, the rest is outside: is there a gap in the walls? Add the door in it"
+                )
+
     def _known_name(self, level: int) -> str | None:
         known = self._plan.door_map.levels.get(level)
         return known.name if known else None
@@ -86,6 +103,12 @@ class RoomWords:
     @staticmethod
     def _first(names: Iterable[str]) -> str:
         return first_of(list(names), MOST_NAMED)
+
+
+def floor_m2(floor: FloorMap) -> float:
+    """Return how much of a plan is known to be floor, square metres."""
+    cells = (floor.cells >= 0) & (floor.cells < OCCUPIED_FROM)
+    return float(np.count_nonzero(cells)) * floor.resolution**2
 
 
 def first_of(names: Sequence[str], most: int) -> str:

@@ -95,6 +95,7 @@ def test_what_is_odd_is_said_below_it(office: Path, capsys: pytest.CaptureFixtur
     assert "no room found on a side of 1 door: far" in said
     assert "2 doors in no wall, which cannot part rooms: gate, far" in said
     assert "lift a: lift_door" in said
+    assert "level first: rooms have 22 of 56 m² of known floor" in said
     assert "level 3 (attic); to give one: semmap-log import LOG map.yaml --level LEVEL" in said
 
 
@@ -258,4 +259,6 @@ def test_an_open_plan_has_no_rooms(office: Path, capsys: pytest.CaptureFixture[s
         )
 
     assert 0 == run("rooms", "open")
-    assert "0 rooms, 0 doors" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "0 rooms, 0 doors" in said
+    assert "level 0: rooms have 0 of 25 m² of known floor" in said
