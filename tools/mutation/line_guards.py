@@ -52,7 +52,7 @@ LINES = (
     guard("lines: each line of a commit by itself, recorded", "ParsedLine.own_command_id",
           "_own_id(self.command_id, self.number if self.commit else None)", "self.command_id",
           "test_record"),
-    guard("lines: a plane of its own", "dump_geojson",
+    guard("lines: a plane of its own", "collection_head",
           '{"type": "FeatureCollection", "crs": {"type": "name", "properties": {"name": PLANE}}, '
           '"semmap_log": {"coordinates": COORDINATES, "frame": "map", "unit": "m", **about, '
           '"moment": format_utc(door_map.moment_ns), **shown}}',

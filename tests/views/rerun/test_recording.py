@@ -35,15 +35,15 @@ def recorded(log: sl.DoorLog, tmp_path: Path, **how: Any) -> Drawn:
 def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
     """
     One entity a door, under its name or number, below it one for what is believed of it, if enough
-    is known, and one for its cells in the costmap, if it ever has any; plan, robot and events
-    beside; no other timeline.
+    is known, and one for its cells in the costmap, if it ever has any; plan, rooms, robot and
+    events beside; no other timeline.
     """
     log = small_log(tmp_path / "log")
 
     drawn = recorded(log, tmp_path)
 
     assert {
-        "/map", "/map/floor", "/map/doors/front", "/map/doors/door_2", "/map/costmap",
+        "/map", "/map/floor", "/map/rooms", "/map/doors/front", "/map/doors/door_2", "/map/costmap",
         "/map/doors/front/belief",
         "/map/costmap/front", "/map/robot/pose", "/map/robot/track",
         "/events/door_added", "/events/door_annotated",
@@ -53,6 +53,17 @@ def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
     } == {entity for entity in drawn.entities if not entity.startswith("/__")}  # fmt: skip
     assert {"happened", "recorded", "event"} == drawn.timelines
     assert (log.info.log_id, 1) == (drawn.store.recording_id, drawn.blueprints)
+
+
+def test_rooms_are_named_where_they_have_a_name(tmp_path: Path) -> None:
+    """
+    By the doors' annotation; of a log whose rooms have none, no names are written.
+    """
+    office = Path(__file__).parents[3] / "recordings" / "office"
+
+    drawn = recorded(sl.read(office), tmp_path)
+
+    assert {"/map/rooms", "/map/room_names"} <= drawn.entities
 
 
 def test_rows_carry_the_times_and_the_number_of_their_event(tmp_path: Path) -> None:
