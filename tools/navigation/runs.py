@@ -75,7 +75,9 @@ def find_runs(out: Path) -> list[Path]:
         RunError: There is none.
     """
     found = {
-        path.parent for path in out.glob("*/*/*/belief") if not path.parent.name.startswith(".")
+        path.parent
+        for path in out.rglob("belief")
+        if (path.parent / "world").is_dir() and not path.parent.name.startswith(".")
     }
     if not found:
         raise RunError(

@@ -1,0 +1,265 @@
+"""The tables are what the runs were: their own counts, remade from nothing but the logs."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import shutil
+from itertools import accumulate
+from pathlib import Path
+from statistics import fmean
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from navigation.records import Outcome, RunError, RunKey, RunRecorder
+from navigation.tables.experiment import tables_of
+from navigation.tables.figures import RunFigures, figures_in
+from navigation.tables.grouped import GroupedRuns
+from navigation.tables.table import Table
+from navigation.tables.thesis import THESIS
+from navigation.tables.verbs import add_to, read_runs
+
+from tests.navigation.corridor import DOORS, OPEN, Tally, drive, plan
+
+SEEDS = (1, 2, 3)
+
+
+@pytest.fixture(scope="module")
+def corridor(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[RunKey, Tally]]:
+    """Return runs of two setups and both series, with what the drives counted themselves."""
+    out = tmp_path_factory.mktemp("runs")
+    tallies = {
+        RunKey("corridor", setup, series, seed): drive(
+            out, setup, seed, series=series, goals=25, near_m=3.0
+        )
+        for setup in ("no_map", "map")
+        for series in ("fixed", "random")
+        for seed in SEEDS
+    }
+    return out, tallies
+
+
+def found(tables: list[Table], name: str, **about: str) -> Table:
+    (table,) = [t for t in tables if t.name == name and about.items() <= t.about.items()]
+    return table
+
+
+def run(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    add_to(parser.add_subparsers(required=True))
+    args = parser.parse_args(words)
+    done: int = args.run(args)
+    return done
+
+
+def of(tallies: dict[RunKey, Tally], setup: str, series: str) -> list[Tally]:
+    return [t for key, t in tallies.items() if (key.setup, key.series) == (setup, series)]
+
+
+@pytest.mark.parametrize("series", ["fixed", "random"])
+@pytest.mark.parametrize(("setup", "title"), [("no_map", "No Map"), ("map", "Map")])
+def test_both_tables_of_the_thesis_are_what_the_drives_counted(
+    corridor: tuple[Path, dict[RunKey, Tally]], setup: str, title: str, series: str
+) -> None:
+    """
+    Each column of ours from the tallies, each of the thesis's from its pages.
+    """
+    tables = tables_of(read_runs([corridor[0]]))
+    tallies = of(corridor[1], setup, series)
+    times, goals = (found(tables, name, series=series) for name in ("runtimes", "goals"))
+    (ours, theirs), (our_goals, their_goals) = (
+        [row for row in table.rows if row["setup"] == title] for table in (times, goals)
+    )
+
+    total_s = [t.end_s - t.begin_s for t in tallies]
+    assert ours["total_s"] == pytest.approx(fmean(total_s))
+    assert ours["for_goals_s"] == pytest.approx(fmean(sum(t.took_s) for t in tallies))
+    assert ours["average_s"] == pytest.approx(fmean(fmean(t.took_s) for t in tallies))
+    assert ours["fastest_s"] == pytest.approx(fmean(min(t.took_s) for t in tallies))
+    assert ours["slowest_s"] == pytest.approx(fmean(max(t.took_s) for t in tallies))
+    slowest = [100 * max(t.took_s) / s for t, s in zip(tallies, total_s, strict=True)]
+    assert ours["slowest_percent"] == pytest.approx(fmean(slowest))
+    after = [t.outcomes.count(Outcome.AFTER_DRIVING) for t in tallies]
+    assert our_goals["tried"] == 25
+    assert our_goals["after_driving"] == pytest.approx(fmean(after))
+    assert our_goals["percent"] == pytest.approx(100 * sum(after) / 25 / len(SEEDS))
+    unreached = [25 - t.outcomes.count(Outcome.REACHED) for t in tallies]
+    assert our_goals["unreachable"] == pytest.approx(fmean(unreached))
+    thesis = THESIS[series][setup]
+    assert (thesis.total_s, thesis.slowest_percent) == (
+        theirs["total_s"],
+        theirs["slowest_percent"],
+    )
+    assert (thesis.tried, thesis.percent) == (their_goals["tried"], their_goals["percent"])
+
+
+def test_the_same_tables_are_made_of_the_logs_alone(
+    corridor: tuple[Path, dict[RunKey, Tally]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Byte for byte, elsewhere, where there is nothing but the logs' own segments.
+    """
+    out, _ = corridor
+    for segment in out.rglob("*.mcap"):
+        target = tmp_path / "elsewhere" / segment.relative_to(out)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(segment, target)
+
+    told = []
+    for folder in (out, tmp_path / "elsewhere"):
+        csvs = tmp_path / f"csv_{len(told)}"
+        for form in ([], ["--json"]):
+            assert run("tables", str(folder), "--csv", str(csvs), "--jobs", "1", *form) == 0
+            told.append((capsys.readouterr().out, {p.name: p.read_bytes() for p in csvs.iterdir()}))
+
+    assert told[:2] == told[2:]
+    assert len(told[0][1]) == 5
+    assert "thesis, 2 runs" in told[0][0]
+
+
+def test_many_processes_read_the_same(corridor: tuple[Path, dict[RunKey, Tally]]) -> None:
+    """
+    In the same order.
+    """
+    assert read_runs([corridor[0]], jobs=1).all == read_runs([corridor[0]], jobs=2).all
+
+
+def test_documents_hold_every_row(
+    corridor: tuple[Path, dict[RunKey, Tally]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    JSON without NaN; CSV with a row a run.
+    """
+    run("tables", str(corridor[0]), "--json", "--csv", str(tmp_path), "--jobs", "1")
+
+    def refuse(constant: str) -> Any:
+        raise AssertionError(constant)
+
+    told = json.loads(capsys.readouterr().out, parse_constant=refuse)["tables"]
+    rows = list(csv.DictReader((tmp_path / "runs.csv").open(encoding="utf-8")))
+    assert len(corridor[1]) == len(rows)
+    (runs,) = [table for table in told if table["table"] == "runs"]
+    assert [row["seed"] for row in runs["rows"]] == [int(row["seed"]) for row in rows]
+    for row in rows:
+        tally = corridor[1][RunKey(row["building"], row["setup"], row["series"], int(row["seed"]))]
+        assert tally.outcomes.count(Outcome.AFTER_DRIVING) == int(row["after_driving"])
+        assert sum(tally.took_s) == pytest.approx(float(row["for_goals_s"]))
+
+
+def test_differences_are_of_pairs(corridor: tuple[Path, dict[RunKey, Tally]]) -> None:
+    """
+    Of the same seed; a seed that only one setup has does not count.
+    """
+    runs = read_runs([corridor[0]])
+    alone = [run for run in runs.all if (run.key.setup, run.key.seed) != ("map", 3)]
+    table = found(tables_of(GroupedRuns(alone)), "differences")
+
+    (row,) = table.rows
+    first, second = of(corridor[1], "no_map", "fixed"), of(corridor[1], "map", "fixed")
+    one, other = (
+        [100 * tally.outcomes.count(Outcome.AFTER_DRIVING) / 25 for tally in tallies[:2]]
+        for tallies in (first, second)
+    )
+    points = fmean(one) - fmean(other)
+    assert row["pairs"] == 2
+    assert row["points"] == pytest.approx(points)
+    assert row["what"] == "No Map - Map"
+
+
+def test_a_sweep_has_a_row_for_each_value(
+    corridor: tuple[Path, dict[RunKey, Tally]], tmp_path: Path
+) -> None:
+    """
+    The usual value is the one of most runs; only its runs are in the other tables.
+    """
+    tally = drive(tmp_path, "map", seed=9, goals=12, near_m=1.0)
+    tables = tables_of(read_runs([corridor[0], tmp_path]))
+
+    sweep = found(tables, "sweep", series="fixed")
+    assert [("1.0", ""), ("3.0", "usual")] == [(r["value"], r["usual"]) for r in sweep.rows]
+    share = 100 * tally.outcomes.count(Outcome.AFTER_DRIVING) / 12
+    assert sweep.rows[0]["map"] == pytest.approx(share)
+    assert "no_map" not in sweep.rows[0]
+    assert found(tables, "goals", series="fixed") == found(
+        tables_of(read_runs([corridor[0]])), "goals", series="fixed"
+    )
+    assert "-" in sweep.text()
+
+
+def test_runs_are_given_once(corridor: tuple[Path, dict[RunKey, Tally]]) -> None:
+    """
+    Twice the same run would narrow every interval.
+    """
+    with pytest.raises(RunError, match="twice"):
+        read_runs([corridor[0], corridor[0]])
+
+
+def test_the_thesis_adds_up() -> None:
+    """
+    Its percentages are those of its counts and seconds, as far as it rounds.
+    """
+    for rows in THESIS.values():
+        for row in rows.values():
+            assert row.percent == pytest.approx(100 * row.after_driving / row.tried, abs=0.006)
+            assert row.slowest_percent == pytest.approx(
+                100 * row.slowest_s / row.total_s, abs=0.006
+            )
+            assert row.average_percent == pytest.approx(
+                100 * row.average_s / row.total_s, abs=0.006
+            )
+
+
+@given(
+    ends=st.lists(st.tuples(st.sampled_from(Outcome), st.integers(1, 500)), min_size=1, max_size=8)
+)
+@settings(max_examples=20)
+def test_figures_of_any_run(ends: list[tuple[Outcome, int]]) -> None:
+    """
+    Whatever the outcomes: counts and times by hand; one that was not finished is no goal.
+    """
+    key = RunKey("corridor", "map", "fixed", 1)
+    counted = [(outcome, took) for outcome, took in ends if outcome is not Outcome.UNFINISHED]
+    with TemporaryDirectory() as folder:
+        with RunRecorder(
+            Path(folder), key, plan(), {}, states=dict.fromkeys(DOORS, OPEN)
+        ) as recorder:
+            stops = [0, *accumulate(took for _, took in ends)]
+            for number, (outcome, _) in enumerate(ends, start=1):
+                recorder.goal_sent(stops[number - 1], number, 0.0, 0.0)
+                recorder.goal_ended(stops[number], number, outcome, {"path_m": 2.0})
+        if not counted:
+            with pytest.raises(RunError, match="no goal ended"):
+                figures_in(key.folder(Path(folder)))
+            return
+        run = figures_in(key.folder(Path(folder)))
+
+    took = [took for outcome, took in counted if outcome is Outcome.REACHED]
+    after = [took for outcome, took in counted if outcome is Outcome.AFTER_DRIVING]
+    assert (run.tried, run.after_driving) == (len(counted), len(after))
+    assert (run.reached, run.unreachable) == (len(took), len(counted) - len(took))
+    assert (run.for_goals_s, run.in_vain_s) == (sum(took), sum(after))
+    assert run.took_s == tuple(took)
+    assert run.path_m == 2.0 * len(counted)
+    if took:
+        assert (run.average_s, run.slowest_s) == (pytest.approx(fmean(took)), max(took))
+        assert run.fastest_s == min(took)
+
+
+def test_one_run_has_no_interval(tmp_path: Path) -> None:
+    """
+    It is drawn without one, and nothing is called clear.
+    """
+    for setup in ("no_map", "map", "no_map_star"):
+        drive(tmp_path, setup, goals=25)
+    runs = read_runs([tmp_path])
+
+    text = "\n".join(table.text() for table in tables_of(runs))
+
+    assert "±" not in text.replace("±:", "")
+    assert "nan" not in text
+    assert not {"yes", "no"} & set(text.split())
+    assert isinstance(runs.all[0], RunFigures)

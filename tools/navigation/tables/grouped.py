@@ -1,0 +1,116 @@
+"""Runs by what they are of: building, series, setup, and the option that was swept."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from typing import Any
+
+from navigation.records import RunError
+from navigation.setups import SETUPS
+from navigation.tables.figures import RunFigures
+
+SERIES = ("fixed", "random")
+"""In the order in which they are told; others come behind."""
+
+
+def title_of(setup: str) -> str:
+    """Return what people call a setup; an unknown one by its own name."""
+    return SETUPS[setup].title if setup in SETUPS else setup
+
+
+def has_map(setup: str) -> bool:
+    """Return whether the robot has a map of doors in that setup; an unknown one has."""
+    return setup not in SETUPS or SETUPS[setup].map
+
+
+class GroupedRuns:
+    """Runs to choose from. An option was swept if runs of one building and setup differ in it."""
+
+    def __init__(self, figures: Sequence[RunFigures]) -> None:
+        """Take runs.
+
+        Raises:
+            RunError: One is there twice.
+        """
+        self.all = sorted(figures, key=lambda run: (run.key, _text(run.options)))
+        for one, other in zip(self.all, self.all[1:], strict=False):
+            if (one.key, one.options) == (other.key, other.options):
+                raise RunError(f"{one.key}: this run is there twice; give each folder once.")
+        self.swept = _swept(self.all)
+        """Option -> its values, each as JSON, the usual one first."""
+
+    @property
+    def buildings(self) -> list[str]:
+        """Their names."""
+        return sorted({run.key.building for run in self.all})
+
+    def series(self, building: str) -> list[str]:
+        """Return the series that there are of a building."""
+        found = {run.key.series for run in self.all if run.key.building == building}
+        return sorted(found, key=lambda name: (_place(SERIES, name), name))
+
+    def setups(self, building: str, series: str) -> list[str]:
+        """Return the setups that there are, the thesis's first."""
+        found = {
+            r.key.setup for r in self.all if (r.key.building, r.key.series) == (building, series)
+        }
+        return sorted(found, key=lambda name: (_place(list(SETUPS), name), name))
+
+    def by_setup(self, building: str, series: str) -> dict[str, list[RunFigures]]:
+        """Return the runs of each setup, with the usual options."""
+        found = {name: self.of(building, series, name) for name in self.setups(building, series)}
+        return {name: runs for name, runs in found.items() if runs}
+
+    def of(
+        self, building: str, series: str, setup: str, *, but: tuple[str, str] | None = None
+    ) -> list[RunFigures]:
+        """Return runs by ascending seed, each swept option at its usual value.
+
+        Args:
+            building: Of which building.
+            series: Of which series.
+            setup: Of which setup.
+            but: An option, and its value as JSON in place of the usual one.
+        """
+        wanted = {name: values[0] for name, values in self.swept.items()} | dict(
+            [but] if but else []
+        )
+        return [
+            run for run in self.all
+            if (run.key.building, run.key.series, run.key.setup) == (building, series, setup)
+            and all(_text(run.options.get(name)) == value for name, value in wanted.items())
+        ]  # fmt: skip
+
+
+def _swept(runs: Sequence[RunFigures]) -> dict[str, list[str]]:
+    """Return the options that differ within a building and setup, the most frequent value first."""
+    values: dict[str, Counter[str]] = defaultdict(Counter)
+    within: dict[tuple[str, str, str], set[str]] = defaultdict(set)
+    for run in runs:
+        for name, value in run.options.items():
+            values[name][_text(value)] += 1
+            within[name, run.key.building, run.key.setup].add(_text(value))
+    names = sorted({name for (name, *_), found in within.items() if len(found) > 1})
+    return {name: _usual_first(values[name]) for name in names}
+
+
+def _usual_first(counts: Counter[str]) -> list[str]:
+    usual = min(counts, key=lambda text: (-counts[text], text))
+    return [usual, *sorted((text for text in counts if text != usual), key=by_value)]
+
+
+def by_value(text: str) -> tuple[bool, float, str]:
+    """Return by what values of an option, as JSON, are put in order: numbers first."""
+    value = json.loads(text)
+    is_number = isinstance(value, int | float)
+    return not is_number, float(value) if is_number else 0.0, text
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _place(names: Sequence[str], name: str) -> int:
+    return names.index(name) if name in names else len(names)
