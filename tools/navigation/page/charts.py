@@ -1,0 +1,83 @@
+"""The shares of setups as bars, beside the thesis's, and how they change with an option."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from navigation.page.drawing import BAR, INK, MARK, axes, styled
+from navigation.tables.grouped import GroupedRuns, by_value, title_of
+from navigation.tables.measures import RunsOf, percent_of
+from navigation.tables.thesis import THESIS
+
+COLOURS = ("#4f83cc", "#d98324", "#d43d3d", "#3f9c6d", "#9467bd", "#8c6d5a", "#c45f9e", "#7f7f7f")
+MARKERS = "os^Dv<>P"
+
+
+def share_chart(of: RunsOf, series: str) -> Any:
+    """Return bars: % of goals tried that were unreachable after driving, with intervals."""
+    shares = {setup: percent_of(runs) for setup, runs in of.items()}
+    thesis = {name: row.percent for name, row in THESIS.get(series, {}).items() if name in of}
+    most = max([*(s.value + _known(s.half) for s in shares.values()), *thesis.values()])
+    with styled():
+        figure, ax = axes(5.2, 0.5 + 0.38 * len(of))
+        for row, (setup, share) in enumerate(shares.items()):
+            half = _known(share.half)
+            ax.barh(row, share.value, 0.55, xerr=half, color=BAR, ecolor=INK, capsize=2,
+                    label="here" if not row else None)  # fmt: skip
+            beyond = max(share.value + half, thesis.get(setup, 0)) + most * 0.02
+            ax.text(beyond, row, f"{share.value:.2f} ±{half:.2f}", va="center", fontsize=8)
+        rows = [list(of).index(name) for name in thesis]
+        if rows:
+            ax.plot(thesis.values(), rows, "D", color=MARK, markersize=5, label="thesis")
+            ax.legend(loc="lower right")
+        ax.set_yticks(range(len(of)), [title_of(name) for name in of])
+        ax.invert_yaxis()
+        ax.set_xlim(0, most * 1.28 or 1)
+        ax.set_xlabel("% of goals tried that were unreachable after driving")
+    return figure
+
+
+def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> Any | None:
+    """Return how the shares change with an option; None: nothing to draw.
+
+    Args:
+        runs: All runs.
+        building: Of which building.
+        series: Of which series.
+        option: Which was swept.
+    """
+    values = sorted(runs.swept[option], key=by_value)
+    numbers = [number for number, *_ in map(by_value, values)]
+    with styled():
+        figure, ax = axes(4.2, 2.8)
+        drawn = 0
+        for place, setup in enumerate(runs.setups(building, series)):
+            points = []
+            for at, value in enumerate(values):
+                if found := runs.of(building, series, setup, but=(option, value)):
+                    points.append((at, percent_of(found)))
+            if len(points) < 2:
+                continue
+            drawn += 1
+            shift = (drawn % 3 - 1) * 0.06
+            ax.errorbar(
+                [at + shift for at, _ in points], [share.value for _, share in points],
+                [_known(share.half) for _, share in points], capsize=2, linewidth=1.3,
+                marker=MARKERS[place % len(MARKERS)], markersize=4.5,
+                color=COLOURS[place % len(COLOURS)], label=title_of(setup),
+            )  # fmt: skip
+        if not drawn:
+            return None
+        ax.set_xticks(range(len(values)), [value.strip('"') for value in values])
+        ax.set_yscale("symlog", linthresh=1)
+        ax.set_ylim(bottom=0)
+        ax.set_yticks([0, 1, 3, 10, 30, 100], ["0", "1", "3", "10", "30", "100"])
+        ax.set_xlabel(option + ("" if all(numbers) else ""))
+        ax.set_ylabel("% unreachable after driving")
+        ax.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.22))
+    return figure
+
+
+def _known(half: float) -> float:
+    return 0.0 if math.isnan(half) else half
