@@ -16,14 +16,15 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from navigation import run_verb
+from navigation import reading_verbs, run_verb
 from navigation.options import OptionError
 from navigation.records import RunError
 from navigation.ways import MissingPlannerError
 
 from semmap_log.errors import SemmapError
 
-VERBS = {"run": run_verb.RUN}
+VERBS = {"run": run_verb.RUN, **reading_verbs.VERBS}
+HELP = {"run": "make runs", **reading_verbs.HELP}
 INTERRUPTED = 130
 
 
@@ -44,9 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("navigation_experiment: stopped; the same command goes on", file=sys.stderr)
         return INTERRUPTED
-
-
-HELP = {"run": "make runs"}
 
 
 if __name__ == "__main__":

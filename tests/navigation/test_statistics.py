@@ -97,13 +97,24 @@ def test_a_ratio_of_pairs_is_narrower_than_of_strangers() -> None:
     assert strangers.high > 6
 
 
+def test_none_seen_is_not_none_there() -> None:
+    """
+    The rule of three: none of 600 may be one in 200.
+    """
+    share = share_of([0, 0], [200, 400])
+
+    assert (share.value, share.high) == (0, 3 / 600)
+
+
 def test_a_ratio_to_nothing_has_no_end() -> None:
     """
-    0 of both says nothing.
+    But a lower one, as far as nothing may be something; 0 of both says nothing.
     """
-    some, none = [(1, 10), (2, 10)], [(0, 10), (0, 10)]
+    some, none = [(2, 10), (2, 10)], [(0, 30), (0, 30)]
+    ratio = ratio_of(some, none, paired=True)
 
-    assert math.isinf(ratio_of(some, none, paired=True).low)
+    assert (ratio.value, ratio.high) == (math.inf, math.inf)
+    assert ratio.low == pytest.approx(0.2 / (3 / 60))
     assert math.isnan(ratio_of(none, none, paired=True).low)
     assert ratio_of(none, some, paired=True).value == 0
     assert math.isnan(ratio_of(some[:1], some[:1], paired=True).low)

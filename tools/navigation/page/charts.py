@@ -20,21 +20,21 @@ def share_chart(of: RunsOf, series: str) -> Any:
     thesis = {name: row.percent for name, row in THESIS.get(series, {}).items() if name in of}
     most = max([*(s.value + _known(s.half) for s in shares.values()), *thesis.values()])
     with styled():
-        figure, ax = axes(5.2, 0.5 + 0.38 * len(of))
+        figure, ax = axes(5.2, 0.75 + 0.34 * len(of))
+        labels = []
         for row, (setup, share) in enumerate(shares.items()):
             half = _known(share.half)
-            ax.barh(row, share.value, 0.55, xerr=half, color=BAR, ecolor=INK, capsize=2,
-                    label="here" if not row else None)  # fmt: skip
-            beyond = max(share.value + half, thesis.get(setup, 0)) + most * 0.02
-            ax.text(beyond, row, f"{share.value:.2f} ±{half:.2f}", va="center", fontsize=8)
+            ax.barh(row, share.value, 0.6, xerr=half, color=BAR, ecolor=INK, capsize=2,
+                    label="" if row else "here")  # fmt: skip
+            labels.append(f"{title_of(setup)}   {share.value:.2f} ±{half:.2f}")
         rows = [list(of).index(name) for name in thesis]
         if rows:
             ax.plot(thesis.values(), rows, "D", color=MARK, markersize=5, label="thesis")
-            ax.legend(loc="lower right")
-        ax.set_yticks(range(len(of)), [title_of(name) for name in of])
+            ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+        ax.set_yticks(range(len(of)), labels)
         ax.invert_yaxis()
-        ax.set_xlim(0, most * 1.28 or 1)
-        ax.set_xlabel("% of goals tried that were unreachable after driving")
+        ax.set_xlim(0, most * 1.05 or 1)
+        ax.set_xlabel("% of goals tried, unreachable after driving")
     return figure
 
 
@@ -48,7 +48,6 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
         option: Which was swept.
     """
     values = sorted(runs.swept[option], key=by_value)
-    numbers = [number for number, *_ in map(by_value, values)]
     with styled():
         figure, ax = axes(4.2, 2.8)
         drawn = 0
@@ -73,7 +72,7 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
         ax.set_yscale("symlog", linthresh=1)
         ax.set_ylim(bottom=0)
         ax.set_yticks([0, 1, 3, 10, 30, 100], ["0", "1", "3", "10", "30", "100"])
-        ax.set_xlabel(option + ("" if all(numbers) else ""))
+        ax.set_xlabel(option)
         ax.set_ylabel("% unreachable after driving")
         ax.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.22))
     return figure

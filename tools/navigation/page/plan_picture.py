@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from navigation.page.drawing import BAR, INK, RED, axes, styled
+from navigation.page.run_lanes import door_lanes, floor_of, places_at, track_of
 from navigation.records import Outcome
 from navigation.runs import Run
 from navigation.tables.grouped import title_of
-from semmap_log.domain.events import DoorAdded, FloorMap, RobotPose
+from semmap_log.domain.events import FloorMap
 
 WALL = (128, 128, 128, 200)
 UNKNOWN = (128, 128, 128, 40)
@@ -18,12 +19,13 @@ UNKNOWN = (128, 128, 128, 40)
 
 def plan_picture(run: Run) -> Any | None:
     """Return a run as a picture; None: its logs hold no floor plan."""
-    floor = _floor(run)
+    floor = floor_of(run)
     if floor is None:
         return None
-    times_ns, track = _track(run)
+    times_ns, poses = track_of(run)
+    track = poses[:, :2]
     given_up = [g.ended_ns for g in run.goals if g.outcome is Outcome.AFTER_DRIVING]
-    stood = _places_at(times_ns, track, np.array(given_up, np.int64))
+    stood = places_at(times_ns, poses, np.array(given_up, np.int64))
     with styled():
         high, wide = floor.cells.shape
         figure, ax = axes(5.2, min(7.0, 5.2 * high / wide) + 0.45)
@@ -33,8 +35,8 @@ def plan_picture(run: Run) -> Any | None:
         ax.imshow(_colours(floor), extent=extent, origin="lower", interpolation="nearest")
         if len(track):
             ax.plot(*_broken(track).T, color=BAR, linewidth=0.5, alpha=0.7, rasterized=True)
-        for line in _doors(run):
-            ax.plot(*line, color=INK, linewidth=1.6, solid_capstyle="butt")
+        for door in door_lanes(run).values():
+            ax.plot(*door.line.T, color=INK, linewidth=1.6, solid_capstyle="butt")
         ax.plot(*stood.T, "x", color=RED, markersize=6, markeredgewidth=1.6)
         ax.set_axis_off()
         count = len(given_up)
@@ -43,47 +45,12 @@ def plan_picture(run: Run) -> Any | None:
     return figure
 
 
-def _floor(run: Run) -> FloorMap | None:
-    for entry in run.belief.history(kinds=[FloorMap]):
-        assert isinstance(entry.event, FloorMap)
-        return entry.event
-    return None
-
-
 def _colours(floor: FloorMap) -> np.ndarray:
     """Return RGBA: walls grey, free floor clear, so that the page shows through."""
     picture = np.zeros((*floor.cells.shape, 4), np.uint8)
     picture[floor.cells > 50] = WALL
     picture[floor.cells < 0] = UNKNOWN
     return picture
-
-
-def _doors(run: Run) -> list[np.ndarray]:
-    lines = []
-    for entry in run.belief.history(kinds=[DoorAdded]):
-        door = entry.event
-        assert isinstance(door, DoorAdded)
-        along = door.width * np.array([np.cos(door.theta), np.sin(door.theta)])
-        start = np.array([door.x, door.y])
-        lines.append(np.array([start, start + along]).T)
-    return lines
-
-
-def _track(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Return when and where the robot was: int64 ns (n,), m (n, 2)."""
-    times, places = [np.empty(0, np.int64)], [np.empty((0, 2))]
-    for batch in run.belief.batches(kinds=[RobotPose]):
-        poses = batch[RobotPose]
-        times.append(batch.happened_ns)
-        places.append(np.column_stack([poses["x"], poses["y"]]))
-    return np.concatenate(times), np.concatenate(places)
-
-
-def _places_at(times_ns: np.ndarray, track: np.ndarray, at_ns: np.ndarray) -> np.ndarray:
-    """Return where the robot was at some times: at its last pose."""
-    if not len(track) or not len(at_ns):
-        return np.empty((0, 2))
-    return track[np.maximum(np.searchsorted(times_ns, at_ns, "right") - 1, 0)]
 
 
 def _broken(track: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,13 @@ class RunFigures:
     """Mean share of doors that the map had wrong."""
     told: int
     """Sightings that the map got."""
+    folder: Path = field(default=Path(), compare=False, repr=False)
+    """Where its logs are."""
+
+    @property
+    def building(self) -> str:
+        """Its name, without what was not as usual: `clinic_L1` of `clinic_L1,near_m=1.0`."""
+        return self.key.building.partition(",")[0]
 
     @property
     def reached(self) -> int:
@@ -105,4 +112,5 @@ def figures_of(run: Run) -> RunFigures:
         path_m=math.fsum(goal.figures.get("path_m", math.nan) for goal in goals),
         wrong=wrong_share(run),
         told=sum(map(len, run.belief.batches(kinds=[DoorObserved]))),
+        folder=run.folder,
     )

@@ -44,18 +44,16 @@ class GroupedRuns:
     @property
     def buildings(self) -> list[str]:
         """Their names."""
-        return sorted({run.key.building for run in self.all})
+        return sorted({run.building for run in self.all})
 
     def series(self, building: str) -> list[str]:
         """Return the series that there are of a building."""
-        found = {run.key.series for run in self.all if run.key.building == building}
+        found = {run.key.series for run in self.all if run.building == building}
         return sorted(found, key=lambda name: (_place(SERIES, name), name))
 
     def setups(self, building: str, series: str) -> list[str]:
         """Return the setups that there are, the thesis's first."""
-        found = {
-            r.key.setup for r in self.all if (r.key.building, r.key.series) == (building, series)
-        }
+        found = {r.key.setup for r in self.all if (r.building, r.key.series) == (building, series)}
         return sorted(found, key=lambda name: (_place(list(SETUPS), name), name))
 
     def by_setup(self, building: str, series: str) -> dict[str, list[RunFigures]]:
@@ -79,7 +77,7 @@ class GroupedRuns:
         )
         return [
             run for run in self.all
-            if (run.key.building, run.key.series, run.key.setup) == (building, series, setup)
+            if (run.building, run.key.series, run.key.setup) == (building, series, setup)
             and all(_text(run.options.get(name)) == value for name, value in wanted.items())
         ]  # fmt: skip
 
@@ -91,7 +89,7 @@ def _swept(runs: Sequence[RunFigures]) -> dict[str, list[str]]:
     for run in runs:
         for name, value in run.options.items():
             values[name][_text(value)] += 1
-            within[name, run.key.building, run.key.setup].add(_text(value))
+            within[name, run.building, run.key.setup].add(_text(value))
     names = sorted({name for (name, *_), found in within.items() if len(found) > 1})
     return {name: _usual_first(values[name]) for name in names}
 

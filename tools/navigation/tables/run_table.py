@@ -24,7 +24,7 @@ def run_table(runs: GroupedRuns) -> Table:
 def _row(run: RunFigures) -> Row:
     key = run.key
     return {
-        "building": key.building, "setup": key.setup, "series": key.series, "seed": key.seed,
+        "building": run.building, "setup": key.setup, "series": key.series, "seed": key.seed,
         **{name: getattr(run, name) for name in NAMES},
         "options": json.dumps(run.options, sort_keys=True),
     }  # fmt: skip

@@ -12,6 +12,8 @@ import numpy as np
 LEVEL = 0.95
 _CELLS = 200_000
 _DRAWS = 4_000
+_MOST_OF_NONE = 3.0
+"""None was seen in n: in 95 of 100 cases the share is below 3 / n."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,8 @@ def share_of(parts: Sequence[int], wholes: Sequence[int]) -> Interval:
     """Return the share of all parts in all wholes, each pair of one seed.
 
     The interval is that of a ratio over seeds, not over goals: goals of one run are not
-    independent, since a robot that is locked in is refused hundreds of them.
+    independent, since a robot that is locked in is refused hundreds of them. Of no part at all
+    it is the rule of three, which takes them as independent.
     """
     part, whole = np.array(parts, float), np.array(wholes, float)
     if not whole.sum():
@@ -80,6 +83,8 @@ def share_of(parts: Sequence[int], wholes: Sequence[int]) -> Interval:
     share, seeds = float(part.sum() / whole.sum()), len(part)
     if seeds < 2:
         return Interval(share, math.nan)
+    if not part.any():
+        return Interval(share, _MOST_OF_NONE / float(whole.sum()))
     spread = ((part - share * whole) ** 2).sum() * seeds / (seeds - 1)
     return Interval(share, float(t_quantile(seeds - 1) * math.sqrt(spread) / whole.sum()))
 
@@ -88,6 +93,8 @@ def ratio_of(
     one: Sequence[tuple[int, int]], other: Sequence[tuple[int, int]], *, paired: bool
 ) -> Ratio:
     """Return how many times the share of one is that of the other, by drawing seeds anew.
+
+    Where the other is 0, its share is taken to be at most 3 / n: the lower end stays finite.
 
     Args:
         one: (part, whole) of each seed.
@@ -101,9 +108,12 @@ def ratio_of(
     with np.errstate(divide="ignore", invalid="ignore"):
         drawn = _shares(first[rows]) / _shares(second[others])
         value = float(_shares(first[None])[0] / _shares(second[None])[0])
-    drawn = np.sort(drawn[~np.isnan(drawn)])  # 0 of both says nothing of their ratio
-    if len(drawn) < _DRAWS / 2 or len(first) < 2 or len(second) < 2:
+    if len(first) < 2 or len(second) < 2 or not (first[:, 0].any() or second[:, 0].any()):
         return Ratio(value, math.nan, math.nan)
+    if not second[:, 0].any():
+        low = np.quantile(_shares(first[rows]), (1 - LEVEL) / 2)
+        return Ratio(value, float(low / (_MOST_OF_NONE / second[:, 1].sum())), math.inf)
+    drawn = np.sort(drawn[~np.isnan(drawn)])  # 0 of both says nothing of their ratio
     low, high = (
         float(drawn[round(end * (len(drawn) - 1))]) for end in ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     )

@@ -30,7 +30,7 @@ GOALS = (
     Column("percent_a_run", "% a run", ".2f", interval=True),
 )  # fmt: skip
 HOW = (
-    "% of total: all runs together; ±: 95 % interval over seeds. "
+    "% of total: all runs together; ±: 95 % interval over seeds (none at all: up to 3 / n). "
     "% a run: mean of each run's own share."
 )
 

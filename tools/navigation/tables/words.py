@@ -1,0 +1,177 @@
+"""What the figures mean, in sentences that are made of them: another outcome, another sentence."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+
+from navigation.tables.figures import RunFigures
+from navigation.tables.grouped import GroupedRuns, title_of
+from navigation.tables.measures import RunsOf, difference, pairs_of, percent_of, times_of
+from navigation.tables.statistics import Interval, Ratio
+from navigation.tables.table import runs_said
+from navigation.tables.thesis import THESIS
+
+NEAR = "near_m"
+Runs = list[RunFigures]
+
+
+def words_of(runs: GroupedRuns, building: str) -> list[str]:
+    """Return what the runs of a building say; of series with the same goals, if there are any."""
+    series = runs.series(building)[0]
+    of = runs.by_setup(building, series)
+    seeds = max(map(len, of.values()))
+    if seeds < 2:
+        return [f"{runs_said(seeds)} of a setup: nothing can be said of others like it."]
+    return [*_of_setups(of, series), *_of_nearness(runs, building, series)]
+
+
+def _of_setups(of: RunsOf, series: str) -> Iterator[str]:
+    paired = series == "fixed"
+    if {"no_map_star", "map_star"} <= of.keys():
+        yield _without_obstacles(of["no_map_star"], of["map_star"], paired=paired)
+    if {"no_map", "map"} <= of.keys():
+        yield _with_obstacles(of["no_map"], of["map"])
+    if {"map", "map_star"} <= of.keys():
+        yield _instead_of_obstacles(of["map_star"], of["map"])
+    if {"smart", "map"} <= of.keys():
+        yield _beside("Doors that report themselves (Smart)", of["smart"], of["map"], "Map")
+    if {"belief", "map"} <= of.keys():
+        yield _beside("A learnt P(open) as cost (Belief)", of["belief"], of["map"], "Map")
+    if {"patrol", "nearest_first"} <= of.keys():
+        yield _order(of["patrol"], of["nearest_first"])
+    yield from _beside_the_thesis(of, series)
+
+
+def _without_obstacles(without: Runs, with_map: Runs, *, paired: bool) -> str:
+    times = times_of(without, with_map, paired=paired)
+    figures = (
+        f"without it {share_said(percent_of(without))} of the goals tried turned out unreachable "
+        f"only after the robot had driven there, with it {share_said(percent_of(with_map))}"
+    )
+    where = "Where the global costmap holds no obstacles"
+    if times.low > 1:
+        return f"{where}, the map of doors helps: {figures} ({_times_said(times)} less)."
+    if times.high < 1:
+        return (
+            f"Where the global costmap holds no obstacles, the map of doors does harm: {figures}."
+        )
+    return (f"Where the global costmap holds no obstacles, these runs show no difference between "
+            f"no map of doors and one: {figures}.")  # fmt: skip
+
+
+def _with_obstacles(without: Runs, with_map: Runs) -> str:
+    points = _points(without, with_map)
+    both = f"{share_said(percent_of(without))} without, {share_said(percent_of(with_map))} with it"
+    begin = "Where the laser's obstacles are in the global costmap, the map of doors"
+    if not points.is_clear:
+        return f"{begin} makes no difference that these runs can show: {both}."
+    if points.value > 0:
+        return f"{begin} still helps, by {_points_said(points)}: {both}."
+    return f"{begin} does harm, by {_points_said(points)}: {both}."
+
+
+def _instead_of_obstacles(star: Runs, both: Runs) -> str:
+    points = _points(star, both)
+    shares = f"{share_said(percent_of(star))} against {share_said(percent_of(both))}"
+    if not points.is_clear:
+        return ("Between the map alone (Map*) and map and obstacles together (Map) these runs show "
+                f"no difference: {shares}.")  # fmt: skip
+    word = "worse" if points.value > 0 else "better"
+    return (f"The map alone (Map*) is {word} than map and obstacles together (Map) by "
+            f"{_points_said(points)}: {shares}.")  # fmt: skip
+
+
+def _beside(what: str, runs: Runs, others: Runs, name: str) -> str:
+    points, pairs = _points(runs, others), pairs_of(runs, others)
+    minutes = difference(pairs, lambda run: run.total_s / 60)
+    told = f"{share_said(percent_of(runs))} against {share_said(percent_of(others))}"
+    if points.is_clear:
+        word = "more" if points.value > 0 else "less"
+        begin = f"{what}: {_points_said(points)} {word} driven in vain than with {name} ({told})"
+    else:
+        begin = f"{what}: no difference in goals driven to in vain from {name} ({told})"
+    return f"{begin}; {_time_said(minutes)}."
+
+
+def _order(patrol: Runs, nearest: Runs) -> str:
+    minutes = difference(pairs_of(patrol, nearest), lambda run: run.total_s / 60)
+    return (f"With ten goals to choose from, the one that is likeliest to be reached soon (Patrol) "
+            f"against the nearest one: {_time_said(minutes)}; "
+            f"{share_said(percent_of(patrol))} and {share_said(percent_of(nearest))} driven to in "
+            "vain.")  # fmt: skip
+
+
+def _beside_the_thesis(of: RunsOf, series: str) -> Iterator[str]:
+    for setup in ("no_map_star", "map_star", "map"):
+        told = THESIS.get(series, {}).get(setup)
+        if setup not in of or told is None:
+            continue
+        share = percent_of(of[setup])
+        inside = "holds" if share.low <= told.percent <= share.high else "does not hold"
+        where = (
+            "" if inside == "holds" else " above it" if told.percent > share.high else " below it"
+        )
+        yield (f"{title_of(setup)}: {share_said(share)} here; the interval {inside} the thesis's "
+               f"{told.percent:g} %{',' + where if where else ''}.")  # fmt: skip
+
+
+def _of_nearness(runs: GroupedRuns, building: str, series: str) -> Iterator[str]:
+    values = sorted(runs.swept.get(NEAR, []), key=float)
+    told = []
+    for value in values:
+        star, both = (
+            runs.of(building, series, setup, but=(NEAR, value)) for setup in ("map_star", "map")
+        )
+        if star and both:
+            shares = f"{percent_of(star).value:.2f} and {percent_of(both).value:.2f} %"
+            told.append((float(value), times_of(star, both, paired=series == "fixed"), shares))
+    if len(told) > 1:
+        said = "; ".join(
+            f"at {near:g} m {shares} ({_times_said(times)})" for near, times, shares in told
+        )
+        yield f"How near a door must be to be seen, Map* and Map: {said}."
+
+
+def _points(one: Runs, other: Runs) -> Interval:
+    return difference(pairs_of(one, other), lambda run: 100 * run.share)
+
+
+def share_said(share: Interval) -> str:
+    """Return a share in percent, as a sentence takes it."""
+    digits = 1 if share.value >= 10 else 2
+    half = "" if math.isnan(share.half) else f" (±{share.half:.{digits}f})"
+    if not share.value and half:
+        half = f" (at most {share.half:.2f})"
+    return f"{share.value:.{digits}f} %{half}"
+
+
+def _points_said(points: Interval) -> str:
+    return f"{abs(points.value):.2f} points (±{points.half:.2f})"
+
+
+def _times_said(times: Ratio) -> str:
+    if math.isnan(times.low):
+        return "how many times cannot be said"
+    if math.isinf(times.high):
+        return f"at least {times.low:.1f} times"
+    return f"{times.value:.1f} times, {times.low:.1f} to {times.high:.1f}"
+
+
+def _time_said(minutes: Interval) -> str:
+    if math.isnan(minutes.half):
+        return "its time cannot be compared"
+    if not minutes.is_clear:
+        return (
+            f"no difference in time that shows ({minutes.value:+.1f} ±{minutes.half:.1f} min a run)"
+        )
+    word = "longer" if minutes.value > 0 else "shorter"
+    return f"a run is {abs(minutes.value):.1f} min (±{minutes.half:.1f}) {word}"
+
+
+def usual_said(runs: GroupedRuns) -> str:
+    """Return with which options the runs of the tables were made; the swept ones first."""
+    options = dict(runs.all[0].options)
+    options |= {name: json.loads(values[0]) for name, values in runs.swept.items()}
+    return ", ".join(f"{name} {value}" for name, value in options.items())
