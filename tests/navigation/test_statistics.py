@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from navigation.tables.statistics import Interval, mean_of, ratio_of, share_of, t_quantile
+from navigation.tables.statistics import (
+    Interval,
+    mean_of,
+    most_behind,
+    ratio_of,
+    share_of,
+    t_quantile,
+)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +110,28 @@ def test_none_seen_is_not_none_there() -> None:
     """
     share = share_of([0, 0], [200, 400])
 
-    assert (share.value, share.high) == (0, 3 / 600)
+    assert (share.value, share.high) == (0, pytest.approx(3 / 600, rel=0.02))
+
+
+@pytest.mark.parametrize(("count", "printed"), [(0, 2.996), (1, 4.744), (5, 10.513), (9, 15.705)])
+def test_what_a_count_may_stand_for_is_that_of_printed_tables(count: int, printed: float) -> None:
+    """
+    Poisson's upper limit, one-sided, 95 %.
+    """
+    assert printed == pytest.approx(most_behind(count), rel=0.01)
+
+
+def test_a_ratio_to_one_case_is_no_more_certain_than_that_case() -> None:
+    """
+    One in a thousand may be five; a hundred in 100,000 are not 500.
+    """
+    one = [(100, 1000)] * 3
+
+    few = ratio_of(one, [(1, 1000), (0, 1000), (0, 1000)], paired=True)
+    many = ratio_of(one, [(100, 100_000)] * 3, paired=True)
+
+    assert few.low == pytest.approx(0.1 / (4.744 / 3000), rel=0.01)
+    assert many.low == pytest.approx(100)
 
 
 def test_a_ratio_to_nothing_has_no_end() -> None:
@@ -114,7 +142,7 @@ def test_a_ratio_to_nothing_has_no_end() -> None:
     ratio = ratio_of(some, none, paired=True)
 
     assert (ratio.value, ratio.high) == (math.inf, math.inf)
-    assert ratio.low == pytest.approx(0.2 / (3 / 60))
+    assert ratio.low == pytest.approx(0.2 / (3 / 60), rel=0.02)
     assert math.isnan(ratio_of(none, none, paired=True).low)
     assert ratio_of(none, some, paired=True).value == 0
     assert math.isnan(ratio_of(some[:1], some[:1], paired=True).low)

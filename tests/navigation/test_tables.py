@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from navigation.reading_verbs import VERBS, read_runs
 from navigation.records import Outcome, RunError, RunKey, RunRecorder
 from navigation.tables.experiment import tables_of
 from navigation.tables.figures import RunFigures, figures_in
 from navigation.tables.grouped import GroupedRuns
 from navigation.tables.table import Table
 from navigation.tables.thesis import THESIS
-from navigation.tables.verbs import add_to, read_runs
 
 from tests.navigation.corridor import DOORS, OPEN, Tally, drive, plan
 
@@ -50,10 +50,10 @@ def found(tables: list[Table], name: str, **about: str) -> Table:
 
 def run(*words: str) -> int:
     parser = argparse.ArgumentParser()
-    add_to(parser.add_subparsers(required=True))
-    args = parser.parse_args(words)
-    done: int = args.run(args)
-    return done
+    verb, *others = words
+    add_arguments, do = VERBS[verb]
+    add_arguments(parser)
+    return do(parser.parse_args(others))
 
 
 def of(tallies: dict[RunKey, Tally], setup: str, series: str) -> list[Tally]:

@@ -1,7 +1,7 @@
 """A run for rerun's viewer: the plan, doors as they were and as the map had them, robot and goals.
 
-A door is two strokes: the wide one is the world, the narrow one on it what the map said. A ring
-stands around a door that the map has wrong.
+A door is two strokes: the wide one is the world, the narrow one on it what the map said. A disc
+stands under a door that the map has wrong.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ OF_OUTCOME: Mapping[Outcome, Rgb] = {
 }
 STROKES = {"world": 5.0, "belief": 2.0}
 """Their width, in points of the screen."""
-ARROW_M = 1.2
+ARROW_M, RING_M = 1.2, 0.8
 MOST_ROWS = 4096
 
 
@@ -118,7 +118,7 @@ def _write_door(writer: _Writer, lanes: DoorLanes, *, told: bool) -> None:
     times = [at_ns for at_ns, _ in wrong]
     shown = np.array([bool(words) for _, words in wrong])
     ring = f"map/wrong/{door_id}"
-    writer.static(ring, rr.Points2D.from_fields(radii=0.9, colors=packed(WRONG, 0x90)))
+    writer.static(ring, rr.Points2D.from_fields(radii=RING_M, colors=packed(WRONG), draw_order=2.0))
     places = np.repeat(lanes.line.mean(axis=0)[None], int(shown.sum()), axis=0)
     columns = rr.Points2D.columns(positions=places.astype(np.float32))
     writer.rows(ring, times, list(columns.partition(shown.astype(np.uint32))))

@@ -12,8 +12,9 @@ import numpy as np
 LEVEL = 0.95
 _CELLS = 200_000
 _DRAWS = 4_000
-_MOST_OF_NONE = 3.0
-"""None was seen in n: in 95 of 100 cases the share is below 3 / n."""
+FEW = 10
+"""So few cases tell more of their number by chance than the seeds that they came from."""
+_ONE_SIDED = 1.645
 
 
 @dataclass(frozen=True)
@@ -84,9 +85,18 @@ def share_of(parts: Sequence[int], wholes: Sequence[int]) -> Interval:
     if seeds < 2:
         return Interval(share, math.nan)
     if not part.any():
-        return Interval(share, _MOST_OF_NONE / float(whole.sum()))
+        return Interval(share, most_behind(0) / float(whole.sum()))
     spread = ((part - share * whole) ** 2).sum() * seeds / (seeds - 1)
     return Interval(share, float(t_quantile(seeds - 1) * math.sqrt(spread) / whole.sum()))
+
+
+def most_behind(count: int) -> float:
+    """Return what a count may stand for: in 95 of 100 cases no more (Poisson; Wilson-Hilferty).
+
+    Of 0 it is 3, the rule of three.
+    """
+    more = count + 1
+    return float(more * (1 - 1 / (9 * more) + _ONE_SIDED / (3 * math.sqrt(more))) ** 3)
 
 
 def ratio_of(
@@ -94,7 +104,7 @@ def ratio_of(
 ) -> Ratio:
     """Return how many times the share of one is that of the other, by drawing seeds anew.
 
-    Where the other is 0, its share is taken to be at most 3 / n: the lower end stays finite.
+    Where the other has few cases, the lower end takes it that they stand for more.
 
     Args:
         one: (part, whole) of each seed.
@@ -110,13 +120,14 @@ def ratio_of(
         value = float(_shares(first[None])[0] / _shares(second[None])[0])
     if len(first) < 2 or len(second) < 2 or not (first[:, 0].any() or second[:, 0].any()):
         return Ratio(value, math.nan, math.nan)
-    if not second[:, 0].any():
-        low = np.quantile(_shares(first[rows]), (1 - LEVEL) / 2)
-        return Ratio(value, float(low / (_MOST_OF_NONE / second[:, 1].sum())), math.inf)
     drawn = np.sort(drawn[~np.isnan(drawn)])  # 0 of both says nothing of their ratio
     low, high = (
         float(drawn[round(end * (len(drawn) - 1))]) for end in ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     )
+    cases = int(second[:, 0].sum())
+    if cases < FEW:
+        least = float(np.quantile(_shares(first[rows]), (1 - LEVEL) / 2))
+        low = min(low, least / (most_behind(cases) / float(second[:, 1].sum())))
     return Ratio(value, low, high)
 
 

@@ -51,14 +51,12 @@ def _without_obstacles(without: Runs, with_map: Runs, *, paired: bool) -> str:
         f"only after the robot had driven there, with it {share_said(percent_of(with_map))}"
     )
     where = "Where the global costmap holds no obstacles"
+    where = "Where the global costmap holds no obstacles, the map of doors"
     if times.low > 1:
-        return f"{where}, the map of doors helps: {figures} ({_times_said(times)} less)."
+        return f"{where} helps: {figures} ({_times_said(times)} less)."
     if times.high < 1:
-        return (
-            f"Where the global costmap holds no obstacles, the map of doors does harm: {figures}."
-        )
-    return (f"Where the global costmap holds no obstacles, these runs show no difference between "
-            f"no map of doors and one: {figures}.")  # fmt: skip
+        return f"{where} does harm: {figures}."
+    return f"{where} makes no difference that these runs can show: {figures}."
 
 
 def _with_obstacles(without: Runs, with_map: Runs) -> str:
@@ -109,12 +107,13 @@ def _beside_the_thesis(of: RunsOf, series: str) -> Iterator[str]:
         if setup not in of or told is None:
             continue
         share = percent_of(of[setup])
-        inside = "holds" if share.low <= told.percent <= share.high else "does not hold"
-        where = (
-            "" if inside == "holds" else " above it" if told.percent > share.high else " below it"
+        beside = "holds"
+        if not share.low <= told.percent <= share.high:
+            beside = "lies below" if share.high < told.percent else "lies above"
+        yield (
+            f"{title_of(setup)}: {share_said(share)} here; the interval {beside} the thesis's "
+            f"{told.percent:g} %."
         )
-        yield (f"{title_of(setup)}: {share_said(share)} here; the interval {inside} the thesis's "
-               f"{told.percent:g} %{',' + where if where else ''}.")  # fmt: skip
 
 
 def _of_nearness(runs: GroupedRuns, building: str, series: str) -> Iterator[str]:
@@ -154,18 +153,18 @@ def _points_said(points: Interval) -> str:
 def _times_said(times: Ratio) -> str:
     if math.isnan(times.low):
         return "how many times cannot be said"
+    digits = 0 if times.low >= 10 else 1
     if math.isinf(times.high):
-        return f"at least {times.low:.1f} times"
-    return f"{times.value:.1f} times, {times.low:.1f} to {times.high:.1f}"
+        return f"at least {times.low:,.{digits}f} times"
+    return f"{times.value:,.{digits}f} times, {times.low:,.{digits}f} to {times.high:,.{digits}f}"
 
 
 def _time_said(minutes: Interval) -> str:
     if math.isnan(minutes.half):
         return "its time cannot be compared"
     if not minutes.is_clear:
-        return (
-            f"no difference in time that shows ({minutes.value:+.1f} ±{minutes.half:.1f} min a run)"
-        )
+        told = f"{round(minutes.value, 1) + 0.0:+.1f} ±{minutes.half:.1f} min a run"
+        return f"no difference in time that shows ({told})"
     word = "longer" if minutes.value > 0 else "shorter"
     return f"a run is {abs(minutes.value):.1f} min (±{minutes.half:.1f}) {word}"
 
