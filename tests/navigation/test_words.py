@@ -35,7 +35,7 @@ MANY, FEW, NONE = [40, 44, 48, 36, 42], [2, 1, 3, 2, 2], [0, 0, 0, 0, 0]
     ("without", "with_map", "expected"),
     [
         (MANY, FEW, "map of doors helps: without it 21.0 % (±"),
-        (MANY, NONE, "0.00 % (at most 0.30) (at least "),
+        (MANY, NONE, "0.00 % (at most 0.30), at least "),
         (FEW, MANY, "map of doors does harm"),
         (FEW, FEW, "makes no difference that these runs can show"),
     ],
@@ -116,7 +116,7 @@ def test_nearness_is_told_where_it_was_swept() -> None:
     ]  # fmt: skip
 
     (told,) = [line for line in words_of(GroupedRuns(runs), "clinic") if "How near" in line]
-    assert "at 1 m 10.00 and 1.00 % (10 times, 10 to 10); at 3 m 1.00 and 1.00 % (1.0 times" in told
+    assert "at 1 m 10.00 and 1.00 %, 10 times (10 to 10); at 3 m 1.00 and 1.00 %, 1.0 times" in told
 
 
 def test_one_run_is_no_evidence() -> None:

@@ -20,7 +20,7 @@ def share_chart(of: RunsOf, series: str) -> Any:
     thesis = {name: row.percent for name, row in THESIS.get(series, {}).items() if name in of}
     most = max([*(s.value + _known(s.half) for s in shares.values()), *thesis.values()])
     with styled():
-        figure, ax = axes(5.2, 0.75 + 0.34 * len(of))
+        figure, ax = axes(4.4, 0.75 + 0.3 * len(of))
         labels = []
         for row, (setup, share) in enumerate(shares.items()):
             half = _known(share.half)

@@ -28,7 +28,7 @@ def plan_picture(run: Run) -> Any | None:
     stood = places_at(times_ns, poses, np.array(given_up, np.int64))
     with styled():
         high, wide = floor.cells.shape
-        figure, ax = axes(5.2, min(7.0, 5.2 * high / wide) + 0.45)
+        figure, ax = axes(4.4, min(6.0, 4.4 * high / wide) + 0.4)
         ends = (0, wide * floor.resolution, 0, high * floor.resolution)
         corner = (floor.origin_x, floor.origin_y)
         extent = [end + corner[place // 2] for place, end in enumerate(ends)]

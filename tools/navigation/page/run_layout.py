@@ -19,6 +19,8 @@ from semmap_log.views.rerun.rows import HAPPENED, entity
 
 MOST_LANES = 20
 """Doors that were wrong for the longest come first; more lanes could not be read."""
+LANE_SHARE = 0.2
+"""Of the height that the lane of goals has."""
 TRACK_S = 900.0
 
 
@@ -49,13 +51,13 @@ def layout(run: Run, doors: Mapping[DoorId, DoorLanes]) -> Any:
         visual_bounds=_bounds(doors, floor_of(run)),
     )  # fmt: skip
     right: list[Any] = [rrb.StateTimelineView(origin="/goals", name="Goals", time_view=axis)]
-    shares = [1]
+    shares = [1.0]
     if lanes := _longest_wrong(run, doors):
         paths = [f"+ {wrong_path(each)}" for each in lanes]
         name = "Doors that the map had wrong"
         view = rrb.StateTimelineView(origin="/wrong", contents=paths, name=name, time_view=axis)
         right.append(view)
-        shares.append(4)
+        shares.append(1.0 + LANE_SHARE * len(lanes))
     right.append(rrb.TimeSeriesView(origin="/count", name="So far", axis_x=axis))
     right.append(rrb.TextLogView(
         origin="/events", name="Goals' ends",

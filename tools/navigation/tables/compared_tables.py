@@ -29,8 +29,8 @@ DIFFERENCES = (
     Column("clear", "share differs"),
 )  # fmt: skip
 TIMES = (
-    Column("what", "times"), Column("times", "times", ".1f"), Column("low", "from", ".1f"),
-    Column("high", "to", ".1f"), Column("at_least_3", "at least 3"),
+    Column("what", "times"), Column("times", "times", ",.1f"), Column("low", "from", ",.1f"),
+    Column("high", "to", ",.1f"), Column("at_least_3", "at least 3"),
 )  # fmt: skip
 COSTS = (
     Column("setup"), Column("in_vain_min", "driven in vain, min a run", ".1f", interval=True),

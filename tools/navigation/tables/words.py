@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from navigation.tables.figures import RunFigures
 from navigation.tables.grouped import GroupedRuns, title_of
 from navigation.tables.measures import RunsOf, difference, pairs_of, percent_of, times_of
-from navigation.tables.statistics import Interval, Ratio
+from navigation.tables.statistics import Interval, Ratio, mean_of
 from navigation.tables.table import runs_said
 from navigation.tables.thesis import THESIS
 
@@ -50,10 +50,9 @@ def _without_obstacles(without: Runs, with_map: Runs, *, paired: bool) -> str:
         f"without it {share_said(percent_of(without))} of the goals tried turned out unreachable "
         f"only after the robot had driven there, with it {share_said(percent_of(with_map))}"
     )
-    where = "Where the global costmap holds no obstacles"
     where = "Where the global costmap holds no obstacles, the map of doors"
     if times.low > 1:
-        return f"{where} helps: {figures} ({_times_said(times)} less)."
+        return f"{where} helps: {figures}, {_times_said(times, 'less')}."
     if times.high < 1:
         return f"{where} does harm: {figures}."
     return f"{where} makes no difference that these runs can show: {figures}."
@@ -61,7 +60,8 @@ def _without_obstacles(without: Runs, with_map: Runs, *, paired: bool) -> str:
 
 def _with_obstacles(without: Runs, with_map: Runs) -> str:
     points = _points(without, with_map)
-    both = f"{share_said(percent_of(without))} without, {share_said(percent_of(with_map))} with it"
+    shares = share_said(a_run_of(without)), share_said(a_run_of(with_map))
+    both = f"in the mean of a run {shares[0]} without, {shares[1]} with it"
     begin = "Where the laser's obstacles are in the global costmap, the map of doors"
     if not points.is_clear:
         return f"{begin} makes no difference that these runs can show: {both}."
@@ -72,7 +72,9 @@ def _with_obstacles(without: Runs, with_map: Runs) -> str:
 
 def _instead_of_obstacles(star: Runs, both: Runs) -> str:
     points = _points(star, both)
-    shares = f"{share_said(percent_of(star))} against {share_said(percent_of(both))}"
+    shares = (
+        f"in the mean of a run {share_said(a_run_of(star))} against {share_said(a_run_of(both))}"
+    )
     if not points.is_clear:
         return ("Between the map alone (Map*) and map and obstacles together (Map) these runs show "
                 f"no difference: {shares}.")  # fmt: skip
@@ -84,7 +86,7 @@ def _instead_of_obstacles(star: Runs, both: Runs) -> str:
 def _beside(what: str, runs: Runs, others: Runs, name: str) -> str:
     points, pairs = _points(runs, others), pairs_of(runs, others)
     minutes = difference(pairs, lambda run: run.total_s / 60)
-    told = f"{share_said(percent_of(runs))} against {share_said(percent_of(others))}"
+    told = f"{share_said(a_run_of(runs))} against {share_said(a_run_of(others))}"
     if points.is_clear:
         word = "more" if points.value > 0 else "less"
         begin = f"{what}: {_points_said(points)} {word} driven in vain than with {name} ({told})"
@@ -97,7 +99,7 @@ def _order(patrol: Runs, nearest: Runs) -> str:
     minutes = difference(pairs_of(patrol, nearest), lambda run: run.total_s / 60)
     return (f"With ten goals to choose from, the one that is likeliest to be reached soon (Patrol) "
             f"against the nearest one: {_time_said(minutes)}; "
-            f"{share_said(percent_of(patrol))} and {share_said(percent_of(nearest))} driven to in "
+            f"{share_said(a_run_of(patrol))} and {share_said(a_run_of(nearest))} driven to in "
             "vain.")  # fmt: skip
 
 
@@ -128,13 +130,20 @@ def _of_nearness(runs: GroupedRuns, building: str, series: str) -> Iterator[str]
             told.append((float(value), times_of(star, both, paired=series == "fixed"), shares))
     if len(told) > 1:
         said = "; ".join(
-            f"at {near:g} m {shares} ({_times_said(times)})" for near, times, shares in told
+            f"at {near:g} m {shares}, {_times_said(times)}" for near, times, shares in told
         )
         yield f"How near a door must be to be seen, Map* and Map: {said}."
 
 
 def _points(one: Runs, other: Runs) -> Interval:
     return difference(pairs_of(one, other), lambda run: 100 * run.share)
+
+
+def a_run_of(runs: Runs) -> Interval:
+    """Return the mean share of a run in percent, to stand beside differences of runs."""
+    if not any(run.after_driving for run in runs):
+        return percent_of(runs)
+    return mean_of([100 * run.share for run in runs])
 
 
 def share_said(share: Interval) -> str:
@@ -150,13 +159,14 @@ def _points_said(points: Interval) -> str:
     return f"{abs(points.value):.2f} points (±{points.half:.2f})"
 
 
-def _times_said(times: Ratio) -> str:
+def _times_said(times: Ratio, than: str = "") -> str:
     if math.isnan(times.low):
         return "how many times cannot be said"
     digits = 0 if times.low >= 10 else 1
     if math.isinf(times.high):
-        return f"at least {times.low:,.{digits}f} times"
-    return f"{times.value:,.{digits}f} times, {times.low:,.{digits}f} to {times.high:,.{digits}f}"
+        return " ".join([f"at least {times.low:,.{digits}f} times", *([than] if than else [])])
+    ends = f"({times.low:,.{digits}f} to {times.high:,.{digits}f})"
+    return " ".join([f"{times.value:,.{digits}f} times", *([than] if than else []), ends])
 
 
 def _time_said(minutes: Interval) -> str:
