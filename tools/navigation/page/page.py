@@ -97,7 +97,7 @@ def _pictures(runs: GroupedRuns, building: str) -> Iterator[str]:
         yield (
             "<h3>One run on the plan</h3>\n"
             '<p class="note">The run of the middling share. Blue: where the robot went. Red '
-            "crosses: where it was when a goal was given up after driving. Thick strokes: doors.</p>\n"
+            "crosses: where it was when a goal was given up after driving. Strokes: doors.</p>\n"
             f'<div class="pictures">{"".join(plans)}</div>\n'
         )
 
