@@ -71,11 +71,13 @@ class Laser:
         far = np.arange(1, self._steps + 2) / STEPS_A_CELL
         rows = np.floor(np.sin(bearings)[:, None] * far + 0.5).astype(np.intp)
         columns = np.floor(np.cos(bearings)[:, None] * far + 0.5).astype(np.intp)
-        return rows * self.solid.shape[1] + columns
+        table: Indices = rows * self.solid.shape[1] + columns
+        return table
 
     def at(self, cell: Cell) -> int:
         """Return the flat index of a cell of the world."""
-        return (cell[0] + self.margin) * self.solid.shape[1] + cell[1] + self.margin
+        width = int(self.solid.shape[1])
+        return (cell[0] + self.margin) * width + cell[1] + self.margin
 
     def scan(self, cell: Cell, heading: float) -> Scan:
         """Return what is seen from a cell.
