@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navigation.laser import Laser
+from navigation.laser import Laser, Scan
 from navigation.obstacle_layer import ObstacleLayer
 
 from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
@@ -21,10 +21,20 @@ def laser(walls: np.ndarray = ROOM, *, noise_m: float = 0.0, **options: object) 
     return Laser(walls, noise_m=noise_m, **{**usual, **options})  # type: ignore[arg-type]
 
 
-def cells(laser: Laser, found: np.ndarray) -> set[tuple[int, int]]:
-    rows, columns = np.divmod(found, laser.solid.shape[1])
-    pairs = zip((rows - laser.margin).tolist(), (columns - laser.margin).tolist(), strict=True)
-    return set(pairs)
+def cells(laser: Laser, scan: Scan, found: np.ndarray) -> set[tuple[int, int]]:
+    rows, columns = np.divmod(found, 2 * laser.margin + 1)
+    rows += scan.square[0].start - laser.margin
+    columns += scan.square[1].start - laser.margin
+    return set(zip(rows.tolist(), columns.tolist(), strict=True))
+
+
+def hits(laser: Laser, scan: Scan) -> set[tuple[int, int]]:
+    return cells(laser, scan, scan.hits)
+
+
+def passed(laser: Laser, scan: Scan) -> set[tuple[int, int]]:
+    everything = np.ones((2 * laser.margin + 1) ** 2, np.bool_)
+    return cells(laser, scan, scan.passed(everything))
 
 
 def test_beams_end_in_the_walls_that_they_see() -> None:
@@ -32,32 +42,29 @@ def test_beams_end_in_the_walls_that_they_see() -> None:
     Ahead, 270 degrees wide, and no farther than the range: the wall at column 29 is not seen.
     """
     eye = laser()
-    hits = cells(eye, eye.scan(HERE, 0.0).hits)
+    ahead = hits(eye, eye.scan(HERE, 0.0))
 
-    assert all(ROOM[cell] for cell in hits)
-    assert {(0, 5), (19, 5)} <= hits
-    assert not any(column == 29 for _, column in hits)
-    assert (10, 0) not in hits  # behind
-    assert (10, 0) in cells(eye, eye.scan(HERE, math.pi).hits)
-    assert (10, 0) in cells(eye, eye.look_around(HERE).hits)
+    assert all(ROOM[cell] for cell in ahead)
+    assert {(0, 5), (19, 5)} <= ahead
+    assert not any(column == 29 for _, column in ahead)
+    assert (10, 0) not in ahead  # behind
+    assert (10, 0) in hits(eye, eye.scan(HERE, math.pi))
+    assert (10, 0) in hits(eye, eye.look_around(HERE))
 
 
 def test_a_scan_passes_what_lies_before_its_hits() -> None:
     eye = laser()
-    everything = np.ones(eye.solid.size, np.bool_)
-    passed = cells(eye, eye.scan((10, 20), 0.0).passed(everything))
+    through = passed(eye, eye.scan((10, 20), 0.0))
 
-    assert {(10, column) for column in range(21, 29)} <= passed
-    assert not any(ROOM[cell] for cell in passed)
+    assert {(10, column) for column in range(21, 29)} <= through
+    assert not any(ROOM[cell] for cell in through)
 
 
 def test_a_beam_that_meets_nothing_clears_only_if_told() -> None:
     open_floor = np.zeros((20, 60), np.bool_)
-    everything = np.ones(10**5, np.bool_)
     for clears in (False, True):
         eye = laser(open_floor, clears_beyond=clears)
-        passed = eye.scan((10, 30), 0.0).passed(everything[: eye.solid.size])
-        assert bool(len(passed)) == clears
+        assert bool(passed(eye, eye.scan((10, 30), 0.0))) == clears
 
 
 def test_noise_moves_hits_by_as_much_as_it_says() -> None:
@@ -65,9 +72,9 @@ def test_noise_moves_hits_by_as_much_as_it_says() -> None:
     Looking straight at a wall 1 m away, with a deviation of a cell: half of the hits miss the wall.
     """
     eye = laser(noise_m=0.1)
-    flat = [eye.scan((10, 19), 0.0).hits for _ in range(400)]
+    scans = [eye.scan((10, 19), 0.0) for _ in range(400)]
     columns = [
-        column for hits in flat for row, column in cells(eye, hits) if row == 10 and column > 15
+        column for scan in scans for row, column in hits(eye, scan) if row == 10 and column > 15
     ]
     # The beam ends half a step within the wall: a cell's width is one deviation.
     assert 0.3 < np.mean(np.array(columns) < 29) < 0.6
