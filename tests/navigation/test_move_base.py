@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from navigation.move_base import Drive
+from navigation.ways import Crossing
 
 from semmap_log.domain.doors import DoorId
 from tests.navigation.world_of_three_rooms import (
@@ -168,6 +169,17 @@ def test_a_robot_on_whom_a_door_closes_goes_on(tmp_path: Path) -> None:
         scene.robot.wait(1.0)
         assert scene.move_base.go(CORRIDOR).reached
         assert scene.move_base.go(IN_RIGHT).reached
+
+
+def test_a_door_behind_a_wall_does_not_stop_it(tmp_path: Path) -> None:
+    """
+    Though it lies near on the way: the wall at x = 5 stands between.
+    """
+    scene = Scene(tmp_path, "no_map_star", SHUT, start=(4.6, 5.0))
+    with scene.recorder:
+        for x, is_blocked in ((5.4, False), (4.0, True)):
+            crossing = Crossing(1.0, MIDDLE, (x, 5.0))
+            assert scene.move_base._is_blocked([crossing], 0.0) == is_blocked
 
 
 def test_doors_are_told_as_they_change(tmp_path: Path) -> None:

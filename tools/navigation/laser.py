@@ -37,9 +37,9 @@ class Scan:
         """Return which of these cells of the square beams went through; some more than once."""
         if not cells.any():
             return _NO_CELLS
-        found = cells.take(self.beams, mode="clip")
-        found &= np.arange(self.beams.shape[1]) < self.until[:, None]
-        return self.beams[found]
+        beam, step = np.nonzero(cells.take(self.beams, mode="clip"))
+        before = step < self.until[beam]
+        return self.beams[beam[before], step[before]]
 
 
 _NO_CELLS = np.empty(0, np.intp)
