@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from navigation.move_base import Drive
+from navigation.runs import read_run
 from navigation.ways import Crossing
 
 from semmap_log.domain.doors import DoorId
@@ -16,7 +17,9 @@ from tests.navigation.world_of_three_rooms import (
     IN_LEFT,
     IN_MIDDLE,
     IN_RIGHT,
+    LEFT,
     MIDDLE,
+    RIGHT,
     Scene,
 )
 
@@ -118,6 +121,22 @@ def test_a_map_that_is_wrong_is_put_right_where_the_sensor_is_near(tmp_path: Pat
             scene.move_base.go(IN_MIDDLE)
             again = scene.move_base.go(IN_MIDDLE)
         assert (again.planned_s is None) == knows
+
+
+@pytest.mark.parametrize("setup", ["map", "map_star", "smart"])
+def test_what_the_robot_knows_is_what_its_log_says(tmp_path: Path, setup: str) -> None:
+    """
+    After a drive through doors that toggled meanwhile.
+    """
+    toggles = [[MIDDLE], [LEFT], [MIDDLE], [RIGHT]]
+    scene = Scene(tmp_path, setup, SHUT, *toggles, every_s=7.0, start=FAR)
+    with scene.recorder:
+        for goal in (IN_MIDDLE, IN_LEFT, IN_RIGHT):
+            scene.move_base.go(goal)
+    run = read_run(scene.recorder.folder)
+    doors = run.belief.replay().doors
+    assert {d: state.state.name == "OPEN" for d, state in doors.items()} == scene.robot._known
+    assert scene.robot._known != SHUT
 
 
 def test_a_door_that_opens_while_it_waits_lets_it_pass(tmp_path: Path) -> None:

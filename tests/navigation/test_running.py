@@ -146,7 +146,7 @@ def test_the_program_makes_what_is_missing(
     words = arguments(plan, tmp_path / "o", "--seeds", "2", "--setup", "map_star", "smart")
     assert navigation_experiment.main([*words, "--goals", "2"]) == 0
     told = capsys.readouterr().err
-    assert "4/4 corridor_L1 " in told
+    assert "4/4 corridor_L1,goals=2 " in told
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "o").rglob("*.mcap")}
 
     assert navigation_experiment.main([*words, "--goals", "2", "--series", "fixed"]) == 0
@@ -174,6 +174,7 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path, plan: Path, end
         assert process.returncode == 130
         assert told.endswith("stopped; the same command goes on\n")
         assert "Traceback" not in told
+        assert not list(out.rglob(".making_*"))
     there = {path for path in out.glob("*/*/*") if not path.name.startswith(".")}
     assert 1 <= len(there) < 6
     assert all(read_run(folder).goals for folder in there)
@@ -182,6 +183,28 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path, plan: Path, end
     whole = tmp_path / "whole"
     run_all(list(tasks_of(parsed_run(plan, whole, options))), whole, jobs=1)
     assert files(out) == files(whole)
+
+
+@pytest.mark.slow
+def test_a_process_that_is_ended_from_outside_is_told(tmp_path: Path, plan: Path) -> None:
+    """
+    In one line, in place of waiting for it for ever.
+    """
+    out = tmp_path / "o"
+    words = arguments(plan, out, "--seeds", "9", "--setup", "no_map", "--goals", "40")
+    process = subprocess.Popen(
+        [sys.executable, PROGRAM, *words, "--jobs", "2"], stderr=subprocess.PIPE, text=True
+    )
+    wait_for_a_run(out, process)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    workers = [
+        pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
+    os.kill(int(workers[-1]), signal.SIGKILL)
+    told = process.communicate(timeout=60)[1]
+    assert process.returncode == 1
+    assert "a process of the experiment was ended from outside" in told
+    assert "Traceback" not in told
 
 
 def wait_for_a_run(out: Path, process: subprocess.Popen[str]) -> None:
