@@ -1,7 +1,7 @@
-"""Does a map of doors help a robot to reach its goals? The thesis's experiment, with many seeds.
+r"""Does a map of doors help a robot to reach its goals? The thesis's experiment, with many seeds.
 
     python tools/navigation_experiment.py run --building clinic.building.yaml --jobs 2 --out runs
-    python tools/navigation_experiment.py run --building hotel.building.yaml --level 2 \\
+    python tools/navigation_experiment.py run --building hotel.building.yaml --level 2 \
         --setup map map_star --near-m 1 3 8 --out runs
 
 A robot is sent to random places of a building in which doors open and close, until it has reached a

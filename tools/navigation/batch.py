@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import multiprocessing
+import shutil
 import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from pathlib import Path
 
 from navigation.floors import Floor
+from navigation.records import RunError
 from navigation.running import RunTask, run
 
 
@@ -24,6 +28,9 @@ def run_all(tasks: Sequence[RunTask], out: Path, jobs: int) -> int:
         tasks: What to run, the first first.
         out: Where runs lie.
         jobs: Processes.
+
+    Raises:
+        RunError: One of the processes was ended from outside.
     """
     missing = [task for task in tasks if not task.key.folder(out).exists()]
     if len(missing) < len(tasks):
@@ -41,11 +48,26 @@ def _made(tasks: Sequence[RunTask], out: Path, jobs: int) -> Iterator[tuple[RunT
     if jobs == 1:
         yield from map(_make, ((task, out) for task in tasks))
         return
+    context = multiprocessing.get_context("spawn")
     # Ctrl-C reaches this process, which ends the others.
-    with multiprocessing.get_context("spawn").Pool(
-        jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN)
-    ) as pool:
-        yield from pool.imap_unordered(_make, [(task, out) for task in tasks])
+    pool = ProcessPoolExecutor(jobs, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    try:
+        running = [pool.submit(_make, (task, out)) for task in tasks]
+        for future in as_completed(running):
+            yield future.result()
+    except BrokenProcessPool as error:
+        raise RunError(
+            "a process of the experiment was ended from outside, perhaps for want of memory; "
+            "the same command goes on where it was"
+        ) from error
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        for task in tasks:
+            shutil.rmtree(task.key.making(out), ignore_errors=True)
 
 
 def _make(what: tuple[RunTask, Path]) -> tuple[RunTask, float]:

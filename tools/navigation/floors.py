@@ -98,7 +98,7 @@ class Floor:
     @cached_property
     def walls(self) -> NDArray[np.bool_]:
         """What is solid, whatever the doors do; a doorway is not."""
-        walls = self.static == LETHAL
+        walls: NDArray[np.bool_] = self.static == LETHAL
         for cells in self.door_cells.values():
             walls.reshape(-1)[cells] = False
         return walls

@@ -17,7 +17,7 @@ from navigation.regions import NOWHERE, Labels, regions_of
 from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL
 from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
 from semmap_log.costmap_2d.inflation import InflationLayer
-from semmap_log.costmap_2d.layered import LayeredCostmap
+from semmap_log.costmap_2d.layered import CostmapLayer, LayeredCostmap
 from semmap_log.costmap_2d.static_layer import StaticLayer
 from semmap_log.domain.doors import DoorId
 
@@ -47,7 +47,7 @@ class GlobalCostmap:
         inflation = InflationLayer(geometry, INFLATION_M, inscribed=RADIUS_M)
         above = [] if obstacles is None else [obstacles]
         static = StaticLayer(geometry, floor.static)
-        layers = [static, self._doors, *above, inflation]
+        layers: list[CostmapLayer] = [static, self._doors, *above, inflation]
         self._master = LayeredCostmap(geometry, layers, track_unknown=True)
         self._extra: dict[DoorId, float] = {}
         self._weights = np.full(geometry.shape, np.inf, np.float32)

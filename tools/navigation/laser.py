@@ -22,8 +22,10 @@ STEPS_A_CELL = 2
 
 @dataclass(frozen=True)
 class Scan:
-    """What one turn of the laser tells; indices are flat ones of the padded grid."""
+    """What one turn of the laser tells; flat indices of the square that the laser reaches."""
 
+    square: tuple[slice, slice]
+    """Rows and columns of the padded grid that it is."""
     hits: Indices
     """Cells in which beams ended."""
     beams: Indices
@@ -32,11 +34,15 @@ class Scan:
     """(beams,): so many of them it passed."""
 
     def passed(self, cells: NDArray[np.bool_]) -> Indices:
-        """Return which of these cells (flat) beams went through; some more than once."""
-        found = cells[self.beams]
-        if found.any():
-            found &= np.arange(self.beams.shape[1]) < self.until[:, None]
-        return self.beams[found]
+        """Return which of these cells of the square beams went through; some more than once."""
+        if not cells.any():
+            return _NO_CELLS
+        beam, step = np.nonzero(cells.take(self.beams, mode="clip"))
+        before = step < self.until[beam]
+        return self.beams[beam[before], step[before]]
+
+
+_NO_CELLS = np.empty(0, np.intp)
 
 
 class Laser:
@@ -65,17 +71,19 @@ class Laser:
         self._beams = self._table()
 
     def _table(self) -> Indices:
-        """Return (360, steps + 1): what to add to a flat index for each step along a bearing."""
+        """Return (360, steps + 1): the cell of the square at each step along a bearing."""
         bearings = np.radians(np.arange(360))
         # One step more than is seen: noise may push the end of a beam there.
         far = np.arange(1, self._steps + 2) / STEPS_A_CELL
         rows = np.floor(np.sin(bearings)[:, None] * far + 0.5).astype(np.intp)
         columns = np.floor(np.cos(bearings)[:, None] * far + 0.5).astype(np.intp)
-        return rows * self.solid.shape[1] + columns
+        table: Indices = (rows + self.margin) * (2 * self.margin + 1) + columns + self.margin
+        return table
 
     def at(self, cell: Cell) -> int:
         """Return the flat index of a cell of the world."""
-        return (cell[0] + self.margin) * self.solid.shape[1] + cell[1] + self.margin
+        width = int(self.solid.shape[1])
+        return (cell[0] + self.margin) * width + cell[1] + self.margin
 
     def scan(self, cell: Cell, heading: float) -> Scan:
         """Return what is seen from a cell.
@@ -86,20 +94,26 @@ class Laser:
         """
         first = round(math.degrees(heading)) - FIELD_DEG // 2
         bearings = np.arange(first, first + FIELD_DEG + 1) % 360
-        return self._seen(self._beams[bearings] + self.at(cell))
+        return self._seen(cell, self._beams[bearings])
 
     def look_around(self, cell: Cell) -> Scan:
         """Return what is seen from a cell in a whole turn of the robot."""
-        return self._seen(self._beams + self.at(cell))
+        return self._seen(cell, self._beams)
 
     def sees(self, cell: Cell, bearing: float, distance_m: float) -> bool:
         """Tell whether nothing solid stands nearer than that in one direction."""
         steps = min(int(distance_m / self._step_m), self._steps)
-        beam = self._beams[round(math.degrees(bearing)) % 360, :steps] + self.at(cell)
-        return not self.solid.reshape(-1)[beam].any()
+        beam = self._beams[round(math.degrees(bearing)) % 360, :steps]
+        return not self.solid[self._square(cell)].reshape(-1)[beam].any()
 
-    def _seen(self, beams: Indices) -> Scan:
-        is_solid = self.solid.reshape(-1)[beams[:, :-1]]
+    def _square(self, cell: Cell) -> tuple[slice, slice]:
+        """Return the rows and columns that it may reach from a cell."""
+        side = 2 * self.margin + 1
+        return slice(cell[0], cell[0] + side), slice(cell[1], cell[1] + side)
+
+    def _seen(self, cell: Cell, beams: Indices) -> Scan:
+        square = self._square(cell)
+        is_solid = self.solid[square].reshape(-1).take(beams[:, :-1], mode="clip")
         end = is_solid.argmax(axis=1)
         met = is_solid[np.arange(len(beams)), end]
         # A beam ends within the first solid cell: one step inside it, give or take the noise.
@@ -107,4 +121,4 @@ class Laser:
         read = np.clip(np.rint(end + 0.5 + noise).astype(np.intp), 0, self._steps)
         hits = beams[met, read[met]]
         until = np.where(met, np.minimum(end, read), self._steps if self._clears_beyond else 0)
-        return Scan(hits, beams[:, :-1], until)
+        return Scan(square, hits, beams[:, :-1], until)

@@ -47,12 +47,15 @@ class ObstacleLayer:
 
     def take_in(self, scan: Scan) -> None:
         """Clear and mark as a scan tells."""
-        flat = self._marked.reshape(-1)
-        passed = scan.passed(flat)
-        flat[passed] = False
-        hits = scan.hits[self._open.reshape(-1)[scan.hits]]
-        flat[hits] = True
-        self._may_differ |= bool(len(passed) or len(hits))
+        marked = self._marked[scan.square]
+        cells = marked.reshape(-1)  # a copy
+        passed = scan.passed(cells)
+        cells[passed] = False
+        hits = scan.hits[self._open[scan.square].reshape(-1)[scan.hits]]
+        cells[hits] = True
+        if len(passed) or len(hits):
+            marked[:] = cells.reshape(marked.shape)
+            self._may_differ = True
 
     def forget(self, around: Cell, keep_cells: int) -> None:
         """Clear all but a square around the robot, as `clear_costmap_recovery` does."""

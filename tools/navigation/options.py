@@ -66,6 +66,6 @@ class RunOptions:
                 raise OptionError(f"{name}: expected more than 0, got {getattr(self, name):g}")
 
     def changed(self) -> dict[str, object]:
-        """Return what is not as usual, by name; the number of goals is not counted."""
-        usual = asdict(RunOptions(goals=self.goals))
+        """Return what is not as usual, by name."""
+        usual = asdict(RunOptions())
         return {name: value for name, value in asdict(self).items() if usual[name] != value}

@@ -91,6 +91,11 @@ class RunKey:
         """Return where its logs lie below a folder."""
         return out / self.building / self.setup / f"{self.series}-{self.seed}"
 
+    def making(self, out: Path) -> Path:
+        """Return where its logs lie while it is made."""
+        folder = self.folder(out)
+        return folder.with_name(f".making_{folder.name}")
+
     @classmethod
     def of(cls, folder: Path) -> RunKey:
         """Return which run lies in a folder, by the folder's name.
@@ -134,7 +139,7 @@ class RunRecorder:
         self.folder = key.folder(out)
         if self.folder.exists():
             raise RunError(f"{self.folder}: the run is there already; remove it to run it again.")
-        self._making = self.folder.with_name(f".making_{self.folder.name}")
+        self._making = key.making(out)
         shutil.rmtree(self._making, ignore_errors=True)  # what a killed run left
         self._making.mkdir(parents=True)
         told = json.dumps({**asdict(key), **parameters}, sort_keys=True)

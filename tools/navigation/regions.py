@@ -29,7 +29,9 @@ def regions_of(free: NDArray[np.bool_]) -> Labels:
     return np.cumsum(labels, dtype=np.int32).reshape(rows, columns + 1)[:, :columns]
 
 
-def _touching(start: NDArray[np.intp], end: NDArray[np.intp], width: int):  # noqa: ANN202
+def _touching(
+    start: NDArray[np.intp], end: NDArray[np.intp], width: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return (a, b): the pairs of runs that touch, of one row and the next."""
     # Moved down a row, a run touches those that begin before its end and end after its start.
     first = np.searchsorted(end, start + width, side="left")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from navigation.door_daemon import state_of
@@ -44,16 +45,26 @@ class Robot:
     """The robot of a run. What it comes to know of doors, it writes to its log."""
 
     def __init__(
-        self, floor: Floor, world: World, setup: Setup, senses: Senses, recorder: RunRecorder,
-        start: Point,
+        self, floor: Floor, world: World, setup: Setup, senses: Senses, *, recorder: RunRecorder,
+        start: Point, known: Mapping[DoorId, bool] | None = None,
     ) -> None:  # fmt: skip
-        """Put it on a floor; its map has the doors as they stand."""
+        """Put it on a floor.
+
+        Args:
+            floor: Which.
+            world: Whose doors it meets.
+            setup: What it uses to plan.
+            senses: What it senses with.
+            recorder: Where it writes.
+            start: Where it stands.
+            known: What its map, if it has one, says of the doors; default: how they stand.
+        """
         self.floor, self.world, self.setup = floor, world, setup
         self.place, self.heading = start, 0.0
         self.shares = DoorShares(floor.door_ids)
         self.costmap = GlobalCostmap(floor, senses.obstacles)
         self._senses, self._recorder = senses, recorder
-        self._known = dict(world.is_open) if setup.map else {}
+        self._known = dict(world.is_open if known is None else known) if setup.map else {}
         self._is_redrawn = False
         self._seen_from: tuple[Cell, int, int] | None = None
         self._looked_from: tuple[Cell, int] | None = None

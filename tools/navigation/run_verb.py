@@ -41,10 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--setup", nargs="+", choices=SETUPS, default=list(SETUPS), metavar="SETUP",
                         help=f"of {', '.join(SETUPS)}; default: all")  # fmt: skip
     parser.add_argument("--series", nargs="+", choices=SERIES, default=["fixed"],
-                        help="fixed: setups share goals and doors; default: %(default)s")  # fmt: skip
+                        help="fixed: setups share goals and doors; default: fixed")  # fmt: skip
     parser.add_argument("--seeds", type=seeds, default=range(1, 31), metavar="N or A..B",
                         help="N: 1..N; default: 30")  # fmt: skip
-    parser.add_argument("--jobs", type=at_least_1, default=1, help="processes; default: %(default)s")
+    parser.add_argument(
+        "--jobs", type=at_least_1, default=1, help="processes; default: %(default)s"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of the runs")
     for option in fields(RunOptions):
         _add_option(parser, option)

@@ -16,7 +16,7 @@ from navigation.laser import Laser
 from navigation.move_base import MoveBase
 from navigation.obstacle_layer import ObstacleLayer
 from navigation.options import RunOptions
-from navigation.records import RunKey, RunRecorder
+from navigation.records import Json, RunKey, RunRecorder
 from navigation.robot import Robot, Senses
 from navigation.setups import SETUPS, Setup
 from navigation.streams import Streams
@@ -81,8 +81,8 @@ def run(
         world.tell(lambda at_s, door, _: recorder.door_changed(at_s, door, daemon.states()[door]))
         goals = Goals(floor, streams.of("goals"))
         robot = Robot(
-            floor, world, setup, _senses(setup, options, laser, floor, streams), recorder,
-            goals.start(streams.of("start")),
+            floor, world, setup, _senses(setup, options, laser, floor, streams),
+            recorder=recorder, start=goals.start(streams.of("start")),
         )  # fmt: skip
         move_base = MoveBase(robot, recovery_clears=options.recovery_clears)
         order = order_of(setup.order, robot, move_base, options.window)
@@ -94,7 +94,7 @@ def run(
     return recorder.folder
 
 
-def _parameters(task: RunTask) -> dict[str, object]:
+def _parameters(task: RunTask) -> dict[str, Json]:
     return {"level": task.level, "plan": task.building.name, **asdict(task.options)}
 
 

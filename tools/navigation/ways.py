@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.floors import Cell, Floor, Point
+from navigation.floors import Floor, Point
 from navigation.global_costmap import GlobalCostmap
 from semmap_log.domain.doors import DoorId
 
@@ -74,7 +74,8 @@ class Way:
             return *self.corners[0].tolist(), 0.0
         (x, y), (to_x, to_y) = self.corners[piece].tolist(), self.corners[piece + 1].tolist()
         length = math.hypot(to_x - x, to_y - y)
-        share = 0.0 if length == 0 else min(1.0, (along_m - self._reached_m[piece]) / length)
+        begin_m = float(self._reached_m[piece])
+        share = 0.0 if length == 0 else min(1.0, (along_m - begin_m) / length)
         heading = math.atan2(to_y - y, to_x - x)
         return x + share * (to_x - x), y + share * (to_y - y), heading
 
@@ -137,9 +138,7 @@ class WayFinder:
         return Way(np.array(points, np.float64))
 
 
-def straightened(
-    cells: NDArray[np.int32], weights: NDArray[np.float32]
-) -> NDArray[np.int32]:
+def straightened(cells: NDArray[np.int32], weights: NDArray[np.float32]) -> NDArray[np.int32]:
     """Return the corners of a path: cells joined by straight pieces no dearer than it was.
 
     The library charges a diagonal step like a straight one, so that its paths may zigzag.

@@ -16,9 +16,7 @@ Heard = Callable[[float, DoorId, bool], None]
 class World:
     """What is true. Time goes on when somebody lets it; doors toggle on the way."""
 
-    def __init__(
-        self, floor: Floor, daemon: DoorDaemon, laser: Laser, *, every_s: float
-    ) -> None:
+    def __init__(self, floor: Floor, daemon: DoorDaemon, laser: Laser, *, every_s: float) -> None:
         """Shut the doors that the daemon has shut, at second 0.
 
         Args:
