@@ -19,7 +19,7 @@ from navigation.tables.words import words_of
 
 from tests.browser import a_page
 from tests.navigation.corridor import drive
-from tests.navigation.test_tables import run
+from tests.navigation.test_experiment_tables import run
 
 
 @pytest.fixture(scope="module")

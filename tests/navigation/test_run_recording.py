@@ -14,7 +14,7 @@ from semmap_log.domain.events import RobotPose
 from semmap_log.domain.moments import Moment
 from semmap_log.views.palette import DEFAULT, packed
 from tests.navigation.corridor import DOORS, drive
-from tests.navigation.test_tables import run as run_verb
+from tests.navigation.test_experiment_tables import run as run_verb
 from tests.views.rerun.some_logs import Drawn
 
 pytestmark = pytest.mark.viewer

@@ -13,6 +13,7 @@ from mutation.closed_guards import CLOSED_PARTS
 from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
 from mutation.experiment_guards import EXPERIMENT
+from mutation.experiment_table_guards import EXPERIMENT_TABLES
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
@@ -389,4 +390,5 @@ GUARDS: tuple[Mutant, ...] = (
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
     *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *EXPERIMENT,
+    *EXPERIMENT_TABLES,
 )  # fmt: skip

@@ -58,7 +58,8 @@ def page_of(runs: GroupedRuns) -> str:
 
 def _building(runs: GroupedRuns, tables: list[Table], building: str) -> str:
     said = "".join(f"<li>{escape(words)}</li>\n" for words in words_of(runs, building))
-    body = [f"<h2>{escape(building)}</h2>\n<ul>\n{said}</ul>\n"]
+    name = escape(building)
+    body = [f"<h2>{name}</h2>\n<ul>\n{said}</ul>\n"]
     for series in runs.series(building):
         of = runs.by_setup(building, series)
         body.append(f"<h3>Goals driven to in vain, {series} series</h3>\n")
@@ -71,7 +72,7 @@ def _building(runs: GroupedRuns, tables: list[Table], building: str) -> str:
         rest = "".join(html_table(table) for table in here if table.name not in FIRST)
         body.append(f"<details><summary>Differences, and what it costs</summary>{rest}</details>\n")
     body += _pictures(runs, building)
-    return f'<section id="{escape(building)}">\n{"".join(body)}</section>\n'
+    return f'<section id="{name}">\n{"".join(body)}</section>\n'
 
 
 def _pictures(runs: GroupedRuns, building: str) -> Iterator[str]:
