@@ -57,16 +57,19 @@ class Drive:
 class MoveBase:
     """Sends the robot to goals, one at a time."""
 
-    def __init__(self, robot: Robot, *, recovery_clears: bool) -> None:
+    def __init__(
+        self, robot: Robot, *, recovery_clears: bool = False, margin_m: float = 0.0
+    ) -> None:
         """Take the robot.
 
         Args:
             robot: Which drives.
             recovery_clears: Before it turns round, it forgets the obstacles that it saw elsewhere.
+            margin_m: The local planner wants so much room around the robot at a goal.
         """
         self._robot = robot
         self._finder = WayFinder(robot.floor, robot.costmap)
-        self._recovery_clears = recovery_clears
+        self._recovery_clears, self._margin_m = recovery_clears, margin_m
 
     def plan(self, goal: Point) -> Way | None:
         """Return a way by all that the robot knows; None: there is none."""
@@ -82,11 +85,21 @@ class MoveBase:
                 break
             drive.plans += 1
             if self._follow(way, drive):
-                drive.reached = True
+                drive.reached = self._has_room(drive)
                 break
             drive.blocked += 1
         self._robot.pose()
         return drive
+
+    def _has_room(self, drive: Drive) -> bool:
+        """Tell whether the local planner accepts where it is; if not, it tries in vain."""
+        if not self._margin_m or self._robot.think().has_room(self._robot.cell, self._margin_m):
+            return True
+        self._robot.wait(CONTROLLER_PATIENCE_S)
+        self._robot.turn_round(TURN_S)
+        self._robot.turn_round(TURN_S)
+        drive.waited_s += CONTROLLER_PATIENCE_S + 2 * TURN_S
+        return False
 
     def _way(self, goal: Point, drive: Drive) -> Way | None:
         """Return a way that is free as far as can be seen; None: given up."""

@@ -24,6 +24,7 @@ HELP = {
     "noise_m": "standard deviation of a range, m",
     "clears_beyond": "a beam that meets nothing clears cells, too",
     "recovery_clears": "recovery forgets obstacles that are not near",
+    "margin_m": "the local planner gives up before a goal with less room than this, m",
     "base": "base probability of a toggle; several: a sweep",
     "reading": "of the DoorDaemon's sentence: prose or literal; several: a sweep",
     "every_s": "between two iterations of the DoorDaemon, s",
