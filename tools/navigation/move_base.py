@@ -23,6 +23,8 @@ TRY_S = 1.0
 """While it waits, it looks and tries so often."""
 TURN_S = 6.28
 """Once round, at 1 rad/s (`rotate_recovery`)."""
+RESETS_M = (3.0, 1.0)
+"""Before each turn: the side of the square in which `clear_costmap_recovery` keeps obstacles."""
 LEAVING_M = 0.3
 """A door that closes on the robot does not keep it: so near, it goes on."""
 MOST_BLOCKED = 30
@@ -121,9 +123,11 @@ class MoveBase:
             left_s -= TRY_S
             if known != (known := self._known()) and (way := self._free_way(goal)) is not None:
                 return way
-        for _ in range(2):
+        for side_m in RESETS_M:
             if self._recovery_clears:
-                self._robot.forget_obstacles()
+                self._robot.forget_obstacles(side_m)
+                if (way := self._free_way(goal)) is not None:
+                    return way
             self._robot.turn_round(TURN_S)
             if known != (known := self._known()) and (way := self._free_way(goal)) is not None:
                 return way
