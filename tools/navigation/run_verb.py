@@ -98,16 +98,19 @@ def _options_of(args: argparse.Namespace) -> Iterator[RunOptions]:
 def seeds(text: str) -> range:
     """Return the seeds that a text such as 30 or 5..8 means."""
     first, _, last = text.rpartition("..")
-    found = range(int(first or 1), int(last) + 1)
+    try:
+        found = range(int(first or 1), int(last) + 1)
+    except ValueError:
+        found = range(0)
     if not found or found[0] < 0:
-        raise ValueError(text)
+        raise argparse.ArgumentTypeError(f"expected N or A..B, such as 30 or 5..8, got {text!r}")
     return found
 
 
 def at_least_1(text: str) -> int:
     """Return the number."""
-    if int(text) < 1:
-        raise ValueError(text)
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 or more, got {text!r}")
     return int(text)
 
 
