@@ -190,6 +190,22 @@ def test_a_robot_on_whom_a_door_closes_goes_on(tmp_path: Path) -> None:
         assert scene.move_base.go(IN_RIGHT).reached
 
 
+def test_a_goal_without_room_is_given_up_where_it_is(tmp_path: Path) -> None:
+    """
+    0.3 m from a wall: with a margin of 0.1 m beside the radius of 0.25 m there is too little room.
+    """
+    near_wall, apart = (7.0, 0.35), (7.0, 0.75)
+    scene = Scene(tmp_path, "no_map_star", ALL_OPEN, start=FAR, margin_m=0.1)
+    with scene.recorder:
+        assert not (drive := scene.move_base.go(near_wall)).reached
+        assert drive.path_m > 5
+        assert drive.waited_s == pytest.approx(15 + 2 * 6.28)
+        assert scene.move_base.go(apart).reached
+    usual = Scene(tmp_path / "usual", "no_map_star", ALL_OPEN, start=FAR)
+    with usual.recorder:
+        assert usual.move_base.go(near_wall).reached
+
+
 def test_a_door_behind_a_wall_does_not_stop_it(tmp_path: Path) -> None:
     """
     Though it lies near on the way: the wall at x = 5 stands between.

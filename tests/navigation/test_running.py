@@ -247,7 +247,7 @@ def test_seeds(text: str, expected: range) -> None:
 
 @pytest.mark.parametrize("text", ["0", "8..5", "-3", "x", ""])
 def test_no_seeds(text: str) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011 - argparse says the rest
+    with pytest.raises(argparse.ArgumentTypeError, match=r"expected N or A\.\.B"):
         seeds(text)
 
 

@@ -55,7 +55,7 @@ class Scene:
     def __init__(
         self, out: Path, setup: str, is_open: Mapping[DoorId, bool], *toggles: list[DoorId],
         known: Mapping[DoorId, bool] | None = None, every_s: float = 900.0, near_m: float = 3.0,
-        sense_m: float = 8.0, recovery_clears: bool = False,
+        sense_m: float = 8.0, recovery_clears: bool = False, margin_m: float = 0.0,
         start: tuple[float, float] = CORRIDOR,
     ) -> None:  # fmt: skip
         self.out = out
@@ -76,4 +76,4 @@ class Scene:
         self.robot = Robot(
             floor(), self.world, chosen, senses, recorder=self.recorder, start=start, known=known
         )
-        self.move_base = MoveBase(self.robot, recovery_clears=recovery_clears)
+        self.move_base = MoveBase(self.robot, recovery_clears=recovery_clears, margin_m=margin_m)

@@ -44,6 +44,8 @@ EXPERIMENT = (
           "test_move_base"),
     guard("what stands between is not seen through", "navigation.move_base.MoveBase._is_blocked",
           "self._robot.sees(crossing.place)", "True", "test_move_base"),
+    guard("a goal without room is not reached", "navigation.move_base.MoveBase.go",
+          "self._has_room(drive)", "True", "test_move_base"),
     guard("beams clear what they pass", "navigation.obstacle_layer.ObstacleLayer.take_in",
           "cells[passed] = False", "", "test_laser"),
     guard("a beam clears nothing behind its end", "navigation.laser.Scan.passed",

@@ -6,8 +6,7 @@ Cells are (row, column), row 0 lowest; flat indices count row by row.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -124,10 +123,6 @@ class Floor:
     def point(self, cell: Cell) -> Point:
         """Return the middle of a cell."""
         return self.geometry.map_to_world(cell[1], cell[0])
-
-    def with_doors(self, doors: Sequence[PlanDoor]) -> Floor:
-        """Return the floor with other doors."""
-        return replace(self, plan=replace(self.plan, doors=tuple(doors)))
 
 
 def coarser(cells: NDArray[np.int8]) -> NDArray[np.int8]:

@@ -6,6 +6,7 @@ is shut, though the map says open; what the map says is shut is shut, though the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -23,8 +24,8 @@ from semmap_log.domain.doors import DoorId
 
 RADIUS_M = 0.25
 """The robot's: so near to an obstacle its middle cannot be."""
-INFLATION_M = 0.55
-"""`inflation_radius` of costmap_2d, as it comes."""
+INFLATION_M, SCALING = 0.55, 10.0
+"""`inflation_radius` and `cost_scaling_factor` of costmap_2d, as they come."""
 NEUTRAL, FACTOR = 50, 0.8
 """A cell costs the planner NEUTRAL + FACTOR x its cost, as in navfn; here in units of NEUTRAL."""
 FITS_IN = 8
@@ -44,7 +45,7 @@ class GlobalCostmap:
         self._floor = floor
         geometry = floor.geometry
         self._doors = DoorLayer(geometry)
-        inflation = InflationLayer(geometry, INFLATION_M, inscribed=RADIUS_M)
+        inflation = InflationLayer(geometry, INFLATION_M, scaling=SCALING, inscribed=RADIUS_M)
         above = [] if obstacles is None else [obstacles]
         static = StaticLayer(geometry, floor.static)
         layers: list[CostmapLayer] = [static, self._doors, *above, inflation]
@@ -100,6 +101,11 @@ class GlobalCostmap:
         """Tell whether a way leads from one cell to the other."""
         here = self.regions[start]
         return bool(here != NOWHERE and here == self.regions[goal])
+
+    def has_room(self, cell: Cell, margin_m: float) -> bool:
+        """Tell whether the robot in a cell keeps so far from obstacles."""
+        cost = (INSCRIBED - 1) * math.exp(-SCALING * margin_m)
+        return bool(self._master.costs[cell] <= cost)
 
     def free_cell(self, cell: Cell) -> Cell | None:
         """Return the nearest cell in which the robot can be, its own if it can; None: none near."""

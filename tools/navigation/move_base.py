@@ -23,6 +23,8 @@ TRY_S = 1.0
 """While it waits, it looks and tries so often."""
 TURN_S = 6.28
 """Once round, at 1 rad/s (`rotate_recovery`)."""
+RESETS_M = (3.0, 1.0)
+"""Before each turn: the side of the square in which `clear_costmap_recovery` keeps obstacles."""
 LEAVING_M = 0.3
 """A door that closes on the robot does not keep it: so near, it goes on."""
 MOST_BLOCKED = 30
@@ -57,16 +59,19 @@ class Drive:
 class MoveBase:
     """Sends the robot to goals, one at a time."""
 
-    def __init__(self, robot: Robot, *, recovery_clears: bool) -> None:
+    def __init__(
+        self, robot: Robot, *, recovery_clears: bool = False, margin_m: float = 0.0
+    ) -> None:
         """Take the robot.
 
         Args:
             robot: Which drives.
             recovery_clears: Before it turns round, it forgets the obstacles that it saw elsewhere.
+            margin_m: The local planner wants so much room around the robot at a goal.
         """
         self._robot = robot
         self._finder = WayFinder(robot.floor, robot.costmap)
-        self._recovery_clears = recovery_clears
+        self._recovery_clears, self._margin_m = recovery_clears, margin_m
 
     def plan(self, goal: Point) -> Way | None:
         """Return a way by all that the robot knows; None: there is none."""
@@ -82,11 +87,21 @@ class MoveBase:
                 break
             drive.plans += 1
             if self._follow(way, drive):
-                drive.reached = True
+                drive.reached = self._has_room(drive)
                 break
             drive.blocked += 1
         self._robot.pose()
         return drive
+
+    def _has_room(self, drive: Drive) -> bool:
+        """Tell whether the local planner accepts where it is; if not, it tries in vain."""
+        if not self._margin_m or self._robot.think().has_room(self._robot.cell, self._margin_m):
+            return True
+        self._robot.wait(CONTROLLER_PATIENCE_S)
+        self._robot.turn_round(TURN_S)
+        self._robot.turn_round(TURN_S)
+        drive.waited_s += CONTROLLER_PATIENCE_S + 2 * TURN_S
+        return False
 
     def _way(self, goal: Point, drive: Drive) -> Way | None:
         """Return a way that is free as far as can be seen; None: given up."""
@@ -108,9 +123,11 @@ class MoveBase:
             left_s -= TRY_S
             if known != (known := self._known()) and (way := self._free_way(goal)) is not None:
                 return way
-        for _ in range(2):
+        for side_m in RESETS_M:
             if self._recovery_clears:
-                self._robot.forget_obstacles()
+                self._robot.forget_obstacles(side_m)
+                if (way := self._free_way(goal)) is not None:
+                    return way
             self._robot.turn_round(TURN_S)
             if known != (known := self._known()) and (way := self._free_way(goal)) is not None:
                 return way

@@ -30,6 +30,8 @@ class RunOptions:
     """A beam that meets nothing within the range clears, too (`inf_is_valid`)."""
     recovery_clears: bool = False
     """Recovery forgets the obstacle layer around the robot (`clear_costmap_recovery`)."""
+    margin_m: float = 0.0
+    """The local planner gives up before a goal with less room than this beside the robot."""
     base: float = 0.02
     """DoorDaemon: base probability of a toggle (the thesis gives none)."""
     reading: str = "prose"
@@ -58,7 +60,7 @@ class RunOptions:
         for name in ("notices", "base"):
             if not 0 <= getattr(self, name) <= 1:
                 raise OptionError(f"{name}: expected 0 to 1, got {getattr(self, name):g}")
-        for name in ("near_m", "noise_m", "rejected_within_s"):
+        for name in ("near_m", "noise_m", "margin_m", "rejected_within_s"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise OptionError(f"{name}: expected 0 or more, got {getattr(self, name):g}")
         for name in ("sense_m", "every_s"):

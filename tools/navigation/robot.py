@@ -26,8 +26,6 @@ SHUT_P = 0.15
 """A door that is open less likely than this counts as shut."""
 WEIGHED_EVERY_S = 60.0
 """So often P(open) is asked for anew, if nothing was seen meanwhile."""
-INSCRIBED_SQUARE_M = 3.0
-"""Half of what `clear_costmap_recovery` keeps around the robot (`reset_distance`)."""
 
 
 @dataclass(frozen=True)
@@ -135,10 +133,10 @@ class Robot:
         bearing = math.atan2(away[1], away[0])
         return distance <= 0 or self._senses.laser.sees(self.cell, bearing, distance)
 
-    def forget_obstacles(self) -> None:
-        """Clear the obstacle layer but for what is near."""
+    def forget_obstacles(self, side_m: float) -> None:
+        """Clear the obstacle layer but for a square around the robot."""
         if self._senses.obstacles is not None:
-            keep = round(INSCRIBED_SQUARE_M / self.floor.geometry.resolution)
+            keep = round(side_m / 2 / self.floor.geometry.resolution)
             self._senses.obstacles.forget(self.cell, keep)
             self._seen_from = self._looked_from = None
 

@@ -24,6 +24,7 @@ HELP = {
     "noise_m": "standard deviation of a range, m",
     "clears_beyond": "a beam that meets nothing clears cells, too",
     "recovery_clears": "recovery forgets obstacles that are not near",
+    "margin_m": "the local planner gives up before a goal with less room than this, m",
     "base": "base probability of a toggle; several: a sweep",
     "reading": "of the DoorDaemon's sentence: prose or literal; several: a sweep",
     "every_s": "between two iterations of the DoorDaemon, s",
@@ -97,16 +98,19 @@ def _options_of(args: argparse.Namespace) -> Iterator[RunOptions]:
 def seeds(text: str) -> range:
     """Return the seeds that a text such as 30 or 5..8 means."""
     first, _, last = text.rpartition("..")
-    found = range(int(first or 1), int(last) + 1)
+    try:
+        found = range(int(first or 1), int(last) + 1)
+    except ValueError:
+        found = range(0)
     if not found or found[0] < 0:
-        raise ValueError(text)
+        raise argparse.ArgumentTypeError(f"expected N or A..B, such as 30 or 5..8, got {text!r}")
     return found
 
 
 def at_least_1(text: str) -> int:
     """Return the number."""
-    if int(text) < 1:
-        raise ValueError(text)
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 or more, got {text!r}")
     return int(text)
 
 

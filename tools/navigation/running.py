@@ -84,7 +84,9 @@ def run(
             floor, world, setup, _senses(setup, options, laser, floor, streams),
             recorder=recorder, start=goals.start(streams.of("start")),
         )  # fmt: skip
-        move_base = MoveBase(robot, recovery_clears=options.recovery_clears)
+        move_base = MoveBase(
+            robot, recovery_clears=options.recovery_clears, margin_m=options.margin_m
+        )
         order = order_of(setup.order, robot, move_base, options.window)
         sender = GoalSender(
             robot, move_base, order, recorder, rejected_within_s=options.rejected_within_s,
