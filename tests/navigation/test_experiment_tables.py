@@ -190,6 +190,37 @@ def test_a_sweep_has_a_row_for_each_value(
     assert "-" in sweep.text()
 
 
+def test_what_was_swept_in_one_building_is_fixed_in_another(tmp_path: Path) -> None:
+    """
+    Of as many runs at each value the one is usual that `run` takes; each building has its own.
+    """
+    for near_m in (1.0, 3.0):
+        drive(tmp_path, seed=1, goals=8, near_m=near_m, building=f"corridor,near_m={near_m:g}")
+    drive(tmp_path, seed=1, goals=8, near_m=1.0, building="other")
+
+    runs = read_runs([tmp_path])
+
+    assert runs.swept == {"corridor": {"near_m": ["3.0", "1.0"]}, "other": {}}
+    assert [run.options for run in runs.of("other", "fixed", "map")] == [{"near_m": 1.0}]
+    assert [run.options for run in runs.of("corridor", "fixed", "map")] == [{"near_m": 3.0}]
+    assert ["goals", "runtimes", "sweep"] == sorted(
+        {table.name for table in tables_of(runs)} - {"costs", "differences"}
+    )
+
+
+def test_a_series_that_was_only_swept_has_no_other_tables(tmp_path: Path) -> None:
+    """
+    And does not stand in the way of those that have.
+    """
+    for seed in (1, 2):
+        drive(tmp_path, seed=seed, goals=8, series="random", near_m=3.0)
+    drive(tmp_path, seed=1, goals=8, near_m=1.0)
+    runs = read_runs([tmp_path])
+
+    assert ["random", "fixed"] == runs.series("corridor")
+    assert {"random"} == {t.about["series"] for t in tables_of(runs) if t.name != "sweep"}
+
+
 def test_runs_are_given_once(corridor: tuple[Path, dict[RunKey, Tally]]) -> None:
     """
     Twice the same run would narrow every interval.

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from navigation.records import START_NS, Outcome, RunError, RunKey, RunRecorder
-from navigation.runs import find_runs, read_run
+from navigation.runs import find_runs, read_run, second_of
 from navigation.wrong_beliefs import wrong_doors, wrong_share
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorObserved, RobotPose
+from semmap_log.domain.events import DoorObserved, DoorUpdated, RobotPose
 from semmap_log.replay.care import verify
 from tests.navigation.corridor import CLOSED, DOORS, OPEN, drive, plan
 
@@ -93,6 +93,33 @@ def test_both_logs_are_sound_and_begin_alike(tmp_path: Path) -> None:
     first, second = next(world.commits()), next(belief.commits())
     assert first.note == second.note
     assert first.recorded_ns == second.recorded_ns < START_NS + 10
+
+
+def test_each_log_has_an_id_of_its_own(tmp_path: Path) -> None:
+    """
+    World and belief, of each seed, and of other options.
+    """
+    for out, seed, near_m in ((tmp_path, 1, 3.0), (tmp_path, 2, 3.0), (tmp_path / "x", 1, 1.0)):
+        drive(out, seed=seed, goals=2, near_m=near_m)
+
+    ids = [sl.read(path.parent).info.log_id for path in tmp_path.rglob("*_000000.mcap")]
+
+    assert 6 == len(ids) == len(set(ids))
+
+
+def test_doors_that_changed_together_are_one_commit(tmp_path: Path) -> None:
+    """
+    Recorded when they changed, not when the next ones did.
+    """
+    with begun(tmp_path) as recorder:
+        for at_s, door in ((5.0, 1), (5.0, 2), (905.0, 3)):
+            recorder.door_changed(at_s, DOORS[door - 1], CLOSED)
+
+    log = sl.read(KEY.folder(tmp_path) / "world")
+    changes = list(log.history(kinds=[DoorUpdated]))
+    assert [5.0, 5.0, 905.0] == [second_of(entry.happened_ns) for entry in changes]
+    assert all(0 <= entry.recorded_ns - entry.happened_ns < 10**6 for entry in changes)
+    assert [2, 1] == [commit.count for commit in log.commits()][1:]
 
 
 def test_events_are_recorded_when_they_happened(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
         series: Of which series.
         option: Which was swept.
     """
-    values = sorted(runs.swept[option], key=by_value)
+    values = sorted(runs.swept[building][option], key=by_value)
     with styled():
         figure, ax = axes(4.2, 2.8)
         drawn = 0

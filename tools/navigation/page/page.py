@@ -19,7 +19,7 @@ from navigation.tables.grouped import GroupedRuns, title_of
 from navigation.tables.measures import RunsOf
 from navigation.tables.table import Table
 from navigation.tables.thesis import THESIS
-from navigation.tables.words import usual_said, words_of
+from navigation.tables.words import options_said, words_of
 
 FIRST = ("goals", "runtimes")
 """The thesis's own tables; the others are folded away behind them."""
@@ -62,6 +62,8 @@ def _building(runs: GroupedRuns, tables: list[Table], building: str) -> str:
     body = [f"<h2>{name}</h2>\n<ul>\n{said}</ul>\n"]
     for series in runs.series(building):
         of = runs.by_setup(building, series)
+        if not of:
+            continue
         body.append(f"<h3>Goals driven to in vain, {series} series</h3>\n")
         label = f"Bars of the share of goals unreachable after driving, {building}, {series}"
         chart = _figure(share_chart(of, series), label)
@@ -128,12 +130,16 @@ def _sweeps(runs: GroupedRuns, tables: list[Table]) -> str:
 
 
 def _how(runs: GroupedRuns) -> str:
+    options = "".join(
+        f"<p>{escape(building)}: {escape(options_said(runs, building))}.</p>\n"
+        for building in runs.buildings
+    )
     return (
         '<section id="how">\n<h2>How it was made</h2>\n'
         "<p>Each run is two logs of semmap-log: how the doors were, and what the robot believed "
         "and did. All on this page is made by replaying them:</p>\n"
         "<p><code>python tools/navigation_experiment.py page RUNS experiment.html</code></p>\n"
-        f"<p>Options: {escape(usual_said(runs))}.</p>\n</section>\n"
+        f"{options}</section>\n"
     )
 
 

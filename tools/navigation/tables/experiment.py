@@ -20,6 +20,8 @@ def _plain_tables(runs: GroupedRuns) -> Iterator[Table]:
     for building in runs.buildings:
         for series in runs.series(building):
             of = runs.by_setup(building, series)
+            if not of:
+                continue
             yield runtimes(of, building, series)
             yield goals(of, building, series)
             if series == "fixed":

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
+from navigation.options import RunOptions
 from navigation.records import RunError
 from navigation.setups import SETUPS
 from navigation.tables.figures import RunFigures
@@ -38,8 +40,14 @@ class GroupedRuns:
         for one, other in zip(self.all, self.all[1:], strict=False):
             if (one.key, one.options) == (other.key, other.options):
                 raise RunError(f"{one.key}: this run is there twice; give each folder once.")
-        self.swept = _swept(self.all)
-        """Option -> its values, each as JSON, the usual one first."""
+        self.swept = {name: _swept(runs) for name, runs in self._by_building().items()}
+        """Building -> option that was swept -> its values, each as JSON, the usual one first."""
+
+    def _by_building(self) -> dict[str, list[RunFigures]]:
+        found: dict[str, list[RunFigures]] = defaultdict(list)
+        for run in self.all:
+            found[run.building].append(run)
+        return found
 
     @property
     def buildings(self) -> list[str]:
@@ -47,9 +55,11 @@ class GroupedRuns:
         return sorted({run.building for run in self.all})
 
     def series(self, building: str) -> list[str]:
-        """Return the series that there are of a building."""
+        """Return the series that there are of a building, those with the usual options first."""
         found = {run.key.series for run in self.all if run.building == building}
-        return sorted(found, key=lambda name: (_place(SERIES, name), name))
+        return sorted(
+            found, key=lambda name: (not self.by_setup(building, name), _place(SERIES, name), name)
+        )
 
     def setups(self, building: str, series: str) -> list[str]:
         """Return the setups that there are, the thesis's first."""
@@ -72,9 +82,8 @@ class GroupedRuns:
             setup: Of which setup.
             but: An option, and its value as JSON in place of the usual one.
         """
-        wanted = {name: values[0] for name, values in self.swept.items()} | dict(
-            [but] if but else []
-        )
+        wanted = {name: values[0] for name, values in self.swept[building].items()}
+        wanted |= dict([but] if but else [])
         return [
             run for run in self.all
             if (run.building, run.key.series, run.key.setup) == (building, series, setup)
@@ -83,20 +92,23 @@ class GroupedRuns:
 
 
 def _swept(runs: Sequence[RunFigures]) -> dict[str, list[str]]:
-    """Return the options that differ within a building and setup, the most frequent value first."""
-    values: dict[str, Counter[str]] = defaultdict(Counter)
-    within: dict[tuple[str, str, str], set[str]] = defaultdict(set)
+    """Return the options in which runs of one setup differ, and their values, the usual first.
+
+    Usual is what most runs have, of all swept options together; of equally many, what `run` does
+    without being told.
+    """
+    within: dict[tuple[str, str], set[str]] = defaultdict(set)
     for run in runs:
         for name, value in run.options.items():
-            values[name][_text(value)] += 1
-            within[name, run.building, run.key.setup].add(_text(value))
-    names = sorted({name for (name, *_), found in within.items() if len(found) > 1})
-    return {name: _usual_first(values[name]) for name in names}
-
-
-def _usual_first(counts: Counter[str]) -> list[str]:
-    usual = min(counts, key=lambda text: (-counts[text], text))
-    return [usual, *sorted((text for text in counts if text != usual), key=by_value)]
+            within[name, run.key.setup].add(_text(value))
+    names = sorted({name for (name, _), found in within.items() if len(found) > 1})
+    counts = Counter(tuple(_text(run.options.get(name)) for name in names) for run in runs)
+    plain = tuple(_text(asdict(RunOptions()).get(name)) for name in names)
+    usual = min(counts, key=lambda values: (-counts[values], values != plain, values))
+    return {
+        name: [usual[place], *sorted({v[place] for v in counts} - {usual[place]}, key=by_value)]
+        for place, name in enumerate(names)
+    }
 
 
 def by_value(text: str) -> tuple[bool, float, str]:

@@ -14,13 +14,13 @@ def sweeps(runs: GroupedRuns) -> Iterator[Table]:
     """Yield a table for each option that was swept, by building and series."""
     for building in runs.buildings:
         for series in runs.series(building):
-            for option in runs.swept:
+            for option in runs.swept[building]:
                 if table := _sweep(runs, building, series, option):
                     yield table
 
 
 def _sweep(runs: GroupedRuns, building: str, series: str, option: str) -> Table | None:
-    values = runs.swept[option]
+    values = runs.swept[building][option]
     rows: list[Row] = []
     drawn: dict[str, Column] = {}
     for value in sorted(values, key=by_value):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 
@@ -119,20 +118,18 @@ def _beside_the_thesis(of: RunsOf, series: str) -> Iterator[str]:
 
 
 def _of_nearness(runs: GroupedRuns, building: str, series: str) -> Iterator[str]:
-    values = sorted(runs.swept.get(NEAR, []), key=float)
     told = []
-    for value in values:
+    for value in sorted(runs.swept[building].get(NEAR, []), key=float):
         star, both = (
             runs.of(building, series, setup, but=(NEAR, value)) for setup in ("map_star", "map")
         )
         if star and both:
+            times = times_of(star, both, paired=series == "fixed")
+            beside = _times_said(times) if times.low > 1 else "no difference that shows"
             shares = f"{percent_of(star).value:.2f} and {percent_of(both).value:.2f} %"
-            told.append((float(value), times_of(star, both, paired=series == "fixed"), shares))
+            told.append(f"at {float(value):g} m {shares}, {beside}")
     if len(told) > 1:
-        said = "; ".join(
-            f"at {near:g} m {shares}, {_times_said(times)}" for near, times, shares in told
-        )
-        yield f"How near a door must be to be seen, Map* and Map: {said}."
+        yield f"How near a door must be to be seen, Map* and Map: {'; '.join(told)}."
 
 
 def _points(one: Runs, other: Runs) -> Interval:
@@ -160,8 +157,6 @@ def _points_said(points: Interval) -> str:
 
 
 def _times_said(times: Ratio, than: str = "") -> str:
-    if math.isnan(times.low):
-        return "how many times cannot be said"
     digits = 0 if times.low >= 10 else 1
     if math.isinf(times.high):
         return " ".join([f"at least {times.low:,.{digits}f} times", *([than] if than else [])])
@@ -179,8 +174,8 @@ def _time_said(minutes: Interval) -> str:
     return f"a run is {abs(minutes.value):.1f} min (±{minutes.half:.1f}) {word}"
 
 
-def usual_said(runs: GroupedRuns) -> str:
-    """Return with which options the runs of the tables were made; the swept ones first."""
-    options = dict(runs.all[0].options)
-    options |= {name: json.loads(values[0]) for name, values in runs.swept.items()}
-    return ", ".join(f"{name} {value}" for name, value in options.items())
+def options_said(runs: GroupedRuns, building: str) -> str:
+    """Return with which options the runs of a building were made, where they were not swept."""
+    of = runs.by_setup(building, runs.series(building)[0])
+    options = next(iter(of.values()))[0].options
+    return ", ".join(f"{name} {value}" for name, value in options.items() if value is not None)
