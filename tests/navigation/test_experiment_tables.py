@@ -6,6 +6,8 @@ import argparse
 import csv
 import json
 import shutil
+from collections import Counter
+from collections.abc import Mapping
 from itertools import accumulate
 from pathlib import Path
 from statistics import fmean
@@ -15,6 +17,8 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from navigation import running
+from navigation.options import RunOptions
 from navigation.reading_verbs import VERBS, read_runs
 from navigation.records import Outcome, RunError, RunKey, RunRecorder
 from navigation.tables.experiment import tables_of
@@ -24,6 +28,8 @@ from navigation.tables.table import Table
 from navigation.tables.thesis import THESIS
 
 from tests.navigation.corridor import DOORS, OPEN, Tally, drive, plan
+from tests.navigation.world_of_three_rooms import floor
+from tests.patrol_sim.corridor import building
 
 SEEDS = (1, 2, 3)
 
@@ -95,6 +101,44 @@ def test_both_tables_of_the_thesis_are_what_the_drives_counted(
         theirs["slowest_percent"],
     )
     assert (thesis.tried, thesis.percent) == (their_goals["tried"], their_goals["percent"])
+
+
+@pytest.mark.parametrize("setup", ["no_map_star", "map_star", "patrol"])
+def test_a_real_run_comes_to_what_it_counted(
+    setup: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The experiment's own robot in a world of three rooms, told of by its own calls.
+    """
+    pytest.importorskip("pyastar2d", reason="not installed: pip install 'semmap-log[experiment]'")
+    told: list[tuple[Outcome, float, float]] = []
+
+    class Counting(RunRecorder):
+        sent_s = 0.0
+
+        def goal_sent(self, t: float, number: int, x: float, y: float, *, kind: str = "") -> None:
+            self.sent_s = t
+            super().goal_sent(t, number, x, y, kind=kind)
+
+        def goal_ended(
+            self, t: float, number: int, outcome: Outcome | str, figures: Mapping[str, Any]
+        ) -> None:
+            told.append((Outcome(outcome), t - self.sent_s, figures["path_m"]))
+            super().goal_ended(t, number, outcome, figures)
+
+    monkeypatch.setattr(running, "RunRecorder", Counting)
+    options = RunOptions(goals=12, every_s=120.0)
+    task = running.RunTask(building(tmp_path), 1, setup, "fixed", 5, options)
+    figures = figures_in(running.run(task, floor(), tmp_path / "runs"))
+
+    outcomes = Counter(outcome for outcome, *_ in told)
+    took_s = [took for outcome, took, _ in told if outcome is Outcome.REACHED]
+    assert figures.reached == outcomes[Outcome.REACHED] == 12
+    assert figures.tried == len(told)
+    assert figures.after_driving == outcomes[Outcome.AFTER_DRIVING]
+    assert figures.took_s == pytest.approx(took_s, abs=1e-6)
+    assert figures.path_m == pytest.approx(sum(path_m for *_, path_m in told))
+    assert figures.building == task.key.building.partition(",")[0]
 
 
 def test_the_same_tables_are_made_of_the_logs_alone(

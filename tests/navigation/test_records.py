@@ -171,6 +171,29 @@ def test_a_run_that_fails_leaves_nothing(tmp_path: Path) -> None:
     assert [KEY.folder(tmp_path)] == find_runs(tmp_path)
 
 
+def test_a_run_that_is_being_made_is_none(tmp_path: Path) -> None:
+    """
+    Other runs may be read meanwhile.
+    """
+    with begun(tmp_path) as recorder:
+        recorder.goal_sent(0.0, 1, 0.0, 0.0)
+        with pytest.raises(RunError, match="found none"):
+            find_runs(tmp_path)
+
+    assert [KEY.folder(tmp_path)] == find_runs(tmp_path)
+
+
+def test_a_goal_that_was_never_sent_cannot_end(tmp_path: Path) -> None:
+    """
+    The run and the goal are named.
+    """
+    with begun(tmp_path) as recorder:
+        recorder.goal_ended(1.0, 7, "reached", {})
+
+    with pytest.raises(RunError, match="fixed-1: goal 7 ended, but was never sent"):
+        read_run(KEY.folder(tmp_path))
+
+
 def test_a_run_that_is_there_is_not_run_again(tmp_path: Path) -> None:
     """
     Nor is it removed.
