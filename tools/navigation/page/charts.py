@@ -12,6 +12,8 @@ from navigation.tables.thesis import THESIS
 
 COLOURS = ("#4f83cc", "#d98324", "#d43d3d", "#3f9c6d", "#9467bd", "#8c6d5a", "#c45f9e", "#7f7f7f")
 MARKERS = "os^Dv<>P"
+TICKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""Of an axis on which a tenth of a percent can be seen beside sixty."""
 
 
 def share_chart(of: RunsOf, series: str) -> Any:
@@ -26,7 +28,8 @@ def share_chart(of: RunsOf, series: str) -> Any:
             half = _known(share.half)
             ax.barh(row, share.value, 0.6, xerr=half, color=BAR, ecolor=INK, capsize=2,
                     label="" if row else "here")  # fmt: skip
-            labels.append(f"{title_of(setup)}   {share.value:.2f} ±{half:.2f}")
+            beside = f"±{half:.2f}" if share.value else f"(at most {half:.2f})"
+            labels.append(f"{title_of(setup)} {share.value:.2f} {beside}")
         rows = [list(of).index(name) for name in thesis]
         if rows:
             ax.plot(thesis.values(), rows, "D", color=MARK, markersize=5, label="thesis")
@@ -50,7 +53,7 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
     values = sorted(runs.swept[building][option], key=by_value)
     with styled():
         figure, ax = axes(4.2, 2.8)
-        drawn = 0
+        drawn, most = 0, 0.0
         for place, setup in enumerate(runs.setups(building, series)):
             points = []
             for at, value in enumerate(values):
@@ -59,6 +62,7 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
             if len(points) < 2:
                 continue
             drawn += 1
+            most = max(most, *(share.value + _known(share.half) for _, share in points))
             shift = (drawn % 3 - 1) * 0.06
             ax.errorbar(
                 [at + shift for at, _ in points], [share.value for _, share in points],
@@ -69,9 +73,9 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
         if not drawn:
             return None
         ax.set_xticks(range(len(values)), [value.strip('"') for value in values])
-        ax.set_yscale("symlog", linthresh=1)
-        ax.set_ylim(bottom=0)
-        ax.set_yticks([0, 1, 3, 10, 30, 100], ["0", "1", "3", "10", "30", "100"])
+        ax.set_yscale("symlog", linthresh=TICKS[1])
+        ax.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
+        ax.set_ylim(0, next(tick for tick in TICKS if tick >= min(most, TICKS[-1])))
         ax.set_xlabel(option)
         ax.set_ylabel("% unreachable after driving")
         ax.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.22))

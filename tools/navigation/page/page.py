@@ -138,7 +138,7 @@ def _how(runs: GroupedRuns) -> str:
         '<section id="how">\n<h2>How it was made</h2>\n'
         "<p>Each run is two logs of semmap-log: how the doors were, and what the robot believed "
         "and did. All on this page is made by replaying them:</p>\n"
-        "<p><code>python tools/navigation_experiment.py page RUNS experiment.html</code></p>\n"
+        "<p><code>python tools/navigation_experiment.py page RUNS --to experiment.html</code></p>\n"
         f"{options}</section>\n"
     )
 

@@ -23,7 +23,7 @@ WORST = "no_map_star"
 
 DIFFERENCES = (
     Column("what", "first - second"), Column("pairs", "pairs", "d"),
-    Column("points", "% of total, points", "+.2f", interval=True),
+    Column("points", "% a run, points", "+.2f", interval=True),
     Column("average_s", "average sec", "+.1f", interval=True),
     Column("total_s", "total sec", "+,.0f", interval=True),
     Column("clear", "share differs"),

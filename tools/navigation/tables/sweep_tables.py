@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 
 from navigation.tables.grouped import GroupedRuns, by_value, title_of
@@ -20,23 +21,28 @@ def sweeps(runs: GroupedRuns) -> Iterator[Table]:
 
 
 def _sweep(runs: GroupedRuns, building: str, series: str, option: str) -> Table | None:
+    """Return the table of the setups that have runs at two values or more; None: there is none."""
     values = runs.swept[building][option]
-    rows: list[Row] = []
-    drawn: dict[str, Column] = {}
-    for value in sorted(values, key=by_value):
-        counts: set[int] = set()
-        row: Row = {"value": _said(value), "usual": "usual" if value == values[0] else ""}
-        for setup in runs.setups(building, series):
-            if found := runs.of(building, series, setup, but=(option, value)):
-                drawn[setup] = Column(setup, title_of(setup), ".2f", interval=True)
-                put(row, setup, percent_of(found))
-                counts.add(len(found))
-        if counts:
-            rows.append(row | {"runs": f"{min(counts)}"})
-    if len(rows) < 2:
+    found = {
+        (setup, value): some
+        for setup in runs.setups(building, series)
+        for value in values
+        if (some := runs.of(building, series, setup, but=(option, value)))
+    }
+    counts = Counter(setup for setup, _ in found)
+    setups = [setup for setup, count in counts.items() if count > 1]
+    if not setups:
         return None
-    setups = [drawn[setup] for setup in runs.setups(building, series) if setup in drawn]
-    columns = [Column("value", option), Column("usual"), Column("runs", "runs"), *setups]
+    rows: list[Row] = []
+    for value in sorted(values, key=by_value):
+        here = {setup: found[setup, value] for setup in setups if (setup, value) in found}
+        row: Row = {"value": _said(value), "usual": "usual" if value == values[0] else ""}
+        for setup, some in here.items():
+            put(row, setup, percent_of(some))
+        if here:
+            rows.append(row | {"runs": f"{min(map(len, here.values()))}"})
+    drawn = [Column(setup, title_of(setup), ".2f", interval=True) for setup in setups]
+    columns = [Column("value", option), Column("usual"), Column("runs", "runs"), *drawn]
     about: Row = {"building": building, "series": series, "option": option}
     title = f"SWEEP OF {option}, {building}, {series}: % of goals tried, unreachable after driving"
     return Table("sweep", title, columns, rows, about, "runs: of each setup, at least.")
