@@ -99,7 +99,7 @@ def read_run(folder: Path) -> Run:
 
 
 def _parameters(folder: Path, log: sl.DoorLog) -> Mapping[str, Any]:
-    first = next(log.commits(), None)
+    first = log.find_commit(0)
     if first is None or first.note.actor != PROGRAM:
         raise RunError(
             f"{folder}: expected a first commit by {PROGRAM}, got {first and first.note}."
