@@ -14,6 +14,7 @@ from statistics import fmean
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import navigation_experiment
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -322,6 +323,32 @@ def test_figures_of_any_run(ends: list[tuple[Outcome, int]]) -> None:
     if took:
         assert (run.average_s, run.slowest_s) == (pytest.approx(fmean(took)), max(took))
         assert run.fastest_s == min(took)
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["tables", "nowhere"], "nowhere: expected runs in BUILDING/SETUP/SERIES-SEED, found none"),
+        (["rerun", "nowhere"], "nowhere: expected a run, which has the logs world and belief"),
+        (["page", "{out}", "--to", "/dev/null/x.html", "--jobs", "1"], "could not be written"),
+    ],
+    ids=["no runs", "no run", "no place"],
+)
+def test_what_cannot_be_done_is_one_line(
+    corridor: tuple[Path, dict[RunKey, Tally]],
+    words: list[str],
+    problem: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """
+    And exit code 1.
+    """
+    code = navigation_experiment.main([word.format(out=corridor[0]) for word in words])
+
+    told = capsys.readouterr()
+    assert (code, told.out) == (1, "")
+    assert problem in told.err
+    assert told.err.count("\n") == 1
 
 
 def test_one_run_has_no_interval(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from itertools import groupby
 from pathlib import Path
 
 from navigation.records import START_NS
+from navigation.run_verb import at_least_1
 from navigation.runs import find_runs
 from navigation.tables.experiment import tables_of
 from navigation.tables.figures import RunFigures, figures_in
@@ -19,7 +20,7 @@ from navigation.tables.grouped import GroupedRuns
 from navigation.tables.run_table import run_table
 from navigation.tables.table import Table, csv_of
 from navigation.tables.words import words_of
-from semmap_log.io.disk import output_errors, whole_file
+from semmap_log.io.disk import output_errors, replace_file
 
 Verb = tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]
 
@@ -51,7 +52,7 @@ def _add_rerun(parser: argparse.ArgumentParser) -> None:
 
 def _take_runs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, nargs="+", help="folder of runs, as `run` makes them")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N",
+    parser.add_argument("--jobs", type=at_least_1, default=os.cpu_count() or 1, metavar="N",
                         help="processes that read; default: all cores")  # fmt: skip
 
 
@@ -133,9 +134,9 @@ def _write_csv(tables: Sequence[Table], folder: Path) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with output_errors(path), whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    with output_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, text.encode())
 
 
 VERBS: dict[str, Verb] = {

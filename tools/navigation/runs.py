@@ -94,6 +94,10 @@ def read_run(folder: Path) -> Run:
         RunError: Its logs are not those of a run.
         SemmapError: They cannot be read.
     """
+    for name in ("world", "belief"):
+        if not any((folder / name).glob("*.mcap")):
+            raise RunError(f"{folder}: expected a run, which has the logs world and belief; "
+                           f"there is no log {name}.")  # fmt: skip
     log = sl.read(folder / "belief")
     return Run(folder, RunKey.of(folder), _parameters(folder, log), tuple(_goals(folder, log)))
 
