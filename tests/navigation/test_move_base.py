@@ -6,11 +6,13 @@ import math
 from pathlib import Path
 
 import pytest
+from navigation.door_shares import DoorShares
 from navigation.move_base import Drive
-from navigation.runs import read_run
+from navigation.runs import read_run, second_of
 from navigation.ways import Crossing
 
-from semmap_log.domain.doors import DoorId
+from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import DoorAdded, DoorObserved
 from tests.navigation.world_of_three_rooms import (
     ALL_OPEN,
     CORRIDOR,
@@ -137,6 +139,13 @@ def test_what_the_robot_knows_is_what_its_log_says(tmp_path: Path, setup: str) -
     doors = run.belief.replay().doors
     assert {d: state.state.name == "OPEN" for d, state in doors.items()} == scene.robot._known
     assert scene.robot._known != SHUT
+
+    learnt = DoorShares([LEFT, MIDDLE, RIGHT])
+    for entry in run.belief.history(kinds=(DoorAdded, DoorObserved)):
+        is_open = entry.event.state is DoorState.OPEN
+        learnt.saw(second_of(entry.happened_ns), entry.event.door_id, is_open=is_open)
+    for door in ALL_OPEN:
+        assert learnt.p_open(500.0, door) == scene.robot.shares.p_open(500.0, door)
 
 
 def test_a_door_that_opens_while_it_waits_lets_it_pass(tmp_path: Path) -> None:
