@@ -253,6 +253,19 @@ def test_what_was_swept_in_one_building_is_fixed_in_another(tmp_path: Path) -> N
     )
 
 
+def test_a_run_that_is_older_than_an_option_had_the_usual_one(tmp_path: Path) -> None:
+    """
+    It stands beside those that tell of it.
+    """
+    drive(tmp_path, seed=1, goals=8)
+    drive(tmp_path, seed=2, goals=8, near_m=RunOptions().near_m)
+
+    runs = read_runs([tmp_path])
+
+    assert runs.swept == {"corridor": {}}
+    assert 2 == len(runs.of("corridor", "fixed", "map"))
+
+
 def test_a_series_that_was_only_swept_has_no_other_tables(tmp_path: Path) -> None:
     """
     And does not stand in the way of those that have.

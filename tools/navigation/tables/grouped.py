@@ -16,6 +16,9 @@ from navigation.tables.figures import RunFigures
 SERIES = ("fixed", "random")
 """In the order in which they are told; others come behind."""
 
+USUAL = asdict(RunOptions())
+"""What `run` takes without being told."""
+
 
 def title_of(setup: str) -> str:
     """Return what people call a setup; an unknown one by its own name."""
@@ -87,7 +90,7 @@ class GroupedRuns:
         return [
             run for run in self.all
             if (run.building, run.key.series, run.key.setup) == (building, series, setup)
-            and all(_text(run.options.get(name)) == value for name, value in wanted.items())
+            and all(_value(run, name) == value for name, value in wanted.items())
         ]  # fmt: skip
 
 
@@ -97,13 +100,14 @@ def _swept(runs: Sequence[RunFigures]) -> dict[str, list[str]]:
     Usual is what most runs have, of all swept options together; of equally many, what `run` does
     without being told.
     """
+    options = sorted({name for run in runs for name in run.options})
     within: dict[tuple[str, str], set[str]] = defaultdict(set)
     for run in runs:
-        for name, value in run.options.items():
-            within[name, run.key.setup].add(_text(value))
+        for name in options:
+            within[name, run.key.setup].add(_value(run, name))
     names = sorted({name for (name, _), found in within.items() if len(found) > 1})
-    counts = Counter(tuple(_text(run.options.get(name)) for name in names) for run in runs)
-    plain = tuple(_text(asdict(RunOptions()).get(name)) for name in names)
+    counts = Counter(tuple(_value(run, name) for name in names) for run in runs)
+    plain = tuple(_text(USUAL.get(name)) for name in names)
     usual = min(counts, key=lambda values: (-counts[values], values != plain, values))
     return {
         name: [usual[place], *sorted({v[place] for v in counts} - {usual[place]}, key=by_value)]
@@ -116,6 +120,11 @@ def by_value(text: str) -> tuple[bool, float, str]:
     value = json.loads(text)
     is_number = isinstance(value, int | float)
     return not is_number, float(value) if is_number else 0.0, text
+
+
+def _value(run: RunFigures, option: str) -> str:
+    """Return an option's value as JSON; a run that is older than the option had the usual one."""
+    return _text(run.options.get(option, USUAL.get(option)))
 
 
 def _text(value: Any) -> str:
