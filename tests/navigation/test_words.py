@@ -120,6 +120,19 @@ def test_nearness_is_told_where_it_was_swept() -> None:
     assert told.endswith("1.00 %, no difference that shows.")
 
 
+def test_other_options_are_told_by_their_values() -> None:
+    """
+    Where there is more than one run of it.
+    """
+    runs = [run("map", seed, 2, margin_m=0.0) for seed in range(1, 6)]
+    runs += [run("map", seed, 8, margin_m=0.1) for seed in range(1, 4)]
+    runs += [run("map", 1, 9, margin_m=0.2)]
+
+    told = [line for line in words_of(GroupedRuns(runs), "clinic") if "margin_m" in line]
+
+    assert told == ["With margin_m 0.1 in place of 0.0: Map 4.00 % (±0.00)."]
+
+
 def test_one_run_is_no_evidence() -> None:
     """
     It is said so.

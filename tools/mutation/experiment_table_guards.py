@@ -37,7 +37,7 @@ EXPERIMENT_TABLES = (
           "(one.key, one.options) == (other.key, other.options)", "False",
           "test_experiment_tables"),
     guard("tables are of the usual options", "navigation.tables.grouped.GroupedRuns.of",
-          "_text(run.options.get(name)) == value", "True", "test_experiment_tables"),
+          "_value(run, name) == value", "True", "test_experiment_tables"),
     guard("pairs are of one seed", "navigation.tables.measures.pairs_of",
           "of_seed[run.key.seed]", "other[0]", "test_experiment_tables"),
     guard("intervals are over seeds", "navigation.tables.statistics.share_of",

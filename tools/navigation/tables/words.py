@@ -23,7 +23,11 @@ def words_of(runs: GroupedRuns, building: str) -> list[str]:
     seeds = max(map(len, of.values()))
     if seeds < 2:
         return [f"{runs_said(seeds)} of a setup: nothing can be said of others like it."]
-    return [*_of_setups(of, series), *_of_nearness(runs, building, series)]
+    return [
+        *_of_setups(of, series),
+        *_of_nearness(runs, building, series),
+        *_of_options(runs, building, series),
+    ]
 
 
 def _of_setups(of: RunsOf, series: str) -> Iterator[str]:
@@ -130,6 +134,19 @@ def _of_nearness(runs: GroupedRuns, building: str, series: str) -> Iterator[str]
             told.append(f"at {float(value):g} m {shares}, {beside}")
     if len(told) > 1:
         yield f"How near a door must be to be seen, Map* and Map: {'; '.join(told)}."
+
+
+def _of_options(runs: GroupedRuns, building: str, series: str) -> Iterator[str]:
+    """Yield the shares with each other value of an option that was swept."""
+    for option, (usual, *others) in runs.swept[building].items():
+        for value in others if option != NEAR else ():
+            shares = [
+                f"{title_of(setup)} {share_said(percent_of(found))}"
+                for setup in runs.setups(building, series)
+                if len(found := runs.of(building, series, setup, but=(option, value))) > 1
+            ]
+            if shares:
+                yield f"With {option} {value} in place of {usual}: {', '.join(shares)}."
 
 
 def _points(one: Runs, other: Runs) -> Interval:
