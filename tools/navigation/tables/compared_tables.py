@@ -15,7 +15,7 @@ from navigation.tables.table import Column, Table
 COMPARED = (
     ("no_map", "map"), ("no_map_star", "no_map"), ("no_map_star", "map"),
     ("no_map_star", "map_star"), ("map_star", "map"), ("smart", "map"), ("smart", "map_star"),
-    ("belief", "map"), ("nearest_first", "belief"), ("patrol", "belief"),
+    ("belief", "map_star"), ("nearest_first", "belief"), ("patrol", "belief"),
     ("patrol", "nearest_first"),
 )  # fmt: skip
 """Setups that ask a question beside each other: what does the second one lack or have?"""

@@ -2,7 +2,8 @@
 
 "A Semantic Map Implementation for a Long-Term Autonomous Robot", bachelor's thesis, TU Graz: tables
 RUNTIMES and NUMBER OF GOALS of E.2.1 (`random`: two runs a setup, added up) and E.2.2 (`fixed`: one
-run a setup). It has no intervals.
+run a setup). It has no intervals. How it averaged two runs is not told: 200 goals of No Map in
+53,519 s would be 268 s each, where it prints 121.
 """
 
 from __future__ import annotations

@@ -38,10 +38,10 @@ def _of_setups(of: RunsOf, series: str) -> Iterator[str]:
         yield _with_obstacles(of["no_map"], of["map"])
     if {"map", "map_star"} <= of.keys():
         yield _instead_of_obstacles(of["map_star"], of["map"])
-    if {"smart", "map"} <= of.keys():
-        yield _beside("Doors that report themselves (Smart)", of["smart"], of["map"], "Map")
-    if {"belief", "map"} <= of.keys():
-        yield _beside("A learnt P(open) as cost (Belief)", of["belief"], of["map"], "Map")
+    if {"smart", "map_star"} <= of.keys():
+        yield _beside_the_map("Doors that report themselves (Smart)", of["smart"], of["map_star"])
+    if {"belief", "map_star"} <= of.keys():
+        yield _beside_the_map("P(open) learnt as cost (Belief)", of["belief"], of["map_star"])
     if {"patrol", "nearest_first"} <= of.keys():
         yield _order(of["patrol"], of["nearest_first"])
     yield from _beside_the_thesis(of, series)
@@ -86,15 +86,16 @@ def _instead_of_obstacles(star: Runs, both: Runs) -> str:
             f"{_points_said(points)}: {shares}.")  # fmt: skip
 
 
-def _beside(what: str, runs: Runs, others: Runs, name: str) -> str:
+def _beside_the_map(what: str, runs: Runs, others: Runs) -> str:
+    """Say what a setup is worth that differs from Map* in one thing."""
     points, pairs = _points(runs, others), pairs_of(runs, others)
     minutes = difference(pairs, lambda run: run.total_s / 60)
     told = f"{share_said(a_run_of(runs))} against {share_said(a_run_of(others))}"
     if points.is_clear:
         word = "more" if points.value > 0 else "less"
-        begin = f"{what}: {_points_said(points)} {word} driven in vain than with {name} ({told})"
+        begin = f"{what}: {_points_said(points)} {word} driven in vain than with Map* ({told})"
     else:
-        begin = f"{what}: no difference in goals driven to in vain from {name} ({told})"
+        begin = f"{what}: no difference in goals driven to in vain from Map* ({told})"
     return f"{begin}; {_time_said(minutes)}."
 
 
