@@ -215,20 +215,25 @@ def test_differences_are_of_pairs(corridor: tuple[Path, dict[RunKey, Tally]]) ->
     assert row["what"] == "No Map - Map"
 
 
-def test_a_sweep_has_a_row_for_each_value(
+def test_a_sweep_is_over_the_same_seeds(
     corridor: tuple[Path, dict[RunKey, Tally]], tmp_path: Path
 ) -> None:
     """
-    The usual value is the one of most runs; only its runs are in the other tables.
+    The usual value is the one of most runs: beside each other one it stands with the seeds of that,
+    and only its runs are in the other tables.
     """
-    tally = drive(tmp_path, "map", seed=9, goals=12, near_m=1.0)
+    tally = drive(tmp_path, "map", seed=2, goals=12, near_m=1.0)
+    drive(tmp_path, "map", seed=9, goals=12, near_m=1.0)
     tables = tables_of(read_runs([corridor[0], tmp_path]))
 
     sweep = found(tables, "sweep", series="fixed")
-    assert [("1.0", ""), ("3.0", "usual")] == [(r["value"], r["usual"]) for r in sweep.rows]
-    share = 100 * tally.outcomes.count(Outcome.AFTER_DRIVING) / 12
-    assert sweep.rows[0]["map"] == pytest.approx(share)
-    assert "no_map" not in sweep.rows[0]
+    assert [("1.0", ""), ("3.0", "1.0")] == [(row["value"], row["beside"]) for row in sweep.rows]
+    same = corridor[1][RunKey("corridor", "map", "fixed", 2)]
+    for row, counted, goals in zip(sweep.rows, (tally, same), (12, 25), strict=True):
+        share = 100 * counted.outcomes.count(Outcome.AFTER_DRIVING) / goals
+        assert row["map"] == pytest.approx(share)
+        assert row["runs"] == "1"
+        assert "no_map" not in row
     assert found(tables, "goals", series="fixed") == found(
         tables_of(read_runs([corridor[0]])), "goals", series="fixed"
     )

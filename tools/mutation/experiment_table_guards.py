@@ -38,6 +38,8 @@ EXPERIMENT_TABLES = (
           "test_experiment_tables"),
     guard("tables are of the usual options", "navigation.tables.grouped.GroupedRuns.of",
           "_value(run, name) == value", "True", "test_experiment_tables"),
+    guard("a sweep is over the same seeds", "navigation.tables.grouped.GroupedRuns.beside_usual",
+          'series != "fixed"', "True", "navigation.test_words", "test_experiment_tables"),
     guard("pairs are of one seed", "navigation.tables.measures.pairs_of",
           "of_seed[run.key.seed]", "other[0]", "test_experiment_tables"),
     guard("intervals are over seeds", "navigation.tables.statistics.share_of",

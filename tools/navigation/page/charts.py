@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from navigation.page.drawing import BAR, INK, MARK, axes, styled
+from navigation.tables.figures import RunFigures
 from navigation.tables.grouped import GroupedRuns, by_value, title_of
 from navigation.tables.measures import RunsOf, percent_of
+from navigation.tables.statistics import Interval
 from navigation.tables.thesis import THESIS
 
 COLOURS = ("#4f83cc", "#d98324", "#d43d3d", "#3f9c6d", "#9467bd", "#8c6d5a", "#c45f9e", "#7f7f7f")
@@ -55,10 +58,8 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
         figure, ax = axes(4.2, 2.8)
         drawn, most = 0, 0.0
         for place, setup in enumerate(runs.setups(building, series)):
-            points = []
-            for at, value in enumerate(values):
-                if found := runs.of(building, series, setup, but=(option, value)):
-                    points.append((at, percent_of(found)))
+            found = [runs.of(building, series, setup, but=(option, value)) for value in values]
+            points = _shared_points(found) if series == "fixed" else _points(found)
             if len(points) < 2:
                 continue
             drawn += 1
@@ -80,6 +81,18 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
         ax.set_ylabel("% unreachable after driving")
         ax.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.22))
     return figure
+
+
+def _points(found: Sequence[Sequence[RunFigures]]) -> list[tuple[int, Interval]]:
+    """Return the place of each value of which there are runs, and their share."""
+    return [(place, percent_of(runs)) for place, runs in enumerate(found) if runs]
+
+
+def _shared_points(found: Sequence[Sequence[RunFigures]]) -> list[tuple[int, Interval]]:
+    """Return the same of the seeds that all values have of which there are runs."""
+    seeds = [{run.key.seed for run in runs} for runs in found if runs]
+    shared = set.intersection(*seeds) if seeds else set()
+    return _points([[run for run in runs if run.key.seed in shared] for runs in found])
 
 
 def _known(half: float) -> float:

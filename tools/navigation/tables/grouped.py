@@ -93,6 +93,24 @@ class GroupedRuns:
             and all(_value(run, name) == value for name, value in wanted.items())
         ]  # fmt: skip
 
+    def beside_usual(
+        self, building: str, series: str, setup: str, but: tuple[str, str]
+    ) -> tuple[list[RunFigures], list[RunFigures]]:
+        """Return runs with another value of an option, and those with the usual one beside them.
+
+        In the series `fixed` these are of the same seeds: a seed in which the robot was locked in
+        would else look like what the option does.
+        """
+        others = self.of(building, series, setup, but=but)
+        usual = self.of(building, series, setup)
+        if series != "fixed":
+            return others, usual
+        shared = {run.key.seed for run in others} & {run.key.seed for run in usual}
+        others, usual = (
+            [run for run in found if run.key.seed in shared] for found in (others, usual)
+        )
+        return others, usual
+
 
 def _swept(runs: Sequence[RunFigures]) -> dict[str, list[str]]:
     """Return the options in which runs of one setup differ, and their values, the usual first.

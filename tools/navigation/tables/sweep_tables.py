@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterator
 
 from navigation.tables.grouped import GroupedRuns, by_value, title_of
 from navigation.tables.measures import Row, percent_of, put
 from navigation.tables.table import Column, Table
+
+NOTES = {
+    "fixed": "The usual value stands beside each other one, over the same seeds. "
+    "runs: of each setup, at least."
+}
 
 
 def sweeps(runs: GroupedRuns) -> Iterator[Table]:
@@ -21,31 +25,30 @@ def sweeps(runs: GroupedRuns) -> Iterator[Table]:
 
 
 def _sweep(runs: GroupedRuns, building: str, series: str, option: str) -> Table | None:
-    """Return the table of the setups that have runs at two values or more; None: there is none."""
-    values = runs.swept[building][option]
-    found = {
-        (setup, value): some
-        for setup in runs.setups(building, series)
-        for value in values
-        if (some := runs.of(building, series, setup, but=(option, value)))
-    }
-    counts = Counter(setup for setup, _ in found)
-    setups = [setup for setup, count in counts.items() if count > 1]
-    if not setups:
-        return None
+    """Return a table with two rows for each value: its own, and that of the usual one."""
+    usual, *others = runs.swept[building][option]
     rows: list[Row] = []
-    for value in sorted(values, key=by_value):
-        here = {setup: found[setup, value] for setup in setups if (setup, value) in found}
-        row: Row = {"value": _said(value), "usual": "usual" if value == values[0] else ""}
-        for setup, some in here.items():
-            put(row, setup, percent_of(some))
-        if here:
-            rows.append(row | {"runs": f"{min(map(len, here.values()))}"})
-    drawn = [Column(setup, title_of(setup), ".2f", interval=True) for setup in setups]
-    columns = [Column("value", option), Column("usual"), Column("runs", "runs"), *drawn]
+    drawn: dict[str, Column] = {}
+    for value in sorted(others, key=by_value):
+        own: Row = {"value": _said(value), "beside": ""}
+        same: Row = {"value": _said(usual), "beside": _said(value)}
+        counts = set()
+        for setup in runs.setups(building, series):
+            found = runs.beside_usual(building, series, setup, (option, value))
+            if all(found):
+                drawn[setup] = Column(setup, title_of(setup), ".2f", interval=True)
+                counts.add(len(found[0]))
+                for row, some in zip((own, same), found, strict=True):
+                    put(row, setup, percent_of(some))
+        if counts:
+            rows += [row | {"runs": f"{min(counts)}"} for row in (own, same)]
+    if not rows:
+        return None
+    setups = [drawn[setup] for setup in runs.setups(building, series) if setup in drawn]
+    columns = [Column("value", option), Column("beside", "beside"), Column("runs", "runs"), *setups]
     about: Row = {"building": building, "series": series, "option": option}
     title = f"SWEEP OF {option}, {building}, {series}: % of goals tried, unreachable after driving"
-    return Table("sweep", title, columns, rows, about, "runs: of each setup, at least.")
+    return Table("sweep", title, columns, rows, about, NOTES.get(series, ""))
 
 
 def _said(value: str) -> str:

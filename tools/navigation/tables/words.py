@@ -141,13 +141,14 @@ def _of_options(runs: GroupedRuns, building: str, series: str) -> Iterator[str]:
     """Yield the shares with each other value of an option that was swept."""
     for option, (usual, *others) in runs.swept[building].items():
         for value in others if option != NEAR else ():
-            shares = [
-                f"{title_of(setup)} {share_said(percent_of(found))}"
-                for setup in runs.setups(building, series)
-                if len(found := runs.of(building, series, setup, but=(option, value))) > 1
-            ]
-            if shares:
-                yield f"With {option} {value} in place of {usual}: {', '.join(shares)}."
+            told = []
+            for setup in runs.setups(building, series):
+                found, same = runs.beside_usual(building, series, setup, (option, value))
+                if len(found) > 1:
+                    shares = share_said(percent_of(found)), f"{percent_of(same).value:.2f} %"
+                    told.append(f"{title_of(setup)} {shares[0]} for {shares[1]}")
+            if told:
+                yield f"With {option} {value} in place of {usual}: {', '.join(told)}."
 
 
 def _points(one: Runs, other: Runs) -> Interval:
