@@ -8,7 +8,7 @@ from typing import Any
 
 from navigation.page.drawing import BAR, INK, MARK, axes, styled
 from navigation.tables.figures import RunFigures
-from navigation.tables.grouped import GroupedRuns, by_value, title_of
+from navigation.tables.grouped import GroupedRuns, by_value, title_of, value_said
 from navigation.tables.measures import RunsOf, percent_of
 from navigation.tables.statistics import Interval
 from navigation.tables.thesis import THESIS
@@ -73,7 +73,7 @@ def sweep_chart(runs: GroupedRuns, building: str, series: str, option: str) -> A
             )  # fmt: skip
         if not drawn:
             return None
-        ax.set_xticks(range(len(values)), [value.strip('"') for value in values])
+        ax.set_xticks(range(len(values)), [value_said(value) for value in values])
         ax.set_yscale("symlog", linthresh=TICKS[1])
         ax.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
         ax.set_ylim(0, next(tick for tick in TICKS if tick >= min(most, TICKS[-1])))

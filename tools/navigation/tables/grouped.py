@@ -140,6 +140,12 @@ def by_value(text: str) -> tuple[bool, float, str]:
     return not is_number, float(value) if is_number else 0.0, text
 
 
+def value_said(text: str) -> str:
+    """Return an option's value, given as JSON, as people write it."""
+    value = json.loads(text)
+    return value if isinstance(value, str) else text
+
+
 def _value(run: RunFigures, option: str) -> str:
     """Return an option's value as JSON; a run that is older than the option had the usual one."""
     return _text(run.options.get(option, USUAL.get(option)))

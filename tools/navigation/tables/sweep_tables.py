@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 
-from navigation.tables.grouped import GroupedRuns, by_value, title_of
+from navigation.tables.grouped import GroupedRuns, by_value, title_of, value_said
 from navigation.tables.measures import Row, percent_of, put
 from navigation.tables.table import Column, Table
 
@@ -30,8 +29,8 @@ def _sweep(runs: GroupedRuns, building: str, series: str, option: str) -> Table 
     rows: list[Row] = []
     drawn: dict[str, Column] = {}
     for value in sorted(others, key=by_value):
-        own: Row = {"value": _said(value), "beside": ""}
-        same: Row = {"value": _said(usual), "beside": _said(value)}
+        own: Row = {"value": value_said(value), "beside": ""}
+        same: Row = {"value": value_said(usual), "beside": value_said(value)}
         counts = set()
         for setup in runs.setups(building, series):
             found = runs.beside_usual(building, series, setup, (option, value))
@@ -49,8 +48,3 @@ def _sweep(runs: GroupedRuns, building: str, series: str, option: str) -> Table 
     about: Row = {"building": building, "series": series, "option": option}
     title = f"SWEEP OF {option}, {building}, {series}: % of goals tried, unreachable after driving"
     return Table("sweep", title, columns, rows, about, NOTES.get(series, ""))
-
-
-def _said(value: str) -> str:
-    told = json.loads(value)
-    return told if isinstance(told, str) else value

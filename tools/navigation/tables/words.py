@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from navigation.tables.figures import RunFigures
-from navigation.tables.grouped import GroupedRuns, title_of
+from navigation.tables.grouped import GroupedRuns, title_of, value_said
 from navigation.tables.measures import RunsOf, difference, pairs_of, percent_of, times_of
 from navigation.tables.statistics import Interval, Ratio, mean_of
 from navigation.tables.table import runs_said
@@ -145,10 +145,11 @@ def _of_options(runs: GroupedRuns, building: str, series: str) -> Iterator[str]:
             for setup in runs.setups(building, series):
                 found, same = runs.beside_usual(building, series, setup, (option, value))
                 if len(found) > 1:
-                    shares = share_said(percent_of(found)), f"{percent_of(same).value:.2f} %"
+                    shares = share_said(percent_of(found)), plainly(percent_of(same).value)
                     told.append(f"{title_of(setup)} {shares[0]} for {shares[1]}")
             if told:
-                yield f"With {option} {value} in place of {usual}: {', '.join(told)}."
+                values = f"{value_said(value)} in place of {value_said(usual)}"
+                yield f"With {option} {values}: {', '.join(told)}."
 
 
 def _points(one: Runs, other: Runs) -> Interval:
@@ -164,11 +165,19 @@ def a_run_of(runs: Runs) -> Interval:
 
 def share_said(share: Interval) -> str:
     """Return a share in percent, as a sentence takes it."""
-    digits = 1 if share.value >= 10 else 2
-    half = "" if math.isnan(share.half) else f" (±{share.half:.{digits}f})"
-    if not share.value and half:
-        half = f" (at most {share.half:.2f})"
-    return f"{share.value:.{digits}f} %{half}"
+    beside = f" (±{share.half:.{_digits(share.value)}f})"
+    if not share.value:
+        beside = f" (at most {share.half:.2f})"
+    return plainly(share.value) + ("" if math.isnan(share.half) else beside)
+
+
+def plainly(percent: float) -> str:
+    """Return a share without its interval."""
+    return f"{percent:.{_digits(percent)}f} %"
+
+
+def _digits(percent: float) -> int:
+    return 1 if percent >= 10 else 2
 
 
 def _points_said(points: Interval) -> str:
