@@ -125,6 +125,16 @@ def test_nearness_is_told_where_it_was_swept() -> None:
     assert told.endswith("1.00 %, no difference that shows.")
 
 
+def test_shares_are_of_the_seeds_that_are_compared() -> None:
+    """
+    Not of those that only one setup has: their difference is that of the points.
+    """
+    words = said(smart=[1, 2, 1], map_star=[3, 4, 4, 90, 90])
+
+    assert "(Smart): 1.17 points" in words
+    assert "0.67 % (±0.72) against 1.83 % (±0.72)" in words
+
+
 def test_other_options_are_told_by_their_values() -> None:
     """
     Where there is more than one run of it; beside the usual value over the same seeds.

@@ -36,7 +36,9 @@ OF_OUTCOME: Mapping[Outcome, Rgb] = {
 }
 STROKES = {"world": 5.0, "belief": 2.0}
 """Their width, in points of the screen."""
-ARROW_M, RING_M = 1.2, 0.8
+SHORTEST_ARROW_M, ARROW_SHARE = 1.0, 0.04
+"""Of the robot, as a share of how far it went."""
+DISC_M = 0.8
 MOST_ROWS = 4096
 
 
@@ -117,11 +119,11 @@ def _write_door(writer: _Writer, lanes: DoorLanes, *, told: bool) -> None:
     wrong = lanes.wrong()
     times = [at_ns for at_ns, _ in wrong]
     shown = np.array([bool(words) for _, words in wrong])
-    ring = f"map/wrong/{door_id}"
-    writer.static(ring, rr.Points2D.from_fields(radii=RING_M, colors=packed(WRONG), draw_order=2.0))
+    disc = f"map/wrong/{door_id}"
+    writer.static(disc, rr.Points2D.from_fields(radii=DISC_M, colors=packed(WRONG), draw_order=2.0))
     places = np.repeat(lanes.line.mean(axis=0)[None], int(shown.sum()), axis=0)
     columns = rr.Points2D.columns(positions=places.astype(np.float32))
-    writer.rows(ring, times, list(columns.partition(shown.astype(np.uint32))))
+    writer.rows(disc, times, list(columns.partition(shown.astype(np.uint32))))
     said = sorted({words for _, words in wrong} - {""})
     colours = rgba([WRONG] * len(said))
     lane = wrong_path(lanes)
@@ -152,7 +154,9 @@ def _write_robot(writer: _Writer, run: Run) -> None:
     writer.static(
         "map/track", rr.LineStrips2D.from_fields(colors=faint, radii=narrow, draw_order=5.0)
     )
-    heading = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], -1) * ARROW_M
+    reach_m = float(np.ptp(poses[:, :2], axis=0).max()) if len(poses) else 0.0
+    arrow_m = max(SHORTEST_ARROW_M, ARROW_SHARE * reach_m)
+    heading = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], -1) * arrow_m
     steps = np.stack([poses[:-1, :2], poses[1:, :2]], 1).astype(np.float32)
     for first in range(0, len(times_ns), MOST_ROWS):
         part = slice(first, first + MOST_ROWS)

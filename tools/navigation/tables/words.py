@@ -62,6 +62,7 @@ def _without_obstacles(without: Runs, with_map: Runs, *, paired: bool) -> str:
 
 
 def _with_obstacles(without: Runs, with_map: Runs) -> str:
+    without, with_map = _same_seeds(without, with_map)
     points = _points(without, with_map)
     shares = share_said(a_run_of(without)), share_said(a_run_of(with_map))
     both = f"in the mean of a run {shares[0]} without, {shares[1]} with it"
@@ -74,6 +75,7 @@ def _with_obstacles(without: Runs, with_map: Runs) -> str:
 
 
 def _instead_of_obstacles(star: Runs, both: Runs) -> str:
+    star, both = _same_seeds(star, both)
     points = _points(star, both)
     shares = (
         f"in the mean of a run {share_said(a_run_of(star))} against {share_said(a_run_of(both))}"
@@ -88,8 +90,9 @@ def _instead_of_obstacles(star: Runs, both: Runs) -> str:
 
 def _beside_the_map(what: str, runs: Runs, others: Runs) -> str:
     """Say what a setup is worth that differs from Map* in one thing."""
-    points, pairs = _points(runs, others), pairs_of(runs, others)
-    minutes = difference(pairs, lambda run: run.total_s / 60)
+    runs, others = _same_seeds(runs, others)
+    points = _points(runs, others)
+    minutes = difference(pairs_of(runs, others), lambda run: run.total_s / 60)
     told = f"{share_said(a_run_of(runs))} against {share_said(a_run_of(others))}"
     if points.is_clear:
         word = "more" if points.value > 0 else "less"
@@ -100,6 +103,7 @@ def _beside_the_map(what: str, runs: Runs, others: Runs) -> str:
 
 
 def _order(patrol: Runs, nearest: Runs) -> str:
+    patrol, nearest = _same_seeds(patrol, nearest)
     minutes = difference(pairs_of(patrol, nearest), lambda run: run.total_s / 60)
     return (f"With ten goals to choose from, the one that is likeliest to be reached soon (Patrol) "
             f"against the nearest one: {_time_said(minutes)}; "
@@ -150,6 +154,12 @@ def _of_options(runs: GroupedRuns, building: str, series: str) -> Iterator[str]:
             if told:
                 values = f"{value_said(value)} in place of {value_said(usual)}"
                 yield f"With {option} {values}: {', '.join(told)}."
+
+
+def _same_seeds(one: Runs, other: Runs) -> tuple[Runs, Runs]:
+    """Return the runs of the seeds that both have, so that shares fit their difference."""
+    pairs = pairs_of(one, other)
+    return [run for run, _ in pairs], [run for _, run in pairs]
 
 
 def _points(one: Runs, other: Runs) -> Interval:
