@@ -12,6 +12,8 @@ from mutation.checkpoint_guards import CHECKPOINTS
 from mutation.closed_guards import CLOSED_PARTS
 from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
+from mutation.experiment_guards import EXPERIMENT
+from mutation.experiment_table_guards import EXPERIMENT_TABLES
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
@@ -388,5 +390,6 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *ROOMS,
+    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *ROOMS, *EXPERIMENT,
+    *EXPERIMENT_TABLES,
 )  # fmt: skip

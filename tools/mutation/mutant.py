@@ -16,18 +16,29 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mutation import pieces
-from mutation.definitions import Definitions, OutOfDateError
+from mutation.definitions import Definition, Definitions, OutOfDateError
 
 PACKAGE = "semmap_log"
+TOOLS = {"navigation": "tools/navigation"}
+"""What else has guards: their names begin with the first word."""
 
 
 class Checkout:
-    """A folder with the package and its tests."""
+    """A folder with the package, tools and tests."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self.package = Definitions(root / PACKAGE)
+        self._package = Definitions(root / PACKAGE)
+        self._tools = {name: Definitions(root / folder) for name, folder in TOOLS.items()}
         self.tests = Definitions(root / "tests")
+
+    def named(self, name: str) -> Definition:
+        """Return what a guard stands in.
+
+        Raises:
+            OutOfDateError: There is none of that name, or several.
+        """
+        return self._tools.get(name.partition(".")[0], self._package).named(name)
 
     def test_id(self, name: str) -> str:
         """Return what pytest calls a test module, or a test in one.
@@ -80,7 +91,7 @@ class Mutant:
         """Return the file that is another one without the guard, and its bytes then."""
         if self.where.endswith((".js", ".c")):
             return self._made_of_text(checkout.root / PACKAGE)
-        definition = checkout.package.named(self.where)
+        definition = checkout.named(self.where)
         place = pieces.find(definition, self.piece, self.replacement)
         return definition.path, place.put(definition.path.read_bytes())
 

@@ -1,0 +1,112 @@
+"""Which goal is next, by the ways that the robot would take."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from navigation.door_shares import DoorShares
+from navigation.goal_orders import FAIL_S, order_of
+from navigation.goals import Goal
+
+from semmap_log.domain.doors import DoorId
+from tests.navigation.world_of_three_rooms import (
+    ALL_OPEN,
+    IN_LEFT,
+    IN_MIDDLE,
+    IN_RIGHT,
+    LEFT,
+    MIDDLE,
+    Scene,
+)
+
+pytest.importorskip("pyastar2d", reason="not installed: pip install 'semmap-log[experiment]'")
+
+GOALS = [
+    Goal(1, IN_LEFT, "free"),
+    Goal(2, IN_MIDDLE, "free"),
+    Goal(3, IN_RIGHT, "free"),
+    Goal(4, (7.0, 2.3), "occupied"),
+]
+
+
+def chosen(scene: Scene, order: str) -> list[int]:
+    left, found = list(GOALS), []
+    with scene.recorder:
+        choosing = order_of(order, scene.robot, scene.move_base, 4)
+        while left:
+            found.append(choosing.choose(left))
+            left.remove(found[-1])
+    return [goal.number for goal in found]
+
+
+def test_as_given(tmp_path: Path) -> None:
+    assert chosen(Scene(tmp_path, "map_star", ALL_OPEN), "given") == [1, 2, 3, 4]
+
+
+def test_the_nearest_first_by_the_way(tmp_path: Path) -> None:
+    """
+    From the left end of the corridor; what is no place to be comes last.
+    """
+    assert chosen(Scene(tmp_path, "nearest_first", ALL_OPEN, start=(6.0, 1.2)), "nearest") == [
+        2, 1, 3, 4,
+    ]  # fmt: skip
+    assert (
+        chosen(Scene(tmp_path / "r", "nearest_first", ALL_OPEN, start=(13.0, 1.2)), "nearest")[0]
+        == 3
+    )
+
+
+def test_what_is_known_to_be_shut_comes_after_what_is_open(tmp_path: Path) -> None:
+    scene = Scene(tmp_path, "patrol", {**ALL_OPEN, MIDDLE: False}, start=(6.0, 1.2))
+    assert chosen(scene, "patrol") == [1, 3, 2, 4]
+
+
+def test_a_door_that_is_rarely_open_loses_against_a_longer_way(tmp_path: Path) -> None:
+    """
+    The value is p / (1 + travel + (1 - p) fail), by hand.
+    """
+    scene = Scene(tmp_path, "patrol", ALL_OPEN, start=(6.0, 1.2))
+    with scene.recorder:
+        order = order_of("patrol", scene.robot, scene.move_base, 4)
+        for hour in range(1, 40):
+            scene.robot.shares.saw(3600.0 * hour, MIDDLE, is_open=hour % 4 == 0)
+        scene.robot.world.advance(100 * 3600.0)
+        way = scene.move_base.plan(IN_MIDDLE)
+        assert way is not None
+        (crossing,) = way.crossings(scene.robot.floor)
+        at_s = scene.robot.now_s + crossing.along_m / 0.7
+        p = scene.robot.shares.p_open(at_s, MIDDLE)
+        expected = p / (1 + way.length_m / 0.7 + (1 - p) * FAIL_S)
+        assert order.value(way) == pytest.approx(expected)  # type: ignore[attr-defined]
+        assert order.choose(GOALS[:2]).number == 1
+
+
+def test_shares_forget_what_was_seen_at_the_rate_that_doors_change() -> None:
+    """
+    Just seen: sure; long ago: the share of looks. Doors that never differ are remembered longer.
+    """
+    door, other = DoorId(1), DoorId(2)
+    calm, wild = DoorShares([door, other]), DoorShares([door, other])
+    for look in range(60):
+        calm.saw(600.0 * look, door, is_open=True)
+        wild.saw(600.0 * look, door, is_open=look % 2 == 0)
+    assert calm.rate_s < wild.rate_s / 10
+    last_s = 600.0 * 59
+    assert calm.p_open(last_s, door) == 0.98
+    assert wild.p_open(last_s, door) == 0.02
+    assert wild.p_open(last_s + 1e6, door) == pytest.approx(31 / 62)
+    assert calm.p_open(0.0, other) == 0.5
+
+
+def test_rates_are_learnt_from_pairs_of_looks() -> None:
+    """
+    Doors that differ after an hour in one of four pairs: (1 - exp(-r h)) / 2 = 1/4.
+    """
+    shares = DoorShares([LEFT])
+    is_open = True
+    for look in range(400):
+        is_open ^= look % 4 == 0
+        shares.saw(3600.0 * look, LEFT, is_open=is_open)
+    assert shares.rate_s * 3600 == pytest.approx(math.log(2), rel=0.35)

@@ -1,0 +1,1 @@
+"""What the runs come to: tables, histograms, a page and recordings, all made from the logs."""
