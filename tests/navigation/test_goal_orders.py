@@ -100,6 +100,22 @@ def test_shares_forget_what_was_seen_at_the_rate_that_doors_change() -> None:
     assert calm.p_open(0.0, other) == 0.5
 
 
+def test_looks_that_saw_the_same_one_after_the_other_are_one() -> None:
+    """
+    An hour before a shut door, each minute: one look, and it is fresh.
+    """
+    door = DoorId(1)
+    shares, plain = DoorShares([door]), DoorShares([door])
+    shares.saw(0.0, door, is_open=True)
+    plain.saw(0.0, door, is_open=True)
+    for minute in range(60, 121):
+        shares.saw(60.0 * minute, door, is_open=False)
+    plain.saw(3600.0, door, is_open=False)
+    assert shares.p_open(7200.0, door) == 0.02
+    assert shares.p_open(7200.0 + 1e7, door) == pytest.approx(plain.p_open(1e7, door))
+    assert shares.rate_s == plain.rate_s
+
+
 def test_rates_are_learnt_from_pairs_of_looks() -> None:
     """
     Doors that differ after an hour in one of four pairs: (1 - exp(-r h)) / 2 = 1/4.

@@ -188,6 +188,17 @@ def test_a_belief_reckons_with_what_was_long_ago(tmp_path: Path) -> None:
         assert scene.move_base.plan(IN_MIDDLE) is not None
 
 
+def test_a_door_that_it_stands_before_is_not_doubted(tmp_path: Path) -> None:
+    """
+    Locked in for five hours beside a shut door, it does not come to think that it may be open.
+    """
+    scene = Scene(tmp_path, "belief", SHUT, start=(7.0, 3.2))
+    with scene.recorder:
+        for _ in range(300):
+            scene.robot.wait(60.0)
+        assert scene.move_base.plan(CORRIDOR) is None
+
+
 def test_a_robot_on_whom_a_door_closes_goes_on(tmp_path: Path) -> None:
     """
     It stands in the doorway as the door shuts.

@@ -20,6 +20,10 @@ PRIOR_S = 3600.0
 LEAST, MOST = 0.02, 0.98
 
 
+ONE_LOOK_S = 90.0
+"""Two looks so near to each other that saw the same are one, which lasted."""
+
+
 class DoorShares:
     """What was seen of the doors, and what follows from it."""
 
@@ -35,6 +39,9 @@ class DoorShares:
         """Take a look in."""
         if door in self._last:
             last_s, was_open = self._last[door]
+            if is_open == was_open and at_s - last_s <= ONE_LOOK_S:
+                self._last[door] = at_s, is_open
+                return
             self._score = self._score + self._of_pair(at_s - last_s, differs=is_open != was_open)
             self.rate_s = float(RATES_S[int(self._score.argmax())])
         self._last[door] = at_s, is_open

@@ -163,7 +163,7 @@ class Robot:
         if self._senses.sensor is None:
             return
         near = self.floor.doors_near(self.place, self._senses.near_m)
-        told = self._senses.sensor.look(near, self.world.is_open, self._known)
+        told = self._senses.sensor.look(self.now_s, near, self.world.is_open, self._known)
         if told:
             self.pose()
         for door, is_open in told:
