@@ -15,7 +15,9 @@ MOST_SWEEPS = 40
 """Steps of the search with P at arrival: each looks at all orders near the last one."""
 
 
-def best_order(task: RoundTask, *, given: Iterable[Orders] = ()) -> Orders:
+def best_order(
+    task: RoundTask, *, given: Iterable[Orders] = (), sweeps: int = MOST_SWEEPS
+) -> Orders:
     """Return the order of all stops with the least mean time to visit; deterministic.
 
     Of up to `MOST_EXACT` stops whose P does not change it is the best there is. Otherwise it is
@@ -25,12 +27,13 @@ def best_order(task: RoundTask, *, given: Iterable[Orders] = ()) -> Orders:
     Args:
         task: The stops.
         given: Orders to start from, too, such as the rest of a plan under way.
+        sweeps: See `best_from`.
     """
     if task.is_fixed and len(task) <= MOST_EXACT:
         return exact_order(task)
     as_they_are = np.arange(len(task))
     starts = [greedy_order(task), nearest_order(task), as_they_are, *given]
-    return best_from(task, starts)
+    return best_from(task, starts, sweeps=sweeps)
 
 
 def best_from(task: RoundTask, starts: list[Orders], *, sweeps: int = MOST_SWEEPS) -> Orders:

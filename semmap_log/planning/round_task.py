@@ -35,6 +35,8 @@ class RoundTask:
     step_s: float = 60.0
     budget_s: float | None = None
     """The round ends then: what is reached later is not visited."""
+    now_s: float = 0.0
+    """Since the round began, as are the times of `p_passes` and the budget."""
 
     def __post_init__(self) -> None:
         """Check the shapes and values.
@@ -67,15 +69,27 @@ class RoundTask:
     def __len__(self) -> int:
         return len(self.from_start_s)
 
+    def rest(self, stops: Orders, *, last: int | None, now_s: float) -> RoundTask:
+        """Return what is left of the round: some stops, from the last one or the start, now."""
+        return replace(
+            self,
+            from_start_s=self.from_start_s[stops] if last is None else self.leg_s[last, stops],
+            leg_s=self.leg_s[np.ix_(stops, stops)],
+            p_passes=self.p_passes[stops],
+            enter_s=self.enter_s[stops],
+            fail_s=self.fail_s[stops],
+            now_s=now_s,
+        )
+
     @property
     def is_fixed(self) -> bool:
         """Whether P does not change, and no budget ends the round: orders can be exact."""
         return self.p_passes.shape[1] == 1 and self.budget_s is None
 
     def at(self, times_s: Seconds) -> RoundTask:
-        """Return the same with the fixed P of each stop at its time; no budget."""
+        """Return the same with the fixed P of each stop at its time; no budget, from 0 s on."""
         p_passes = self.p_at(np.arange(len(self)), times_s)[:, None]
-        return replace(self, p_passes=p_passes, budget_s=None)
+        return replace(self, p_passes=p_passes, budget_s=None, now_s=0.0)
 
     def p_at(self, stops: Orders, times_s: Seconds) -> NDArray[np.float64]:
         """Return P(it lets the robot in) of stops, each at its time."""
@@ -95,7 +109,7 @@ class RoundTask:
             orders: (m, j), stops; each row without repeats.
         """
         times, chances = np.empty(orders.shape), np.empty(orders.shape)
-        now = np.zeros(len(orders))
+        now = np.full(len(orders), self.now_s)
         for place in range(orders.shape[1]):
             stop = orders[:, place]
             leg = self.leg_s[orders[:, place - 1], stop] if place else self.from_start_s[stop]
@@ -117,9 +131,10 @@ class RoundTask:
 
     @property
     def horizon_s(self) -> float:
-        """When the round is over: its budget, or about as long as it takes to go to all stops."""
+        """When the round is over: its budget, or about when all stops can have been gone to."""
         if self.budget_s is not None:
             return self.budget_s
         service = np.maximum(self.enter_s, self.fail_s).sum()
         between = np.sort(self.leg_s, axis=1)[:, 1:2].sum() if len(self) > 1 else 0.0
-        return float(self.from_start_s.min(initial=0.0) + between + service)
+        nearest = self.from_start_s.min() if len(self) else 0.0
+        return float(self.now_s + nearest + between + service)

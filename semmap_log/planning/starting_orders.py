@@ -33,7 +33,7 @@ def nearest_order(task: RoundTask) -> Orders:
 
 def _by(task: RoundTask, worth: Callable[[Orders, Values, Values], Values]) -> Orders:
     left, order = np.arange(len(task)), list[int]()
-    now_s = 0.0
+    now_s = task.now_s
     while len(left):
         leg_s = task.leg_s[order[-1], left] if order else task.from_start_s[left]
         p_passes = task.p_at(left, now_s + leg_s)
