@@ -41,6 +41,26 @@ class DoorChances:
         p_passes[unknown], low[unknown], high[unknown] = mean, 0.0, 1.0
         return DoorChances(p_passes, low, high, known, self.unseen_s, self.step_s)
 
+    def interval_at(self, row: int, time_s: float) -> tuple[float, float]:
+        """Return the interval of a door's P at a time of the round."""
+        times_s = np.arange(self.low.shape[1]) * self.step_s
+        return (
+            float(np.interp(time_s, times_s, self.low[row])),
+            float(np.interp(time_s, times_s, self.high[row])),
+        )
+
+    def or_else(self, p_open: DoorChances) -> DoorChances:
+        """Return P(passes) where it is known, else P(open): a door that is open lets one in.
+
+        Whether one that is shut would open for who asks is not known then: P may be up to 1.
+        """
+        stands_in = ~self.is_known & p_open.is_known
+        p_passes, low, high = self.p_passes.copy(), self.low.copy(), self.high.copy()
+        p_passes[stands_in] = p_open.p_passes[stands_in]
+        low[stands_in], high[stands_in] = p_open.low[stands_in], 1.0
+        known = self.is_known | stands_in
+        return DoorChances(p_passes, low, high, known, self.unseen_s, self.step_s)
+
 
 @dataclass(frozen=True, slots=True)
 class SkipRule:

@@ -8,8 +8,9 @@ moves at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,13 +37,16 @@ def improved(task: RoundTask, order: Orders) -> Orders:
     if len(order) < 2:
         return order
     round_ = _Round.of(task)
-    path = np.concatenate([[round_.start], order, [round_.end]])
-    while True:
-        pieces = _Pieces.of(round_, path)
-        gain, blocks = _best_move(pieces)
-        if gain <= _GAINS * max(pieces.cost, 1.0):
-            return path[1:-1]
-        path = np.concatenate([path[block] for block in blocks])
+    pieces = _Pieces.of(round_, np.concatenate([[round_.start], order, [round_.end]]))
+    kinds = list(_kinds(len(order)))
+    gained = True
+    while gained:
+        gained = False
+        for kind in kinds:
+            better = _with_best_move(pieces, kind)
+            gained |= better is not pieces
+            pieces = better
+    return pieces.path[1:-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,27 +158,30 @@ def _block(low: int, high: int, is_turned: bool) -> slice:  # noqa: FBT001 - pri
     return slice(high, low - 1, -1) if is_turned and high >= low else slice(low, high + 1)
 
 
-def _best_move(pieces: _Pieces) -> tuple[float, list[slice]]:
-    """Return how much the best move gains, and the blocks of the path that it makes."""
-    gain, blocks = 0.0, [slice(None)]
-    for moves in _moves(pieces):
-        best = int(moves.costs.argmin())
-        gained = pieces.cost - float(moves.costs[best])
-        if gained > gain:
-            gain, blocks = gained, moves.blocks(best)
-    return gain, blocks
+_Kind = Callable[[_Pieces], _Moves]
 
 
-def _moves(pieces: _Pieces) -> Iterator[_Moves]:
-    count = len(pieces.path) - 2
+def _kinds(count: int) -> Iterator[_Kind]:
+    """Yield the kinds of moves on a path of so many stops, each with all its places."""
     low, high = (each + 1 for each in np.triu_indices(count, 1))
-    yield _turned(pieces, low, high)
+    yield partial(_turned, low=low, high=high)
     for length in range(1, min(LONGEST_MOVED, count - 1) + 1):
         fits = high - low >= length
         few, many = low[fits], high[fits]
         for is_turned in (False, True)[: 1 + (length > 1)]:
-            yield _swapped(pieces, few, few + length - 1, many, (is_turned, False))
-            yield _swapped(pieces, few, many - length, many, (False, is_turned))
+            first, second = (is_turned, False), (False, is_turned)
+            yield partial(_swapped, low=few, middle=few + length - 1, high=many, is_turned=first)
+            yield partial(_swapped, low=few, middle=many - length, high=many, is_turned=second)
+
+
+def _with_best_move(pieces: _Pieces, kind: _Kind) -> _Pieces:
+    """Return the path after the best move of a kind; the same where none gains anything."""
+    moves = kind(pieces)
+    best = int(moves.costs.argmin())
+    if pieces.cost - float(moves.costs[best]) <= _GAINS * max(pieces.cost, 1.0):
+        return pieces
+    path = np.concatenate([pieces.path[block] for block in moves.blocks(best)])
+    return _Pieces.of(pieces.round, path)
 
 
 def _turned(pieces: _Pieces, low: Places, high: Places) -> _Moves:

@@ -1,0 +1,377 @@
+"""A log's patrol: in which order to visit rooms or doors, what to expect there, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.beliefs.belief_query import BeliefQuery, ask
+from semmap_log.beliefs.door_beliefs import default_estimator
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.domain.moments import SECOND_NS, Moment
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.errors import PlanError
+from semmap_log.io.progress import Progress
+from semmap_log.planning.door_chances import DoorChances, SkipRule
+from semmap_log.planning.last_pose import LastPoseProjection
+from semmap_log.planning.learnt_chances import LONGEST_S, learnt_chances, round_times_s
+from semmap_log.planning.named_places import NamedPlaces
+from semmap_log.planning.passing import PassingProjection
+from semmap_log.planning.patrol_round import PatrolRound, PatrolTarget, PlannedTry
+from semmap_log.planning.patrol_targets import (
+    LeftOut,
+    Wanted,
+    WantedTarget,
+    all_wanted,
+    wanted_by_name,
+)
+from semmap_log.planning.patrol_words import shut_in_words, why_then
+from semmap_log.planning.round_task import RoundTask
+from semmap_log.planning.ways_between import WaysBetween
+from semmap_log.probabilities.estimator import StateModel
+from semmap_log.rooms import Place, room_plan
+from semmap_log.rooms.walking import SPEED_M_S
+
+THROUGH_P = 0.8
+"""Ways lead through doors that are at least so likely open; through others only if they must."""
+ENTER_S, WAIT_S, LOOK_S = 17.0, 10.0, 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class PatrolOptions:
+    """What a round is like."""
+
+    speed_m_s: float = SPEED_M_S
+    budget_s: float | None = None
+    enter_s: float = ENTER_S
+    """To go in, look, and come out."""
+    wait_s: float = WAIT_S
+    """So long the robot waits at a door that is shut, after a look of 3 s."""
+    asks: bool = False
+    """The robot may ask for doors: P is that of passing, learnt from earlier tries."""
+    skip: SkipRule = field(default_factory=SkipRule)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStop:
+    """A stop of the plan."""
+
+    target: WantedTarget
+    door: Door
+    """By which to go in."""
+    place: Place
+    """Where to stand before it."""
+    others: tuple[Door, ...]
+    """To try if that is shut."""
+    arrives_ns: int
+    """On average."""
+    p_passes: float
+    """When one arrives."""
+    low: float
+    high: float
+    """The 90 % interval's end."""
+    is_known: bool
+    """False: UNKNOWN; P is that of the others on average."""
+    wait_s: float | None
+    """Until it is open, on average, from the arrival on; None: not known."""
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class PatrolPlan:
+    """A round, planned."""
+
+    start_ns: int
+    known_ns: int
+    """What happened later does not count."""
+    tz: str
+    estimator: str
+    options: PatrolOptions
+    start: Place | None
+    """None: nobody knows where the robot is; the round begins at its first stop."""
+    stops: tuple[PlannedStop, ...]
+    left_out: tuple[LeftOut, ...]
+    mean_visit_s: float
+    """Mean time to visit what lets the robot in, from the start on."""
+    visits: float
+    """How many of the stops let the robot in at their first door, on average."""
+    notes: tuple[str, ...]
+    """What must not be overlooked."""
+
+
+@knows_keywords
+def patrol_plan(
+    log: DoorLog,
+    *,
+    start_at: str | None = None,
+    rooms: Sequence[str] = (),
+    doors: Sequence[str] = (),
+    start: Time = None,
+    estimator: str | None = None,
+    tz: str | None = None,
+    options: PatrolOptions = PatrolOptions(),  # noqa: B008 - frozen
+    progress: Progress | None = None,
+) -> PatrolPlan:
+    """Return in which order to visit rooms and doors, so that the mean time to visit is least.
+
+    Args:
+        log: Whose building.
+        start_at: Where the robot starts: `X,Y`, `X,Y,LEVEL`, a room, or a door; None: where the
+            log saw it last.
+        rooms: Numbers or names of rooms to visit.
+        doors: Ids or names of doors to go through; without either: all rooms.
+        start: When; None: at the log's end. Of an earlier time counts only what had happened by
+            then.
+        estimator: None: `filter` up to a day after the log's end, `schedule` beyond.
+        tz: IANA zone of the building's clocks; None: the log's.
+        options: What a round is like.
+        progress: Told how far the reading is.
+
+    Raises:
+        PlanError: There is nothing to visit, no such place, no time, or no way.
+        UnknownDoorError: There is no such door.
+        EstimatorError: There is no such estimator.
+        MomentError: The time or the zone cannot be read.
+    """
+    _check(options)
+    asked = _asked(log, start, estimator, tz, progress)
+    at = None if asked.start_ns > asked.known_ns else Moment(ns=asked.start_ns)
+    ways = WaysBetween(room_plan(log, at=at), speed_m_s=options.speed_m_s)
+    names = NamedPlaces(log, ways, at)
+    where = _start_place(log, names, start_at, at)
+    if rooms or doors:
+        wanted = wanted_by_name(ways, names, rooms, doors, where)
+    else:
+        wanted = all_wanted(ways, where)
+    return _Planner(log, asked, ways, options, where, at).plan(wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    query: BeliefQuery
+    start_ns: int
+
+    @property
+    def known_ns(self) -> int:
+        return self.query.known_ns
+
+
+def _asked(
+    log: DoorLog, start: Time, estimator: str | None, tz: str | None, progress: Progress | None
+) -> _Asked:
+    end_ns = log.end_ns()
+    start_ns = end_ns if start is None else log.instant(log.moment(start))
+    assert start_ns is not None, "only None means no time"
+    at = Moment(ns=start_ns) if start_ns < end_ns else None
+    chosen = estimator or default_estimator(max(0, start_ns - end_ns))
+    query = ask(log, at=at, estimator=chosen, tz=tz, doors=None, progress=progress)
+    return _Asked(query, start_ns)
+
+
+def _start_place(
+    log: DoorLog, names: NamedPlaces, start_at: str | None, at: Moment | None
+) -> Place | None:
+    if start_at is not None:
+        return names.place(start_at, "--from")
+    last = log.fold(LastPoseProjection(), at)
+    return None if last is None else last[1]
+
+
+def _check(options: PatrolOptions) -> None:
+    """Refuse what is no round.
+
+    Raises:
+        PlanError: A time is none.
+    """
+    if options.budget_s is not None and not (math.isfinite(options.budget_s)
+                                             and options.budget_s > 0):  # fmt: skip
+        raise PlanError(f"budget: expected a time above 0 s, got {options.budget_s:g} s.")
+    for name, seconds in (("enter", options.enter_s), ("wait", options.wait_s)):
+        if not (math.isfinite(seconds) and 0 <= seconds <= LONGEST_S):
+            raise PlanError(f"{name}: expected 0 s to {LONGEST_S:g} s, got {seconds:g} s.")
+
+
+class _Planner:
+    """Plans one round."""
+
+    def __init__(
+        self, log: DoorLog, asked: _Asked, ways: WaysBetween, options: PatrolOptions,
+        where: Place | None, at: Moment | None,
+    ) -> None:  # fmt: skip
+        self._asked = asked
+        self._ways = ways
+        self._options = options
+        self._where = where
+        self._ids = [door.door_id for door in asked.query.doors]
+        self._row = {door_id: row for row, door_id in enumerate(self._ids)}
+        self._open = self._chances(asked.query.beliefs)
+        self._chosen = self._open
+        if options.asks:
+            fold = PassingProjection(asked.query.estimator, asked.query.clock.tz)
+            self._chosen = self._chances(log.fold(fold, at)).or_else(self._open)
+
+    def plan(self, wanted: Wanted) -> PatrolPlan:
+        """Return the plan for what is wanted."""
+        targets, left_out = wanted
+        entries = [
+            (target, door, place)
+            for target in targets
+            for door, places in zip(target.doors, target.places, strict=True)
+            for place in [self._nearest(places)]
+        ]
+        entries, from_start_s, leg_s, unreached = self._reached(entries)
+        left_out = [*left_out, *unreached]
+        if not entries:
+            raise PlanError(_nothing(left_out))
+        rows = [self._row[door.door_id] for _, door, _ in entries]
+        skipped = self._options.skip.is_skipped(self._chosen)[rows]
+        places_of: dict[str, tuple[WantedTarget, list[int]]] = {}
+        for place, (target, _, _) in enumerate(entries):
+            places_of.setdefault(_key(target), (target, []))[1].append(place)
+        round_ = PatrolRound(
+            self._task(rows, from_start_s, leg_s),
+            [PatrolTarget(key, tuple(doors)) for key, (_, doors) in places_of.items()],
+            skipped=skipped,
+        )
+        planned = round_.plan()
+        for shut in round_.left_out:
+            target, doors = places_of[shut.name]
+            said = shut_in_words(self._chosen, [rows[door] for door in doors])
+            left_out.append(LeftOut(target.name, "shut", said))
+        left_out += [
+            LeftOut(places_of[late.name][0].name, "budget", "reached after the budget")
+            for late in round_.cut_off()
+        ]
+        stops = tuple(
+            self._stop(each, *entries[each.door], skipped, rows, places_of[each.target.name][1])
+            for each in planned
+        )
+        return self._made(stops, left_out)
+
+    def _stop(
+        self, planned: PlannedTry, target: WantedTarget, door: Door, place: Place,
+        skipped: NDArray[np.bool_], rows: list[int], doors: list[int],
+    ) -> PlannedStop:  # fmt: skip
+        row = rows[planned.door]
+        arrives_ns = self._asked.start_ns + round(planned.arrives_s * SECOND_NS)
+        low, high = self._chosen.interval_at(row, planned.arrives_s)
+        others = [
+            self._asked.query.doors[rows[other]]
+            for other in doors
+            if other != planned.door and not skipped[other]
+        ]
+        return PlannedStop(
+            target, door, place, tuple(others), arrives_ns, planned.p_passes, low, high,
+            bool(self._chosen.is_known[row]), self._wait_s(door.door_id, arrives_ns),
+            why_then(self._chosen, row, planned, self._options.skip),
+        )  # fmt: skip
+
+    def _made(self, stops: tuple[PlannedStop, ...], left_out: list[LeftOut]) -> PatrolPlan:
+        chances = np.array([stop.p_passes for stop in stops])
+        times_s = np.array([(s.arrives_ns - self._asked.start_ns) / SECOND_NS for s in stops])
+        visits = float(chances.sum())
+        query = self._asked.query
+        return PatrolPlan(
+            self._asked.start_ns, query.known_ns, query.clock.tz, query.estimator, self._options,
+            self._where, stops, tuple(left_out),
+            float((chances * times_s).sum() / visits) if visits > 0 else math.nan,
+            visits, tuple(self._notes(stops)),
+        )  # fmt: skip
+
+    def _notes(self, stops: tuple[PlannedStop, ...]) -> list[str]:
+        notes = []
+        if self._where is None:
+            notes.append("nobody said where the robot is: the round begins at its first stop")
+        flat = sorted({s.place.level for s in stops} - set(self._ways.plan.floors))
+        if flat:
+            called = ", ".join(self._ways.plan.door_map.level_name(level) for level in flat)
+            notes.append(f"level {called} has no floor plan: distances are straight lines")
+        unknown = [stop for stop in stops if not stop.is_known]
+        if unknown:
+            mean = unknown[0].p_passes
+            base = "the mean of the others" if self._chosen.is_known.any() else "nothing is known"
+            notes.append(f"UNKNOWN doors count as {mean:.2f} ({base}), and are never left out")
+        return notes
+
+    def _chances(self, beliefs: object) -> DoorChances:
+        longest_s = LONGEST_S if self._options.budget_s is None else self._options.budget_s
+        return learnt_chances(
+            beliefs, self._ids, known_ns=self._asked.known_ns, start_ns=self._asked.start_ns,  # type: ignore[arg-type]
+            times_s=round_times_s(longest_s),
+        )  # fmt: skip
+
+    def _nearest(self, places: tuple[Place, ...]) -> Place:
+        """Return the side of a door that the robot comes to first."""
+        if len(places) == 1 or self._where is None:
+            return places[0]
+        times_s = self._ways.between_s([self._where], places)[0]
+        return places[int(times_s.argmin())]
+
+    def _reached(
+        self, entries: list[tuple[WantedTarget, Door, Place]]
+    ) -> tuple[list[tuple[WantedTarget, Door, Place]], NDArray[np.float64], NDArray[np.float64],
+               list[LeftOut]]:  # fmt: skip
+        """Return the doors that can be come to, their times, and the targets that cannot."""
+        places = [place for _, _, place in entries]
+        start = places[:1] if self._where is None else [self._where]
+        times_s = self._times_s([*start, *places], places)
+        is_reached = np.isfinite(times_s[0]) if places else np.zeros(0, np.bool_)
+        kept = np.flatnonzero(is_reached)
+        reached = [entries[place] for place in kept.tolist()]
+        keys = {_key(target) for target, _, _ in reached}
+        missed = {_key(target): target for target, _, _ in entries if _key(target) not in keys}
+        left_out = [
+            LeftOut(target.name, "no way", "no way leads there") for target in missed.values()
+        ]
+        from_start_s, leg_s = times_s[0, kept], times_s[1:][np.ix_(kept, kept)]
+        if self._where is None:
+            from_start_s = np.zeros(len(kept))
+        return reached, from_start_s, leg_s, left_out
+
+    def _times_s(self, sources: list[Place], targets: list[Place]) -> NDArray[np.float64]:
+        at_start = self._open.p_passes[:, 0]
+        shut = {DoorId(self._ids[row]) for row in np.flatnonzero(at_start < THROUGH_P).tolist()}
+        found = self._ways.between_s(sources, targets, shut)
+        if np.isfinite(found).all():
+            return found
+        through_any = self._ways.between_s(sources, targets)
+        return np.where(np.isfinite(found), found, through_any)
+
+    def _task(
+        self, rows: list[int], from_start_s: NDArray[np.float64], leg_s: NDArray[np.float64]
+    ) -> RoundTask:
+        alike = np.ones(len(rows))
+        return RoundTask(
+            from_start_s, leg_s, self._chosen.p_passes[rows], alike * self._options.enter_s,
+            alike * (self._options.wait_s + LOOK_S), step_s=self._chosen.step_s,
+            budget_s=self._options.budget_s,
+        )  # fmt: skip
+
+    def _wait_s(self, door_id: DoorId, arrives_ns: int) -> float | None:
+        """Return the expected wait until the door is open, where the estimator tells."""
+        learnt = self._asked.query.beliefs.learnt(self._asked.known_ns)
+        row = self._row[door_id]
+        if not isinstance(learnt, StateModel) or not self._open.is_known[row]:
+            return None
+        seconds = learnt.wait_s(door_id, arrives_ns)
+        return seconds if math.isfinite(seconds) else None
+
+
+def _key(target: WantedTarget) -> str:
+    return f"{'door' if target.room is None else 'room'} {target.room} {target.name}" + (
+        f" {target.doors[0].door_id}" if target.room is None else ""
+    )
+
+
+def _nothing(left_out: list[LeftOut]) -> str:
+    """Return why there is no plan."""
+    if not left_out:
+        return "patrol-plan: nothing to visit."
+    first = left_out[0]
+    more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
+    return f"patrol-plan: nothing can be visited. {first.name}: {first.said}{more}."
