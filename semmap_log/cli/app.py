@@ -27,6 +27,7 @@ from semmap_log.cli import (
     observe,
     oprs_package,
     patrol,
+    patrol_plan,
     play,
     probabilities,
     prolog_module,
@@ -115,6 +116,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
     "Ask what is likely": (
         ("probabilities", probabilities.run, "Show how likely doors are open."),
         ("best-time", best_time.run, "Show when a door is likeliest open."),
+        ("patrol-plan", patrol_plan.run, "Plan in which order to visit rooms."),
         ("evaluate", evaluate.run, "Tell how good forecasts of the doors are."),
         ("calibrate", calibrate.run, "Find a sensor's accuracies from known truth."),
         ("scan-report", scan_report.run, "Tell how a laser saw the doors; draw it."),

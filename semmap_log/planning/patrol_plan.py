@@ -40,6 +40,8 @@ from semmap_log.rooms.walking import SPEED_M_S
 THROUGH_P = 0.8
 """Ways lead through doors that are at least so likely open; through others only if they must."""
 ENTER_S, WAIT_S, LOOK_S = 17.0, 10.0, 3.0
+A_STOP_S = 60.0
+"""So far ahead P is looked up for each door; later ones keep the last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,7 +301,7 @@ class _Planner:
         return notes
 
     def _chances(self, beliefs: object) -> DoorChances:
-        longest_s = LONGEST_S if self._options.budget_s is None else self._options.budget_s
+        longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * A_STOP_S)
         return learnt_chances(
             beliefs, self._ids, known_ns=self._asked.known_ns, start_ns=self._asked.start_ns,  # type: ignore[arg-type]
             times_s=round_times_s(longest_s),

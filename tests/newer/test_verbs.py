@@ -28,6 +28,7 @@ ANSWER = {
     "timeline": ["LOG", "front"],
     "probabilities": ["LOG"],
     "best-time": ["LOG", "front"],
+    "patrol-plan": ["LOG"],
     "evaluate": ["LOG"],
     "calibrate": ["LOG", "--truth", "TRUTH.csv"],
     "export": ["LOG", "OUT.jsonl"],
