@@ -26,7 +26,8 @@ def run(
     start_at: Annotated[
         str | None,
         typer.Option(
-            "--from", metavar="PLACE",
+            "--from",
+            metavar="PLACE",
             help="X,Y or X,Y,LEVEL, a room, or a door; default: where the log saw the robot last.",
         ),
     ] = None,
@@ -61,7 +62,10 @@ def run(
     skip_below: Annotated[
         float | None,
         typer.Option(
-            "--skip-below", metavar="P", min=0, max=1,
+            "--skip-below",
+            metavar="P",
+            min=0,
+            max=1,
             help="Leave out doors whose P is below that at the upper end of its interval, if "
             "looked at within a day; 0: none.",
         ),

@@ -77,7 +77,5 @@ class SkipRule:
     def is_skipped(self, chances: DoorChances) -> NDArray[np.bool_]:
         """Return which doors are left out all through the round; none that is not known."""
         is_shut = chances.high.max(axis=1) < self.below
-        found: NDArray[np.bool_] = (
-            is_shut & chances.is_known & (chances.unseen_s < self.again_s)
-        )
+        found: NDArray[np.bool_] = is_shut & chances.is_known & (chances.unseen_s < self.again_s)
         return found

@@ -21,7 +21,8 @@ LONGEST_S = 12 * 3600.0
 
 def round_times_s(longest_s: float) -> NDArray[np.float64]:
     """Return the times of a round at which P is asked for, from its start on, seconds."""
-    return np.arange(math.ceil(min(longest_s, LONGEST_S) / STEP_S) + 1) * STEP_S
+    count = math.ceil(min(longest_s, LONGEST_S) / STEP_S) + 1
+    return np.arange(count, dtype=np.float64) * STEP_S
 
 
 def learnt_chances(

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,7 @@ class _Pieces:
     def cost_of(self, pieces: list[_Piece]) -> Reals:
         """Return the cost of paths of these pieces, one behind the other."""
         now_s, cost = pieces[0].takes_s, pieces[0].cost
-        for before, piece in zip(pieces[:-1], pieces[1:], strict=True):
+        for before, piece in pairwise(pieces):
             arrives_s = now_s + self.round.onward_s[before.last, piece.first]
             cost = cost + piece.cost + piece.weight * arrives_s
             now_s = arrives_s + piece.takes_s

@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.belief_query import BeliefQuery, ask
-from semmap_log.beliefs.door_beliefs import default_estimator
+from semmap_log.beliefs.belief_query import BeliefQuery
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import SECOND_NS, Moment
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import PlanError
 from semmap_log.io.progress import Progress
+from semmap_log.planning.asked_beliefs import beliefs_at, wait_s
 from semmap_log.planning.door_chances import DoorChances, SkipRule
 from semmap_log.planning.last_pose import LastPoseProjection
 from semmap_log.planning.learnt_chances import LONGEST_S, learnt_chances, round_times_s
@@ -33,7 +33,7 @@ from semmap_log.planning.patrol_targets import (
 from semmap_log.planning.patrol_words import shut_in_words, why_then
 from semmap_log.planning.round_task import RoundTask
 from semmap_log.planning.ways_between import WaysBetween
-from semmap_log.probabilities.estimator import StateModel
+from semmap_log.probabilities.belief_fold import Beliefs
 from semmap_log.rooms import Place, room_plan
 from semmap_log.rooms.walking import SPEED_M_S
 
@@ -116,7 +116,7 @@ def patrol_plan(
     start: Time = None,
     estimator: str | None = None,
     tz: str | None = None,
-    options: PatrolOptions = PatrolOptions(),  # noqa: B008 - frozen
+    options: PatrolOptions = PatrolOptions(),
     progress: Progress | None = None,
 ) -> PatrolPlan:
     """Return in which order to visit rooms and doors, so that the mean time to visit is least.
@@ -141,8 +141,8 @@ def patrol_plan(
         MomentError: The time or the zone cannot be read.
     """
     _check(options)
-    asked = _asked(log, start, estimator, tz, progress)
-    at = None if asked.start_ns > asked.known_ns else Moment(ns=asked.start_ns)
+    query, start_ns = beliefs_at(log, start, estimator=estimator, tz=tz, progress=progress)
+    at = None if start_ns > query.known_ns else Moment(ns=start_ns)
     ways = WaysBetween(room_plan(log, at=at), speed_m_s=options.speed_m_s)
     names = NamedPlaces(log, ways, at)
     where = _start_place(log, names, start_at, at)
@@ -150,29 +150,32 @@ def patrol_plan(
         wanted = wanted_by_name(ways, names, rooms, doors, where)
     else:
         wanted = all_wanted(ways, where)
-    return _Planner(log, asked, ways, options, where, at).plan(wanted)
+    passing = None
+    if options.asks:
+        passing = log.fold(PassingProjection(query.estimator, query.clock.tz), at)
+    return _Planner(_Asked(query, start_ns, passing), ways, options, where).plan(wanted)
 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
+    """What is believed, and from when on the round is."""
+
     query: BeliefQuery
     start_ns: int
-
-    @property
-    def known_ns(self) -> int:
-        return self.query.known_ns
+    passing: Beliefs | None
+    """Of P(passes); None: the robot does not ask."""
 
 
-def _asked(
-    log: DoorLog, start: Time, estimator: str | None, tz: str | None, progress: Progress | None
-) -> _Asked:
-    end_ns = log.end_ns()
-    start_ns = end_ns if start is None else log.instant(log.moment(start))
-    assert start_ns is not None, "only None means no time"
-    at = Moment(ns=start_ns) if start_ns < end_ns else None
-    chosen = estimator or default_estimator(max(0, start_ns - end_ns))
-    query = ask(log, at=at, estimator=chosen, tz=tz, doors=None, progress=progress)
-    return _Asked(query, start_ns)
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A door by which to go in."""
+
+    target: WantedTarget
+    door: Door
+    place: Place
+    """Where to stand before it."""
+    row: int
+    """Of the chances."""
 
 
 def _start_place(
@@ -202,10 +205,10 @@ class _Planner:
     """Plans one round."""
 
     def __init__(
-        self, log: DoorLog, asked: _Asked, ways: WaysBetween, options: PatrolOptions,
-        where: Place | None, at: Moment | None,
-    ) -> None:  # fmt: skip
-        self._asked = asked
+        self, asked: _Asked, ways: WaysBetween, options: PatrolOptions, where: Place | None
+    ) -> None:
+        self._query = asked.query
+        self._start_ns = asked.start_ns
         self._ways = ways
         self._options = options
         self._where = where
@@ -213,79 +216,73 @@ class _Planner:
         self._row = {door_id: row for row, door_id in enumerate(self._ids)}
         self._open = self._chances(asked.query.beliefs)
         self._chosen = self._open
-        if options.asks:
-            fold = PassingProjection(asked.query.estimator, asked.query.clock.tz)
-            self._chosen = self._chances(log.fold(fold, at)).or_else(self._open)
+        if asked.passing is not None:
+            self._chosen = self._chances(asked.passing).or_else(self._open)
+        self._is_skipped = options.skip.is_skipped(self._chosen)
 
     def plan(self, wanted: Wanted) -> PatrolPlan:
-        """Return the plan for what is wanted."""
+        """Return the plan for what is wanted.
+
+        Raises:
+            PlanError: Nothing of it can be visited.
+        """
         targets, left_out = wanted
         entries = [
-            (target, door, place)
+            _Entry(target, door, self._nearest(places), self._row[door.door_id])
             for target in targets
             for door, places in zip(target.doors, target.places, strict=True)
-            for place in [self._nearest(places)]
         ]
-        entries, from_start_s, leg_s, unreached = self._reached(entries)
-        left_out = [*left_out, *unreached]
-        if not entries:
+        reached, from_start_s, leg_s = self._reached(entries)
+        left_out = [*left_out, *self._unreached(entries, reached)]
+        if not reached:
             raise PlanError(_nothing(left_out))
-        rows = [self._row[door.door_id] for _, door, _ in entries]
-        skipped = self._options.skip.is_skipped(self._chosen)[rows]
-        places_of: dict[str, tuple[WantedTarget, list[int]]] = {}
-        for place, (target, _, _) in enumerate(entries):
-            places_of.setdefault(_key(target), (target, []))[1].append(place)
+        by_target: dict[int, list[int]] = {}
+        for place, entry in enumerate(reached):
+            by_target.setdefault(targets.index(entry.target), []).append(place)
         round_ = PatrolRound(
-            self._task(rows, from_start_s, leg_s),
-            [PatrolTarget(key, tuple(doors)) for key, (_, doors) in places_of.items()],
-            skipped=skipped,
+            self._task([entry.row for entry in reached], from_start_s, leg_s),
+            [PatrolTarget(str(number), tuple(doors)) for number, doors in by_target.items()],
+            skipped=np.array([self._is_skipped[entry.row] for entry in reached]),
         )
-        planned = round_.plan()
         for shut in round_.left_out:
-            target, doors = places_of[shut.name]
-            said = shut_in_words(self._chosen, [rows[door] for door in doors])
-            left_out.append(LeftOut(target.name, "shut", said))
+            rows = [reached[door].row for door in shut.doors]
+            said = shut_in_words(self._chosen, rows)
+            left_out.append(LeftOut(targets[int(shut.name)].name, "shut", said))
         left_out += [
-            LeftOut(places_of[late.name][0].name, "budget", "reached after the budget")
+            LeftOut(targets[int(late.name)].name, "budget", "reached after the budget")
             for late in round_.cut_off()
         ]
-        stops = tuple(
-            self._stop(each, *entries[each.door], skipped, rows, places_of[each.target.name][1])
-            for each in planned
-        )
-        return self._made(stops, left_out)
+        return self._made([self._stop(each, reached) for each in round_.plan()], left_out)
 
-    def _stop(
-        self, planned: PlannedTry, target: WantedTarget, door: Door, place: Place,
-        skipped: NDArray[np.bool_], rows: list[int], doors: list[int],
-    ) -> PlannedStop:  # fmt: skip
-        row = rows[planned.door]
-        arrives_ns = self._asked.start_ns + round(planned.arrives_s * SECOND_NS)
-        low, high = self._chosen.interval_at(row, planned.arrives_s)
+    def _stop(self, planned: PlannedTry, entries: list[_Entry]) -> PlannedStop:
+        entry = entries[planned.door]
+        arrives_ns = self._start_ns + round(planned.arrives_s * SECOND_NS)
+        low, high = self._chosen.interval_at(entry.row, planned.arrives_s)
         others = [
-            self._asked.query.doors[rows[other]]
-            for other in doors
-            if other != planned.door and not skipped[other]
+            entries[other].door
+            for other in planned.target.doors
+            if other != planned.door and not self._is_skipped[entries[other].row]
         ]
         return PlannedStop(
-            target, door, place, tuple(others), arrives_ns, planned.p_passes, low, high,
-            bool(self._chosen.is_known[row]), self._wait_s(door.door_id, arrives_ns),
-            why_then(self._chosen, row, planned, self._options.skip),
+            entry.target, entry.door, entry.place, tuple(others), arrives_ns, planned.p_passes,
+            low, high, bool(self._chosen.is_known[entry.row]),
+            self._wait_s(entry.door.door_id, arrives_ns),
+            why_then(self._chosen, entry.row, planned, self._options.skip),
         )  # fmt: skip
 
-    def _made(self, stops: tuple[PlannedStop, ...], left_out: list[LeftOut]) -> PatrolPlan:
+    def _made(self, stops: list[PlannedStop], left_out: list[LeftOut]) -> PatrolPlan:
         chances = np.array([stop.p_passes for stop in stops])
-        times_s = np.array([(s.arrives_ns - self._asked.start_ns) / SECOND_NS for s in stops])
+        times_s = np.array([(s.arrives_ns - self._start_ns) / SECOND_NS for s in stops])
         visits = float(chances.sum())
-        query = self._asked.query
+        query = self._query
         return PatrolPlan(
-            self._asked.start_ns, query.known_ns, query.clock.tz, query.estimator, self._options,
-            self._where, stops, tuple(left_out),
+            self._start_ns, query.known_ns, query.clock.tz, query.estimator, self._options,
+            self._where, tuple(stops), tuple(left_out),
             float((chances * times_s).sum() / visits) if visits > 0 else math.nan,
             visits, tuple(self._notes(stops)),
         )  # fmt: skip
 
-    def _notes(self, stops: tuple[PlannedStop, ...]) -> list[str]:
+    def _notes(self, stops: list[PlannedStop]) -> list[str]:
         notes = []
         if self._where is None:
             notes.append("nobody said where the robot is: the round begins at its first stop")
@@ -300,10 +297,10 @@ class _Planner:
             notes.append(f"UNKNOWN doors count as {mean:.2f} ({base}), and are never left out")
         return notes
 
-    def _chances(self, beliefs: object) -> DoorChances:
+    def _chances(self, beliefs: Beliefs) -> DoorChances:
         longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * A_STOP_S)
         return learnt_chances(
-            beliefs, self._ids, known_ns=self._asked.known_ns, start_ns=self._asked.start_ns,  # type: ignore[arg-type]
+            beliefs, self._ids, known_ns=self._query.known_ns, start_ns=self._start_ns,
             times_s=round_times_s(longest_s),
         )  # fmt: skip
 
@@ -315,25 +312,35 @@ class _Planner:
         return places[int(times_s.argmin())]
 
     def _reached(
-        self, entries: list[tuple[WantedTarget, Door, Place]]
-    ) -> tuple[list[tuple[WantedTarget, Door, Place]], NDArray[np.float64], NDArray[np.float64],
-               list[LeftOut]]:  # fmt: skip
-        """Return the doors that can be come to, their times, and the targets that cannot."""
-        places = [place for _, _, place in entries]
+        self, entries: list[_Entry]
+    ) -> tuple[list[_Entry], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the doors that can be come to, and the times from the start and between them."""
+        if not entries:
+            return [], np.zeros(0), np.zeros((0, 0))
+        places = [entry.place for entry in entries]
         start = places[:1] if self._where is None else [self._where]
         times_s = self._times_s([*start, *places], places)
-        is_reached = np.isfinite(times_s[0]) if places else np.zeros(0, np.bool_)
-        kept = np.flatnonzero(is_reached)
-        reached = [entries[place] for place in kept.tolist()]
-        keys = {_key(target) for target, _, _ in reached}
-        missed = {_key(target): target for target, _, _ in entries if _key(target) not in keys}
-        left_out = [
-            LeftOut(target.name, "no way", "no way leads there") for target in missed.values()
-        ]
+        kept = np.flatnonzero(np.isfinite(times_s[0]))
         from_start_s, leg_s = times_s[0, kept], times_s[1:][np.ix_(kept, kept)]
         if self._where is None:
             from_start_s = np.zeros(len(kept))
-        return reached, from_start_s, leg_s, left_out
+        return [entries[place] for place in kept.tolist()], from_start_s, leg_s
+
+    def _unreached(self, entries: list[_Entry], reached: list[_Entry]) -> list[LeftOut]:
+        there = [entry.target for entry in reached]
+        missed = [entry.target for entry in entries if entry.target not in there]
+        start = self._where or entries[0].place if entries else None
+        return [
+            LeftOut(target.name, "no way", self._no_way(target, start))
+            for place, target in enumerate(missed)
+            if target not in missed[:place]
+        ]
+
+    def _no_way(self, target: WantedTarget, start: Place | None) -> str:
+        level = target.doors[0].level
+        if start is None or level == start.level:
+            return "no way leads there"
+        return f"no lift leads to level {self._ways.plan.door_map.level_name(level)}"
 
     def _times_s(self, sources: list[Place], targets: list[Place]) -> NDArray[np.float64]:
         at_start = self._open.p_passes[:, 0]
@@ -356,12 +363,9 @@ class _Planner:
 
     def _wait_s(self, door_id: DoorId, arrives_ns: int) -> float | None:
         """Return the expected wait until the door is open, where the estimator tells."""
-        learnt = self._asked.query.beliefs.learnt(self._asked.known_ns)
-        row = self._row[door_id]
-        if not isinstance(learnt, StateModel) or not self._open.is_known[row]:
+        if not self._open.is_known[self._row[door_id]]:
             return None
-        seconds = learnt.wait_s(door_id, arrives_ns)
-        return seconds if math.isfinite(seconds) else None
+        return wait_s(self._query, door_id, arrives_ns)
 
 
 def _key(target: WantedTarget) -> str:

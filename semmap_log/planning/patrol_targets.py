@@ -120,16 +120,16 @@ def wanted_by_name(
 
 def _room(ways: WaysBetween, room: RoomId, name: str) -> WantedTarget | None:
     graph = ways.plan.graph
-    found = [
-        (ways.plan.door_map[door], tuple(places))
+    doors = [
+        ways.plan.door_map[door]
         for door in graph.doors_of(room)
         if graph.doorways[door].beyond(room) != OUTSIDE or _is_alone(ways, room)
-        if (places := ways.before(ways.plan.door_map[door], room))
     ]
-    if not found:
+    before = {door.door_id: tuple(ways.before(door, room)) for door in doors}
+    usable = tuple(door for door in doors if before[door.door_id])
+    if not usable:
         return None
-    doors, places = zip(*found, strict=True)
-    return WantedTarget(name, room, doors, places)
+    return WantedTarget(name, room, usable, tuple(before[door.door_id] for door in usable))
 
 
 def _is_alone(ways: WaysBetween, room: RoomId) -> bool:

@@ -95,7 +95,8 @@ class RoundTask:
         """Return P(it lets the robot in) of stops, each at its time."""
         last = self.p_passes.shape[1] - 1
         if not last:
-            return self.p_passes[stops, 0]
+            fixed: NDArray[np.float64] = self.p_passes[stops, 0]
+            return fixed
         place = np.minimum(times_s / self.step_s, last)
         before = np.minimum(place.astype(np.intp), last - 1)
         low, high = self.p_passes[stops, before], self.p_passes[stops, before + 1]

@@ -124,7 +124,10 @@ class TripPolicy:
         through_s = self._through_s(side, found)
         if p_open >= 1:
             return through_s
-        return p_open * through_s + (1 - p_open) * self.when_shut(side, found).least_s
+        when_shut_s = self.when_shut(side, found).least_s
+        if p_open <= 0:
+            return when_shut_s
+        return p_open * through_s + (1 - p_open) * when_shut_s
 
     def _through_s(self, side: int, found: Found) -> float:
         """Return the expected time to the goal from before a door that is open."""

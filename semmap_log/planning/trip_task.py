@@ -31,7 +31,9 @@ class TripDoor:
         """
         are_right = 0 <= self.p_open <= 1 and 0 <= self.p_answers <= 1 and self.wait_s >= 0
         if not are_right:
-            raise PlanError(f"a door of a trip: expected P of 0..1 and a wait from 0 s, got {self}.")
+            raise PlanError(
+                f"a door of a trip: expected P of 0..1 and a wait from 0 s, got {self}."
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +83,7 @@ class TripTask:
 
     def shortest_s(self, opened: frozenset[int]) -> NDArray[np.float64]:
         """Return the times between all places through the doors that are known to be open."""
-        times_s = self.walk_s.copy()
+        times_s: NDArray[np.float64] = self.walk_s.copy()
         np.fill_diagonal(times_s, 0.0)
         for door in opened:
             here, there = self.sides(door)

@@ -54,9 +54,7 @@ def test_the_expected_time_by_hand() -> None:
     assert policy.when_shut(2, NOTHING).best is AtShutDoor.ROUND
 
 
-@pytest.mark.parametrize(
-    ("wait_s", "best"), [(30.0, AtShutDoor.WAIT), (200.0, AtShutDoor.ROUND)]
-)
+@pytest.mark.parametrize(("wait_s", "best"), [(30.0, AtShutDoor.WAIT), (200.0, AtShutDoor.ROUND)])
 def test_waits_where_that_takes_less(wait_s: float, best: AtShutDoor) -> None:
     """
     Round takes 117 s from the near door; to wait takes the wait and 12 s.
@@ -178,9 +176,7 @@ def test_the_expected_time_is_that_of_trips_that_follow_it(seed: int) -> None:
     assert abs(times.mean() - policy.expected_s) <= 3 * error + 1e-9
 
 
-def _driven(
-    policy: TripPolicy, doors: tuple[TripDoor, ...], random: np.random.Generator
-) -> float:
+def _driven(policy: TripPolicy, doors: tuple[TripDoor, ...], random: np.random.Generator) -> float:
     is_open = [random.random() < door.p_open for door in doors]
     place, found, now_s = START, NOTHING, 0.0
     while (target := policy.next_place(place, found)[0]) != GOAL:

@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from patrol_eval.building import PatrolledBuilding
 from patrol_eval.patrol_world import ENTER_S, PatrolWorld, RoundRules
-
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import DoorAdded, Event
 from semmap_log.domain.moments import SECOND_NS
@@ -22,23 +22,33 @@ from semmap_log.planning.round_task import RoundTask
 from semmap_log.probabilities.belief_fold import BeliefProjection
 
 
+@dataclass(frozen=True, slots=True)
+class TryEnded:
+    """What was found at a door."""
+
+    door: int
+    passed: bool
+    now_s: float
+    """Since the round began."""
+
+
 class RoundPlan(Protocol):
     """A round under way."""
 
-    def next_door(self, now_s: float) -> int | None:
+    def next_door(self) -> int | None:
         """Return the door to go to now; None: there is nothing left to try."""
 
-    def tell(self, door: int, *, passed: bool, now_s: float) -> None:
+    def tell(self, ended: TryEnded, /) -> None:
         """Take in what was found at a door."""
 
 
 class RoundPlanner(Protocol):
     """Makes a plan for each round, and learns from what the rounds found."""
 
-    def start(self, start_ns: int) -> RoundPlan:
+    def start(self, start_ns: int, /) -> RoundPlan:
         """Return the plan of a round that starts then."""
 
-    def learn(self, events: Sequence[Event]) -> None:
+    def learn(self, events: Sequence[Event], /) -> None:
         """Take in what a round has sent to the log."""
 
 
@@ -50,11 +60,11 @@ class Fixed:
     tour: Sequence[int]
     """Places in `rooms`."""
 
-    def start(self, start_ns: int) -> RoundPlan:
+    def start(self, _start_ns: int, /) -> RoundPlan:
         """Return the same plan as ever."""
         return _Listed(self.building, list(self.tour))
 
-    def learn(self, events: Sequence[Event]) -> None:
+    def learn(self, _events: Sequence[Event], /) -> None:
         """Learn nothing."""
 
 
@@ -70,19 +80,19 @@ class _Listed:
             room.doors[0]: [*room.doors[1:2]] for room in (building.rooms[place] for place in rooms)
         }
 
-    def next_door(self, now_s: float) -> int | None:
+    def next_door(self) -> int | None:
         if self._first:
             return self._first[0]
         return _nearest(self._building, self._at, self._others)
 
-    def tell(self, door: int, *, passed: bool, now_s: float) -> None:
-        self._at = door
+    def tell(self, ended: TryEnded, /) -> None:
+        self._at = ended.door
         if self._first:
             self._first.pop(0)
-            if not passed:
-                self._others += self._others_of[door]
+            if not ended.passed:
+                self._others += self._others_of[ended.door]
         else:
-            self._others.remove(door)
+            self._others.remove(ended.door)
 
 
 @dataclass
@@ -91,11 +101,11 @@ class NearestFirst:
 
     building: PatrolledBuilding
 
-    def start(self, start_ns: int) -> RoundPlan:
+    def start(self, _start_ns: int, /) -> RoundPlan:
         """Return a plan that knows nothing."""
         return _Nearest(self.building)
 
-    def learn(self, events: Sequence[Event]) -> None:
+    def learn(self, _events: Sequence[Event], /) -> None:
         """Learn nothing."""
 
 
@@ -106,14 +116,14 @@ class _Nearest:
         self._tries = {room.name: 0 for room in building.rooms}
         self._at: int | None = None
 
-    def next_door(self, now_s: float) -> int | None:
+    def next_door(self) -> int | None:
         return _nearest(self._building, self._at, self._left)
 
-    def tell(self, door: int, *, passed: bool, now_s: float) -> None:
-        room = self._left.pop(door)
-        self._at = door
+    def tell(self, ended: TryEnded, /) -> None:
+        room = self._left.pop(ended.door)
+        self._at = ended.door
         self._tries[room.name] += 1
-        if passed or self._tries[room.name] == MOST_TRIES:
+        if ended.passed or self._tries[room.name] == MOST_TRIES:
             for other in room.doors:
                 self._left.pop(other, None)
 
@@ -133,12 +143,12 @@ class _Ordered:
     def __init__(self, round_: PatrolRound) -> None:
         self._round = round_
 
-    def next_door(self, now_s: float) -> int | None:
+    def next_door(self) -> int | None:
         planned = self._round.next_try()
         return None if planned is None else planned.door
 
-    def tell(self, door: int, *, passed: bool, now_s: float) -> None:
-        self._round.tell(door, passed=passed, now_s=now_s)
+    def tell(self, ended: TryEnded, /) -> None:
+        self._round.tell(ended.door, passed=ended.passed, now_s=ended.now_s)
 
 
 @dataclass
@@ -174,7 +184,7 @@ class Learnt(_Ours):
             self._beliefs, EventBatch.of(DoorAdded, happened_ns=monday_ns, door_id=ids)
         )
 
-    def start(self, start_ns: int) -> RoundPlan:
+    def start(self, start_ns: int, /) -> RoundPlan:
         """Return a plan by what is known then."""
         times_s = round_times_s(self.rules.budget_s)
         return self._plan(
@@ -184,7 +194,7 @@ class Learnt(_Ours):
             )
         )  # fmt: skip
 
-    def learn(self, events: Sequence[Event]) -> None:
+    def learn(self, events: Sequence[Event], /) -> None:
         """Take in a round's events."""
         self._beliefs = self._fold.apply(self._beliefs, EventBatch.from_events(events))
 
@@ -196,7 +206,7 @@ class Truthful(_Ours):
         super().__init__(world.building, rules, SkipRule(skip_below))
         self._world = world
 
-    def start(self, start_ns: int) -> RoundPlan:
+    def start(self, start_ns: int, /) -> RoundPlan:
         """Return a plan by how doors are at such hours."""
         times_s = round_times_s(self.rules.budget_s)
         times_ns = start_ns + (times_s * SECOND_NS).astype(np.int64)
@@ -208,7 +218,7 @@ class Truthful(_Ours):
             )
         )
 
-    def learn(self, events: Sequence[Event]) -> None:
+    def learn(self, _events: Sequence[Event], /) -> None:
         """Learn nothing: all is known."""
 
     def _chance(self, door: int, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from patrol_eval.patrol_planners import RoundPlanner
-from patrol_eval.patrol_world import WEEK_NS, PatrolWorld, RoundRules
 from patrol_sim.habits import HOUR_NS
 
+from patrol_eval.patrol_planners import RoundPlanner, TryEnded
+from patrol_eval.patrol_world import WEEK_NS, PatrolWorld, RoundRules
 from semmap_log.domain.events import Event
 from semmap_log.domain.moments import SECOND_NS
 
@@ -65,7 +65,7 @@ def _made(
     plan = planner.start(start_ns)
     building, at, now_s, driving_s = world.building, None, 0.0, 0.0
     tries, events = list[TryMade](), list[Event]()
-    while (door := plan.next_door(now_s)) is not None:
+    while (door := plan.next_door()) is not None:
         leg_s = float((building.from_start_s if at is None else building.leg_s[at])[door])
         if now_s + leg_s > rules.budget_s:
             break
@@ -74,6 +74,6 @@ def _made(
         tries.append(TryMade(door, now_s, met.passed))
         events += met.events
         now_s += met.took_s
-        plan.tell(door, passed=met.passed, now_s=now_s)
+        plan.tell(TryEnded(door, met.passed, now_s))
         at = door
     return RoundMade(start_ns, is_workday, tuple(tries), driving_s, tuple(events))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from patrol_eval.building import PatrolledBuilding
 from patrol_sim.habits import HOUR_NS, SLOTS, DoorTruth, Habit, habit_of, live
 
+from patrol_eval.building import PatrolledBuilding
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorObserved, DoorPassed, DoorRequested, Event
 from semmap_log.domain.moments import SECOND_NS, parse_instant
@@ -123,9 +123,7 @@ class PatrolWorld:
         events = (self._seen(door, in_ns, DoorState.OPEN), self._event(passed, in_ns + SECOND_NS))
         return Try(True, waited_s + ENTER_S, events)
 
-    def _gave_up(
-        self, door: int, at_ns: int, rules: RoundRules, events: tuple[Event, ...]
-    ) -> Try:
+    def _gave_up(self, door: int, at_ns: int, rules: RoundRules, events: tuple[Event, ...]) -> Try:
         end_ns = at_ns + round(rules.fail_s * SECOND_NS)
         gave_up = DoorPassed(door_id=self._id(door), passed=False, waited_s=rules.wait_s)
         return Try(False, rules.fail_s, (*events, self._event(gave_up, end_ns)))
@@ -141,4 +139,3 @@ class PatrolWorld:
 
     def _id(self, door: int) -> int:
         return self.building.door_ids[door]
-
