@@ -66,8 +66,8 @@ def run(
             metavar="P",
             min=0,
             max=1,
-            help="Leave out doors whose P is below that at the upper end of its interval, if "
-            "looked at within a day; 0: none.",
+            help="Leave out doors that at such hours are open less than that at the upper end of "
+            "the 90 % interval, and were looked at within a day; .3. 0: none.",
         ),
     ] = None,
     estimator: Estimator = None,
@@ -81,9 +81,9 @@ def run(
     """Plan a patrol: in which order to visit rooms, so that the mean time to visit is least.
 
     P is how likely each door is open when the robot comes to it, by all that was known at the
-    start. Doors that are likely open and near come first. A door that is shut for all that is
-    known is left out, but looked at once a day: what is not tried is not learnt. One of which too
-    little was seen is UNKNOWN, counts as the others on average, and is never left out.
+    start. Doors that are likely open and near come first. A door that was found shut again and
+    again at such hours is left out, but looked at once a day: what is not tried is not learnt. One
+    of which too little was seen is UNKNOWN, and counts as the others on average.
 
     \b
     Examples:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.planning.door_chances import DoorChances
+from semmap_log.planning.looks_then import looks_then
 from semmap_log.probabilities.belief_fold import Beliefs
 
 STEP_S = 300.0
@@ -46,6 +47,13 @@ def learnt_chances(
     known = np.full(len(times_ns), known_ns)
     beliefs.prepare(doors, known_ns)
     said = [beliefs.predict(door, times_ns, known) for door in doors]
+    looks = [
+        looks_then(
+            beliefs.evidence.door(door, known_ns), beliefs.clock,
+            time_ns=start_ns, known_ns=known_ns,
+        )
+        for door in doors
+    ]  # fmt: skip
     seen_ns = [beliefs.evidence.counts(door, known_ns).last_seen_ns for door in doors]
     unseen_s = [math.inf if at is None else (start_ns - at) / SECOND_NS for at in seen_ns]
     shape = (len(doors), len(times_ns))
@@ -54,6 +62,8 @@ def learnt_chances(
         low=np.array([each.low for each in said]).reshape(shape),
         high=np.array([each.high for each in said]).reshape(shape),
         is_known=np.array([each.is_known.all() for each in said], np.bool_),
+        looks=np.array(looks, np.int64).reshape(-1, 2),
+        looks_high=np.array([each.high for each in looks]),
         unseen_s=np.array(unseen_s),
         step_s=STEP_S,
     ).with_stand_ins()

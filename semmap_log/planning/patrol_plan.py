@@ -17,7 +17,7 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import PlanError
 from semmap_log.io.progress import Progress
 from semmap_log.planning.asked_beliefs import beliefs_at, wait_s
-from semmap_log.planning.door_chances import DoorChances, SkipRule
+from semmap_log.planning.door_chances import UNKNOWN_P, DoorChances, SkipRule
 from semmap_log.planning.last_pose import LastPoseProjection
 from semmap_log.planning.learnt_chances import LONGEST_S, learnt_chances, round_times_s
 from semmap_log.planning.named_places import NamedPlaces
@@ -290,11 +290,11 @@ class _Planner:
         if flat:
             called = ", ".join(self._ways.plan.door_map.level_name(level) for level in flat)
             notes.append(f"level {called} has no floor plan: distances are straight lines")
-        unknown = [stop for stop in stops if not stop.is_known]
-        if unknown:
-            mean = unknown[0].p_passes
-            base = "the mean of the others" if self._chosen.is_known.any() else "nothing is known"
-            notes.append(f"UNKNOWN doors count as {mean:.2f} ({base}), and are never left out")
+        if not all(stop.is_known for stop in stops):
+            as_others = "as the others do on average, and by their own looks at such hours"
+            if not self._chosen.is_known.any():
+                as_others = f"{UNKNOWN_P:g}, since nothing is known of any door"
+            notes.append(f"UNKNOWN doors, of which too little was seen, count {as_others}")
         return notes
 
     def _chances(self, beliefs: Beliefs) -> DoorChances:

@@ -15,10 +15,10 @@ HOUR_S = 3600.0
 
 def why_then(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRule) -> str:
     """Return why a door is tried then."""
+    if skip.seem_shut(chances)[row]:
+        return f"seems shut, {unseen_in_words(float(chances.unseen_s[row]))}: looked at again"
     if not chances.is_known[row]:
         return "UNKNOWN: too little seen of it"
-    if chances.high[row].max() < skip.below:
-        return f"seems shut, {unseen_in_words(float(chances.unseen_s[row]))}: looked at again"
     now = float(chances.p_passes[row, 0])
     if abs(planned.p_passes - now) >= CHANGES_BY:
         turns = "opens" if planned.p_passes > now else "closes"
@@ -28,9 +28,11 @@ def why_then(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRule
 
 def shut_in_words(chances: DoorChances, rows: Sequence[int]) -> str:
     """Return why a target is left out all whose doors seem shut."""
-    high = max(float(chances.high[row].max()) for row in rows)
+    looks, found_open = (int(each) for each in chances.looks[list(rows)].sum(axis=0))
+    high = max(float(chances.looks_high[row]) for row in rows)
     unseen = unseen_in_words(max(float(chances.unseen_s[row]) for row in rows))
-    return f"shut: P at most {high:.2f} by its 90 % interval; {unseen}"
+    at_looks = f"at {looks - found_open} of {looks} looks at such hours"
+    return f"shut {at_looks}, open at most {high:.2f} of the time; {unseen}"
 
 
 def unseen_in_words(seconds: float) -> str:

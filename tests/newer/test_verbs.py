@@ -29,6 +29,7 @@ ANSWER = {
     "probabilities": ["LOG"],
     "best-time": ["LOG", "front"],
     "patrol-plan": ["LOG"],
+    "go": ["LOG", "1,1", "2,2"],
     "evaluate": ["LOG"],
     "calibrate": ["LOG", "--truth", "TRUTH.csv"],
     "export": ["LOG", "OUT.jsonl"],

@@ -214,9 +214,11 @@ class Truthful(_Ours):
         count = len(self.building)
         return self._plan(
             DoorChances(
-                p_passes, p_passes, p_passes, np.ones(count, np.bool_), np.zeros(count), STEP_S
+                p_passes, p_passes, p_passes, np.ones(count, np.bool_),
+                looks=np.zeros((count, 2), np.int64), looks_high=p_passes.max(axis=1),
+                unseen_s=np.zeros(count), step_s=STEP_S,
             )
-        )
+        )  # fmt: skip
 
     def learn(self, _events: Sequence[Event], /) -> None:
         """Learn nothing: all is known."""
