@@ -34,6 +34,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from patrol_eval.door_trips import print_trips, trips_report, trips_tried
 from patrol_eval.patrol_report import print_report, report
 from patrol_eval.patrol_trials import TrialOptions, tried
 from patrol_eval.patrol_world import RoundRules
@@ -56,6 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _what(options: argparse.Namespace) -> tuple[Any, Any]:
     """Return what runs a seed, and what makes figures of all, with what prints them."""
+    if options.trips:
+        run = partial(trips_tried, learning_weeks=options.weeks)
+        return run, lambda trials: (trips_report(trials), print_trips)
     rules = RoundRules(budget_s=60 * options.budget, wait_s=options.wait, asks=options.asks)
     trial = TrialOptions(
         rules=rules,
@@ -109,6 +113,7 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--weeks", type=int, default=2)
     parser.add_argument("--wait", type=float, default=10.0, help="at a shut door, seconds")
     parser.add_argument("--asks", action="store_true", help="unlocked doors open when asked")
+    parser.add_argument("--trips", action="store_true", help="trips after --weeks of rounds")
     parser.add_argument("--budget", type=float, default=60.0, help="of a round, minutes")
     parser.add_argument("--planners", default="fixed,nearest,ours,true")
     parser.add_argument("--skip-below", type=float, default=SkipRule().below)

@@ -147,7 +147,7 @@ class PatrolRound:
         chosen = np.array(doors, np.intp)
         rest = self._task.rest(chosen, last=None, now_s=self.now_s)
         order = chosen[best_order(rest, sweeps=self._sweeps)]
-        exchanged = self._by_better_doors(order)
+        exchanged = self._by_better_doors(order, anywhere=True)
         return order if exchanged is order else self._ordered(exchanged)
 
     def _replan(self) -> None:
@@ -160,31 +160,35 @@ class PatrolRound:
         rest = self._task.rest(doors, last=self._at, now_s=self.now_s)
         return doors[best_from(rest, [np.arange(len(doors))], sweeps=self._sweeps)]
 
-    def _by_better_doors(self, order: Orders) -> Orders:
-        """Return the order with other doors of the same targets, where that costs less."""
+    def _by_better_doors(self, order: Orders, *, anywhere: bool = False) -> Orders:
+        """Return the order with other doors of the same targets, where that costs less.
+
+        Args:
+            order: Of doors.
+            anywhere: Another door may also come at another place of the order.
+        """
         for _ in range(len(order)):
-            places, doors = self._other_doors(order)
-            if not len(places):
+            orders = self._with_other_doors(order, anywhere=anywhere)
+            if not len(orders):
                 return order
-            orders = np.tile(order, (len(places) + 1, 1))
-            orders[np.arange(1, len(places) + 1), places] = doors
-            costs = self._cost(orders)
-            best = int(costs.argmin())
-            if not best or costs[best] >= costs[0] - 1e-9 * max(1.0, abs(float(costs[0]))):
+            costs = self._cost(np.vstack([order, orders]))
+            best = int(costs[1:].argmin())
+            if costs[best + 1] >= costs[0] - 1e-9 * max(1.0, abs(float(costs[0]))):
                 return order
             order = orders[best]
         return order
 
-    def _other_doors(self, order: Orders) -> tuple[Orders, Orders]:
-        """Return places in the order, and for each another door that could stand there."""
-        pairs = [
-            (place, other)
-            for place, door in enumerate(order.tolist())
-            for other in self._untried[self._target_of[door]]
-            if other != door
-        ]
-        places, doors = np.array(pairs, np.intp).reshape(-1, 2).T
-        return places, doors
+    def _with_other_doors(self, order: Orders, *, anywhere: bool) -> Orders:
+        """Return the orders in which another door of its target stands for one."""
+        orders = []
+        for place, door in enumerate(order.tolist()):
+            for other in self._untried[self._target_of[door]]:
+                if other == door:
+                    continue
+                rest = np.delete(order, place)
+                places = range(len(order)) if anywhere else [place]
+                orders += [np.insert(rest, there, other) for there in places]
+        return np.array(orders, np.intp).reshape(-1, len(order))
 
     def _cost(self, orders: Orders) -> NDArray[np.float64]:
         """Return what orders of doors cost, from where the robot is now."""
