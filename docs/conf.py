@@ -110,6 +110,7 @@ PUBLIC = (
     "semmap_log.events",
     "semmap_log.beliefs",
     "semmap_log.costmaps",
+    "semmap_log.rooms",
     "semmap_log.errors",
 )
 """The modules that api.md documents."""

@@ -38,6 +38,7 @@ from semmap_log.cli import (
     replay,
     report,
     retract,
+    rooms,
     ros_package,
     scan_report,
     serve,
@@ -113,6 +114,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("show", show.run, "Show one event."),
         ("diff", diff.run, "Show what differs between two moments."),
         ("timeline", timeline.run, "Show when a door was open, when closed."),
+        ("rooms", rooms.run, "Show the rooms, and which doors lead where."),
     ),
     "Ask what is likely": (
         ("probabilities", probabilities.run, "Show how likely doors are open."),

@@ -123,7 +123,7 @@ def _pddl(
     progress: Progress | None,
 ) -> Exported:
     made = planning_problem(
-        log, scope, wishes, _about(log), default_prob=default_prob, progress=progress
+        log, scope, wishes, about(log), default_prob=default_prob, progress=progress
     )
     path.write_text(made.text, encoding="ascii")
     what = f"{counted(made.doors, 'door')}, {counted(made.rooms, 'room')}"
@@ -139,7 +139,7 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
 
 def _geojson(log: DoorLog, path: Path, scope: Scope) -> Exported:
     door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
-    text, unplaced = dump_geojson(door_map, _about(log))
+    text, unplaced = dump_geojson(door_map, about(log))
     path.write_text(text, encoding="utf-8")
     labels = labels_of(door_map)
     notes = tuple(
@@ -150,7 +150,7 @@ def _geojson(log: DoorLog, path: Path, scope: Scope) -> Exported:
     return Exported(f"{doors}, in metres of the map frame", notes=notes)
 
 
-def _about(log: DoorLog) -> dict[str, str]:
+def about(log: DoorLog) -> dict[str, str]:
     """Return what a file may say of the log that it is of."""
     info = log.info
     return {
@@ -179,7 +179,7 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
         joined.table(batch, retractions.hidden(batch))
         for batch in log.batches_in(window, progress=progress)
     )
-    said = {f"semmap_log.{key}": text for key, text in _about(log).items()}
+    said = {f"semmap_log.{key}": text for key, text in about(log).items()}
     return Exported(counted(write_parquet(path, tables, HISTORY_SCHEMA, said), "event"))
 
 

@@ -34,6 +34,7 @@ from semmap_log.importing.importing_lines import plan_event_lines
 from semmap_log.importing.importing_sightings import plan_sightings
 from semmap_log.importing.line_commits import LineOptions
 from semmap_log.importing.line_importing import StoredCommits, append_lines
+from semmap_log.importing.room_naming import with_room_names
 from semmap_log.importing.scan_importing import (
     BagIds,
     ScanImport,
@@ -319,7 +320,7 @@ def _planner(path: Path, progress: Progress | None) -> Planner:
 
 
 def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
-    table = read_building(path, level=options.level)
+    table = with_room_names(read_building(path, level=options.level))
     return _plan_table(_present(log), table, options)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from semmap_log.domain.doors import Door, DoorMap
 from semmap_log.domain.events import FloorMap
@@ -14,10 +14,8 @@ from semmap_log.rooms.door_sides import sides_of
 from semmap_log.rooms.door_walls import in_walls
 from semmap_log.rooms.level_rooms import LevelRooms, level_rooms
 from semmap_log.rooms.room_graph import OUTSIDE, Doorway, Lift, Room, RoomGraph, RoomId
+from semmap_log.rooms.room_names import LIFT, room_names
 from semmap_log.rooms.room_points import room_points
-
-LIFT = "lift"
-"""The annotation of a lift's doors: the lift's name. Doors with the same one are of one lift."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def room_plan(
         CostmapError: A floor plan is turned against its grid.
         MomentError: A time cannot be read.
     """
-    door_map = log.state_in(log.scope(at, known_at, event)).door_map()
+    door_map = log.replay(at, known_at, event)
     floors = {
         level: floor
         for level in sorted(door_map.levels)
@@ -107,9 +105,11 @@ def plan_of(door_map: DoorMap, floors: Mapping[int, FloorMap]) -> RoomPlan:
         levels[level] = found = level_rooms(floor, doors, first_room=len(rooms) + 1)
         doorways += _doorways(floor, found, doors)
         rooms |= _rooms(found)
+    doorways.sort(key=lambda doorway: doorway.door_id)
+    names = room_names(rooms, doorways, door_map.doors)
     graph = RoomGraph(
-        rooms=rooms,
-        doorways={each.door_id: each for each in sorted(doorways, key=lambda each: each.door_id)},
+        rooms={i: replace(room, name=names.get(i)) for i, room in rooms.items()},
+        doorways={doorway.door_id: doorway for doorway in doorways},
         lifts=lifts_of(door_map.doors.values()),
         levels_without_plan=tuple(sorted(placed.keys() - floors.keys())),
     )

@@ -109,6 +109,14 @@ PLOT_WORDS = "#444444"
 PLOT_PROPOSED = "#c2185b"
 PLOT_WALLS = "#222222"
 
+ROOM_TINTS: tuple[Rgb, ...] = (
+    (0x8D, 0xB7, 0xE0), (0xE3, 0xC7, 0x8A), (0x9F, 0xCF, 0xB0), (0xD0, 0xA9, 0xD6),
+    (0xE0, 0xA6, 0x9E), (0xA9, 0xC9, 0xCF), (0xC9, 0xCC, 0x95), (0xB5, 0xB0, 0xE3),
+)  # fmt: skip
+"""Of rooms, pale, so that doors stand out; rooms beside each other get different ones."""
+PLOT_ROOM_NAME = "#333333"
+PLOT_LIFT = "#7a3fa0"
+
 BEAM_SHORT: Rgb = (0xB0, 0x8A, 0xE0)
 """Of where beams ended before a door's line, on a dark plan: the colour of no state."""
 PLOT_BEAM = "#9aa0ac"

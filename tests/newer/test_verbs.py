@@ -34,6 +34,7 @@ ANSWER = {
     "calibrate": ["LOG", "--truth", "TRUTH.csv"],
     "export": ["LOG", "OUT.jsonl"],
     "costmap": ["LOG", "OUT.png"],
+    "rooms": ["LOG"],
     "report": ["LOG", "OUT.html"],
     "view": ["LOG", "--save", "OUT.rrd"],
 }

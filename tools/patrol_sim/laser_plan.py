@@ -77,9 +77,12 @@ class LevelPlan:
 
 
 def plan_events(path: Path) -> list[Event]:
-    """Return the events that import a building: its levels, floor plans, doors and their names."""
+    """Return the events that import a building: its levels, floor plans, doors and their names.
+
+    Without the doors of lifts: those open where the cabin is, which the robots here do not play.
+    """
     nothing = Present(DoorMap({}, {}), used_ids=frozenset())
-    return list(plan_doors(read_building(path), nothing).events)
+    return list(plan_doors(read_building(path, lifts=False), nothing).events)
 
 
 def read_plan(path: Path, level: int) -> LevelPlan:

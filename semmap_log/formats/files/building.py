@@ -1,4 +1,4 @@
-"""Open-RMF buildings (`*.building.yaml`, made by traffic_editor): named doors on levels.
+"""Open-RMF buildings (`*.building.yaml`, made by traffic_editor): named doors and lifts on levels.
 
 The file draws on a picture: vertices are pixels, y down. Here they become metres, y up, by the
 scale of each level's own measurements; a door's line starts at its first vertex.
@@ -6,38 +6,50 @@ scale of each level's own measurements; a door's line starts at its first vertex
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 
 from semmap_log.domain.doors import MAX_LEVEL, Level
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.building_level import Storey, StoreyReader
-from semmap_log.formats.files.door_table import DoorTable
-from semmap_log.formats.files.floor_plan import Outlines, draw_floor
+from semmap_log.formats.files.building_lifts import FoundLifts, LiftsReader
+from semmap_log.formats.files.door_table import DoorTable, TableDoor
+from semmap_log.formats.files.floor_plan import Outlines, Segment, draw_floor
 from semmap_log.formats.parsing.problems import Problems, shown
-from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, load_yaml
+from semmap_log.formats.parsing.strict_yaml import Mapping, Scalar, load_yaml
 from semmap_log.formats.parsing.yaml_values import described, mapping_of, number_of
 
 PIXELS = "reference_image"
 METRES = "cartesian_meters"
 
 
-def read_building(path: Path, *, level: str | None = None, resolution: float = 0.05) -> DoorTable:
-    """Return the building's doors, levels and floor plans.
+def read_building(
+    path: Path, *, level: str | None = None, resolution: float = 0.05, lifts: bool = True
+) -> DoorTable:
+    """Return the building's doors, levels, floor plans and named places.
 
-    Levels are numbered from 1 on in order of elevation, then name, whether asked for or not.
+    Levels are numbered from 1 on in order of elevation, then name, whether asked for or not. A
+    lift's door is a door of each level that it serves, behind the level's own; its annotation
+    `lift` is the lift's name.
 
     Args:
         path: The `*.building.yaml` file.
         level: Only the level of that name; None: all of them.
         resolution: Metres a cell of the floor plans.
+        lifts: With the doors of lifts.
 
     Raises:
         FormatError: The file cannot be read, is not such a building, or has no such level.
     """
     problems = Problems(path)
-    root, readers = _level_readers(path, level, problems)
+    root, all_levels, readers = _level_readers(path, level, problems)
     doors = [door for reader in readers for door in reader.doors()]
-    plans = {reader.number: reader.outlines() for reader in readers}
+    found = _lifts(root, all_levels, problems) if lifts else FoundLifts()
+    numbers = {reader.number for reader in readers}
+    at_lifts = [door for door in found.doors if door.level in numbers]
+    plans = {reader.number: reader.outlines(_lines(at_lifts, reader.number)) for reader in readers}
+    places = [place for reader in readers for place in reader.places()]
     problems.raise_any()
     maps = [
         draw_floor(plan, level=number, resolution=resolution, path=path)
@@ -45,17 +57,20 @@ def read_building(path: Path, *, level: str | None = None, resolution: float = 0
         if plan.walls
     ]
     levels = [Level(r.number, r.storey.name, r.storey.elevation_m) for r in readers]
-    return DoorTable(path, tuple(doors), tuple(levels), tuple(maps), tuple(_lifts(root)))
+    return DoorTable(
+        path, (*doors, *at_lifts), tuple(levels), tuple(maps), tuple(found.left_out),
+        tuple(found.warnings), tuple(places),
+    )  # fmt: skip
 
 
 def read_outlines(path: Path) -> dict[int, Outlines]:
-    """Return each level's walls, doors and floors as lines, by the numbers of `read_building`.
+    """Return each level's walls, own doors and floors, by the numbers of `read_building`.
 
     Raises:
         FormatError: The file cannot be read, or is not such a building.
     """
     problems = Problems(path)
-    _, readers = _level_readers(path, None, problems)
+    _, readers, _ = _level_readers(path, None, problems)
     outlines = {reader.number: reader.outlines() for reader in readers}
     problems.raise_any()
     return outlines
@@ -63,8 +78,8 @@ def read_outlines(path: Path) -> dict[int, Outlines]:
 
 def _level_readers(
     path: Path, level: str | None, problems: Problems
-) -> tuple[Mapping, list[StoreyReader]]:
-    """Return the file's root, and what reads its levels: of that name, or all.
+) -> tuple[Mapping, list[StoreyReader], list[StoreyReader]]:
+    """Return the file's root, what reads its levels, and those of them of that name, or all.
 
     Raises:
         FormatError: The file cannot be read, is not such a building, or has no such level.
@@ -78,12 +93,12 @@ def _level_readers(
     readers = [
         StoreyReader(n, storey, problems, in_pixels=in_pixels)
         for n, storey in enumerate(storeys, start=1)
-        if level in (None, storey.name)
     ]
-    if level is not None and not readers:
+    chosen = [reader for reader in readers if level in (None, reader.storey.name)]
+    if level is not None and not chosen:
         names = ", ".join(storey.name for storey in storeys) or "(none)"
         raise FormatError(path, f"expected one of the levels {names}; got {shown(level)}")
-    return root, readers
+    return root, readers, chosen
 
 
 def _in_pixels(root: Mapping, problems: Problems) -> bool:
@@ -125,13 +140,18 @@ def _elevation_m(name: str, storey: Mapping, problems: Problems) -> float:
     return number_of(node, f"level {shown(name)}: elevation", problems) or 0.0
 
 
-def _lifts(root: Mapping) -> list[str]:
-    """Return a line for each lift of the building, in words."""
-    node: Node | None = root.entries.get("lifts")
-    lifts = node.entries if isinstance(node, Mapping) else {}
-    said = []
-    for name, lift in lifts.items():
-        doors = lift.entries.get("doors") if isinstance(lift, Mapping) else None
-        own = ", ".join(doors.entries) if isinstance(doors, Mapping) else ""
-        said.append(f"lift {name}{f' with its doors ({own})' if own else ''}: lifts are left out")
-    return said
+def _lifts(root: Mapping, levels: list[StoreyReader], problems: Problems) -> FoundLifts:
+    """Return the doors of the building's lifts."""
+    reader = LiftsReader(root, levels, problems)
+    return reader.read({(level.number, name) for level in levels for name in level.door_names})
+
+
+def _lines(doors: list[TableDoor], level: int) -> Iterator[Segment]:
+    """Yield the lines of a level's doors."""
+    for door in doors:
+        if door.level == level:
+            end = (
+                door.x + door.width * math.cos(door.theta),
+                door.y + door.width * math.sin(door.theta),
+            )
+            yield (door.x, door.y), end

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from semmap_log.common.lazily import computed_once
-from semmap_log.formats.files.door_table import TableDoor
-from semmap_log.formats.files.floor_plan import Outlines, Point
+from semmap_log.formats.files.door_table import TableDoor, TablePlace
+from semmap_log.formats.files.floor_plan import Outlines, Point, Segment
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, Sequence
 from semmap_log.formats.parsing.yaml_values import (
@@ -20,6 +21,9 @@ from semmap_log.formats.parsing.yaml_values import (
 
 FARTHEST_M = 100_000.0
 """A vertex farther than this from the zero point is a slip of the pen, not a building."""
+
+OF_A_ROBOT = ("is_charger", "is_cleaning_zone", "spawn_robot_name")
+"""What a vertex may say of itself: then its name is that of a robot's place, not of a room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +84,38 @@ class StoreyReader:
                 doors.append(self._door(name, edge))
         return doors
 
-    def outlines(self) -> Outlines:
-        """Return what the level's floor plan is drawn from, metres, y up."""
+    @property
+    def door_names(self) -> set[str]:
+        """The names of the level's own doors."""
+        names = (edge.params and edge.params.entries.get("name") for edge in self._door_edges)
+        values = (name.items[-1] if isinstance(name, Sequence) and name.items else name
+                  for name in names)  # fmt: skip
+        return {value.text for value in values if isinstance(value, Scalar)}
+
+    def outlines(self, more_doors: Iterable[Segment] = ()) -> Outlines:
+        """Return what the level's floor plan is drawn from, metres, y up.
+
+        Args:
+            more_doors: Doors that are not the level's own: those of lifts.
+        """
         return Outlines(
             walls=[(edge.start, edge.end) for edge in self._edges("walls")],
-            doors=[(edge.start, edge.end) for edge in self._door_edges],
+            doors=[*((edge.start, edge.end) for edge in self._door_edges), *more_doors],
             floors=self._polygons("floors"),
             holes=self._polygons("holes"),
         )
+
+    def places(self) -> list[TablePlace]:
+        """Return the vertices that have a name, but for those that are about one robot's work."""
+        found = []
+        for node, point in zip(self._list("vertices"), self._vertices, strict=True):
+            parts = node.items if isinstance(node, Sequence) else []
+            named = parts[3] if len(parts) > 3 else None
+            name = named.text.strip() if isinstance(named, Scalar) else ""
+            told = parts[4] if len(parts) > 4 else None
+            if point is not None and name and not _is_of_a_robot(told):
+                found.append(TablePlace(name, self.number, *point))
+        return found
 
     def _door(self, name: str, edge: _Edge) -> TableDoor:
         (x, y), (end_x, end_y) = edge.start, edge.end
@@ -116,27 +144,52 @@ class StoreyReader:
 
     # Metres
 
+    def placed(self, x: float, y: float, line: int, *, what: str = "a vertex") -> Point | None:
+        """Return a point of the file in metres, y up; None for one that was refused.
+
+        Args:
+            x: As in the file.
+            y: As in the file.
+            line: Where in the file it is.
+            what: What it is, for messages.
+        """
+        scale = self._metres_a_pixel if self.in_pixels else 1.0
+        if scale is None or math.isnan(x) or math.isnan(y):
+            return None
+        metres = x * scale, (-y if self.in_pixels else y) * scale
+        if max(map(abs, metres)) > FARTHEST_M:
+            self.problems.add(
+                line,
+                f"expected {what} within 100 km of the zero point, "
+                f"got {metres[0]:g}, {metres[1]:g} m",
+            )
+            return None
+        return metres
+
+    @computed_once
+    def fiducials(self) -> dict[str, Point]:
+        """The level's fiducials by name, metres, y up: points that other levels have, too."""
+        found = {}
+        for node in self._list("fiducials"):
+            parts = sequence_of(node, "a fiducial", self.problems)
+            if parts is None or len(parts.items) < 3:
+                if parts is not None:
+                    self.problems.add(node.line, "expected a fiducial [x, y, name], got fewer")
+                continue
+            x, y = (number_of(part, "a fiducial", self.problems) for part in parts.items[:2])
+            name = text_of(parts.items[2], "a fiducial's name", self.problems)
+            if x is None or y is None or name is None:
+                continue
+            point = self.placed(x, y, node.line, what="a fiducial")
+            if point is not None:
+                found[name] = point
+        return found
+
     @computed_once
     def _vertices(self) -> list[Point | None]:
         """The level's vertices in metres, y up; None for one that was refused."""
-        scale = self._metres_a_pixel if self.in_pixels else 1.0
-        flip = -1.0 if self.in_pixels else 1.0
-        placed: list[Point | None] = []
-        for node, point in zip(self._list("vertices"), self._raw_vertices, strict=True):
-            metres = (
-                None
-                if point is None or scale is None
-                else (point[0] * scale, flip * point[1] * scale)
-            )
-            if metres and max(map(abs, metres)) > FARTHEST_M:
-                self.problems.add(
-                    node.line,
-                    "expected a vertex within 100 km of the zero point, "
-                    f"got {metres[0]:g}, {metres[1]:g} m",
-                )
-                metres = None
-            placed.append(metres)
-        return placed
+        vertices = zip(self._list("vertices"), self._raw_vertices, strict=True)
+        return [point and self.placed(*point, node.line) for node, point in vertices]
 
     @computed_once
     def _metres_a_pixel(self) -> float | None:
@@ -240,3 +293,14 @@ class StoreyReader:
             return []
         found = sequence_of(node, f"level {shown(self.storey.name)}: {key}", self.problems)
         return found.items if found else []
+
+
+def _is_of_a_robot(params: Node | None) -> bool:
+    """Tell whether a vertex says one of `OF_A_ROBOT` of itself: that it is a robot's place."""
+    said = params.entries if isinstance(params, Mapping) else {}
+    values = [said[key] for key in OF_A_ROBOT if key in said]
+    last = [value.items[-1] if isinstance(value, Sequence) and value.items else value
+            for value in values]  # fmt: skip
+    return any(
+        not (isinstance(value, Scalar) and value.value in {False, None, ""}) for value in last
+    )

@@ -33,6 +33,16 @@ class TableDoor:
 
 
 @dataclass(frozen=True, slots=True)
+class TablePlace:
+    """A point of a level that has a name."""
+
+    name: str
+    level: int
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
 class DoorTable:
     """All that was read from a file of doors."""
 
@@ -45,3 +55,5 @@ class DoorTable:
     """What the file holds and the log cannot, in words."""
     warnings: tuple[str, ...] = ()
     """What was read, but perhaps not as meant."""
+    places: tuple[TablePlace, ...] = ()
+    """Points with names: what rooms are called in which they lie."""

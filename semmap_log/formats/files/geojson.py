@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from semmap_log.domain.doors import Door, DoorMap
@@ -36,9 +36,23 @@ def dump_geojson(door_map: DoorMap, about: Mapping[str, str]) -> tuple[str, list
         door_map: The doors; their features have the keys of `replay --json`, ids ascending.
         about: What is said of the log, such as its building.
     """
+    head = collection_head(door_map, about)
+    doors = sorted(door_map.doors.values(), key=lambda door: door.door_id)
+    text = feature_collection(head, [_feature(door, door_map) for door in doors])
+    return text, [door for door in doors if _line(door) is None]
+
+
+def feature_collection(head: Mapping[str, Any], features: Iterable[Mapping[str, Any]]) -> str:
+    """Return the text of a collection, a line a feature."""
+    lines = ",\n".join(_text(feature) for feature in features)
+    return f'{_text(head)[:-1]}, "features": [\n{lines}\n]}}\n'
+
+
+def collection_head(door_map: DoorMap, about: Mapping[str, str]) -> dict[str, Any]:
+    """Return what stands before the features: that these are metres of the map, and of when."""
     shown = door_map_to_json(door_map)
     del shown["doors"]
-    head = {
+    return {
         "type": "FeatureCollection",
         "crs": {"type": "name", "properties": {"name": PLANE}},
         "semmap_log": {
@@ -50,10 +64,6 @@ def dump_geojson(door_map: DoorMap, about: Mapping[str, str]) -> tuple[str, list
             **shown,
         },
     }
-    doors = sorted(door_map.doors.values(), key=lambda door: door.door_id)
-    features = ",\n".join(_text(_feature(door, door_map)) for door in doors)
-    text = f'{_text(head)[:-1]}, "features": [\n{features}\n]}}\n'
-    return text, [door for door in doors if _line(door) is None]
 
 
 def _feature(door: Door, door_map: DoorMap) -> dict[str, Any]:

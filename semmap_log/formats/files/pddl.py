@@ -22,6 +22,7 @@ from semmap_log.errors import CommandError
 from semmap_log.formats.files.pddl_domain import DOMAIN, WORDS
 from semmap_log.formats.files.pddl_names import Wanted, pddl_names
 from semmap_log.formats.parsing.problems import shown
+from semmap_log.rooms.room_names import rooms_told
 
 LEAST_P = 0.001
 """A door that is less likely open costs no more: costs are whole numbers."""
@@ -72,8 +73,8 @@ def rooms_between(door: Door) -> tuple[NamedRoom, NamedRoom] | None:
 
     None: it has none, or it does not name two.
     """
-    names = [name.strip() for name in door.annotations.get("rooms", "").split(",")]
-    if len(names) != 2 or not all(names) or names[0] == names[1]:
+    names = rooms_told(door)
+    if names is None or not all(names):
         return None
     return NamedRoom(door.level, names[0]), NamedRoom(door.level, names[1])
 

@@ -18,6 +18,8 @@ from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import strips_of
 from semmap_log.views.report.page_doors import PageDoor
 from semmap_log.views.report.page_events import Rows
+from semmap_log.views.report.page_rooms import rooms_of_page
+from semmap_log.views.rooms_shown import rooms_shown
 
 if TYPE_CHECKING:
     from semmap_log.views.excerpt.span import Excerpt
@@ -47,8 +49,10 @@ def shown_levels(
         used |= {n for n, level in now.levels.items() if level.floor_map_event is not None}
     if home is None:
         used.discard(0)
+    rooms = rooms_shown(excerpt.log, now)
     return [
         _level(number, now, excerpt.log.floor_of(now, number), _bounds(number, told, poses))
+        | {"rooms": rooms_of_page(rooms, number)}
         for number in sorted(used) or [0]
     ]
 

@@ -1,4 +1,4 @@
-"""Open-RMF buildings: doors in metres with y up, levels in order, lifts left out and said."""
+"""Open-RMF buildings: doors in metres with y up, levels in order, floor plans."""
 
 import math
 from collections import Counter
@@ -246,23 +246,23 @@ def test_a_plan_too_large_is_refused(tmp_path):
     ("name", "doors", "levels", "lifts", "widths_m"),
     [
         ("office", {"L1": 3}, [("L1", 0)], 0, (0.88, 1.90)),
-        ("hotel", {"L1": 5, "L2": 7, "L3": 7}, [("L1", 0), ("L2", 8), ("L3", 16)], 2, (1.28, 3.63)),
-        ("clinic", {"L1": 76, "L2": 56}, [("L1", 0), ("L2", 10)], 4, (0.91, 3.52)),
+        ("hotel", {"L1": 7, "L2": 9, "L3": 9}, [("L1", 0), ("L2", 8), ("L3", 16)], 2, (1.28, 3.63)),
+        ("clinic", {"L1": 80, "L2": 60}, [("L1", 0), ("L2", 10)], 4, (0.91, 3.52)),
     ],
 )
 def test_the_buildings_of_open_rmf(  # noqa: PLR0917 - a row of the table above
     shared_data, name, doors, levels, lifts, widths_m
 ):
     """
-    Every door of the three, with plausible widths, its way free in the floor plan.
+    Every door of the three, and their lifts', with plausible widths, its way free in the plan.
     """
     table = read_building(shared_data / "maps" / f"rmf_{name}" / f"{name}.building.yaml")
 
     names = {level.level: level.name for level in table.levels}
     assert doors == Counter(names[door.level] for door in table.doors)
     assert levels == [(level.name, level.elevation) for level in table.levels]
-    assert lifts == len(table.left_out)
-    assert all("lifts are left out" in line for line in table.left_out)
+    assert ((), ()) == (table.left_out, table.warnings)
+    assert lifts == len({door.annotations.get("lift") for door in table.doors} - {None})
     assert all(widths_m[0] <= door.width <= widths_m[1] for door in table.doors)
     plans = {plan.level: plan for plan in table.floor_maps}
     assert sorted(names) == sorted(plans)

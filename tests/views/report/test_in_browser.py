@@ -426,6 +426,22 @@ def test_no_label_could_be_another_doors(page: Page, tmp_path: Path) -> None:
         page.click("#nearer")
 
 
+def test_rooms_are_tinted_and_named_until_somebody_hides_them(page: Page, tmp_path: Path) -> None:
+    """
+    Below the doors; a name shows where it has room, and no label of a door is near.
+    """
+    shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+    names = "[...document.querySelectorAll('.room-names text')].map((name) => name.textContent)"
+    seen = "getComputedStyle(document.querySelector('{0}')).display !== 'none'"
+
+    assert ["hall", "hardware room", "centre of excellence"] == page.evaluate(names)
+    assert page.evaluate(seen.format(".rooms"))
+    page.click("#with-rooms")
+    assert not page.evaluate(seen.format(".rooms"))
+    assert not page.evaluate(seen.format(".room-names"))
+    assert "false" == page.evaluate("document.getElementById('with-rooms').ariaPressed")
+
+
 @pytest.mark.slow
 def test_a_lane_has_the_states_colours_over_time(page: Page, tmp_path: Path) -> None:
     """

@@ -35,15 +35,15 @@ def recorded(log: sl.DoorLog, tmp_path: Path, **how: Any) -> Drawn:
 def test_a_small_log_gives_the_tree_that_the_docs_tell(tmp_path: Path) -> None:
     """
     One entity a door, under its name or number, below it one for what is believed of it, if enough
-    is known, and one for its cells in the costmap, if it ever has any; plan, robot and events
-    beside; no other timeline.
+    is known, and one for its cells in the costmap, if it ever has any; plan, rooms, robot and
+    events beside; no other timeline.
     """
     log = small_log(tmp_path / "log")
 
     drawn = recorded(log, tmp_path)
 
     assert {
-        "/map", "/map/floor", "/map/doors/front", "/map/doors/door_2", "/map/costmap",
+        "/map", "/map/floor", "/map/rooms", "/map/doors/front", "/map/doors/door_2", "/map/costmap",
         "/map/doors/front/belief",
         "/map/costmap/front", "/map/robot/pose", "/map/robot/track",
         "/events/door_added", "/events/door_annotated",

@@ -3,6 +3,7 @@
 const TRACK_MS = 30 * MINUTE;
 const MOST_ZOOM = 24;
 const MOST_NAMES = 24;
+const ROOM_LETTER = 5.5; // pixels, about
 
 class LevelPanel {
   constructor(level) {
@@ -17,12 +18,18 @@ class LevelPanel {
       class: "floor", href: this.floor.src, width: this.floor.width, height: this.floor.height,
       preserveAspectRatio: "none",
     });
+    this.rooms = level.rooms;
+    this.tints = this.rooms && drawn("image", {
+      class: "rooms", href: this.rooms.src, width: this.rooms.width, height: this.rooms.height,
+      preserveAspectRatio: "none",
+    });
+    this.roomNames = drawn("g", { class: "room-names", "aria-hidden": "true" });
     this.track = drawn("path", { class: "track" });
     this.robot = drawn("circle", { class: "robot", r: 6 });
     this.labels = drawn("g", { class: "labels", "aria-hidden": "true" });
     this.metres = drawn("g", { class: "metres", "aria-hidden": "true" });
     this.svg = drawn("svg", { class: "map", role: "group", "aria-label": `Plan of ${level.name}` },
-      this.picture, this.track, ...this.marks.map((mark) => mark.group), this.robot, this.labels, this.metres);
+      this.tints, this.picture, this.roomNames, this.track, ...this.marks.map((mark) => mark.group), this.robot, this.labels, this.metres);
     this.unplaced = el("div", { class: "unplaced" });
     this.unlabelled = el("p", { class: "aside unlabelled" });
     this.element = el("div", { class: "level", role: "tabpanel", id: `level-${this.level}`, "aria-label": level.name },
@@ -101,14 +108,37 @@ class LevelPanel {
   layOut() {
     if (!this.width) return;
     const scale = this.fit * this.zoom;
-    if (this.picture) {
-      const [a, b, c, d, e, f] = this.floor.matrix;
-      const [x, y] = this.pixel(e, -f);
-      this.picture.setAttribute("transform", `matrix(${[a, b, c, d].map((n) => n * scale).join(" ")} ${x} ${y})`);
-    }
+    this.lay(this.picture, this.floor, scale);
+    this.lay(this.tints, this.rooms, scale);
+    this.nameRooms(scale);
     this.drawMetres(scale);
     this.places = null;
     this.show(clock.t, clock.chosen);
+  }
+
+  /** Names of rooms give way to the labels of doors. */
+  yieldTo(labels) {
+    for (const name of this.roomNames.children) {
+      const x = Number(name.getAttribute("x")), y = Number(name.getAttribute("y"));
+      const reach = (label) => (label.text.length + name.textContent.length) * (ROOM_LETTER / 2) + 4;
+      name.classList.toggle("gone", labels.some((label) => Math.abs(label.y - y) < 12 && Math.abs(label.x - x) < reach(label)));
+    }
+  }
+
+  lay(image, where, scale) {
+    if (!image) return;
+    const [a, b, c, d, e, f] = where.matrix;
+    const [x, y] = this.pixel(e, -f);
+    image.setAttribute("transform", `matrix(${[a, b, c, d].map((n) => n * scale).join(" ")} ${x} ${y})`);
+  }
+
+  /** Write the names that find room; the others wait until somebody looks more closely. */
+  nameRooms(scale) {
+    const names = (this.rooms ? this.rooms.names : []).filter(([, , name, side]) => side * scale > name.length * ROOM_LETTER);
+    this.roomNames.replaceChildren(...names.map(([x, y, name]) => {
+      const [across, down] = this.pixel(x, y);
+      return drawn("text", { x: across, y: down }, name);
+    }));
   }
 
   drawMetres(scale) {
@@ -165,6 +195,7 @@ class LevelPanel {
     this.labels.replaceChildren(...placed.flatMap((label, i) => (label ? [drawn("text", {
       x: label.x, y: label.y, class: labelled[i].isChosen ? "chosen" : null,
     }, label.text)] : [])));
+    this.yieldTo(placed.filter(Boolean));
     const without = placed.filter((label) => !label).length;
     say(this.unlabelled, without ? `There is no room for the labels of ${count(without, "door")}: zoom in, or point at one.` : "");
   }
@@ -266,6 +297,12 @@ function setUpPlan() {
     },
   }, quoted(levelNames.get(panel.level))))));
   byId("tabs").hidden = panels.length === 1;
+  const withRooms = byId("with-rooms");
+  withRooms.hidden = panels.every((panel) => !panel.rooms);
+  withRooms.addEventListener("click", () => {
+    const without = byId("levels").classList.toggle("without-rooms");
+    withRooms.setAttribute("aria-pressed", String(!without));
+  });
   byId("nearer").addEventListener("click", () => front.zoomBy(1.6));
   byId("farther").addEventListener("click", () => front.zoomBy(1 / 1.6));
   byId("whole").addEventListener("click", () => front.zoomBy(0));
