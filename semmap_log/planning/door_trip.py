@@ -141,8 +141,9 @@ class _Way:
         in_lifts = {door for lift in graph.lifts for door in lift.doors}
         all_doors = {door_id for door_id in door_map.doors if door_id not in in_lifts}
         rooms = [ways.room_of(place) for place in (start, goal)]
-        if None in rooms and {start.level, goal.level} & set(ways.plan.floors):
-            raise PlanError(_no_room(start if rooms[0] is None else goal))
+        for place, room in zip((start, goal), rooms, strict=True):
+            if room is None and place.level in ways.plan.floors:
+                raise PlanError(_no_room(place))
         between = doors_between(graph, *rooms) if None not in rooms else []  # type: ignore[arg-type]
         with_sides = [
             (door, sides) for door in between

@@ -40,8 +40,8 @@ from semmap_log.rooms.walking import SPEED_M_S
 THROUGH_P = 0.8
 """Ways lead through doors that are at least so likely open; through others only if they must."""
 ENTER_S, WAIT_S, LOOK_S = 17.0, 10.0, 3.0
-A_STOP_S = 60.0
-"""So far ahead P is looked up for each door; later ones keep the last."""
+A_WAY_S = 30.0
+"""From stop to stop, for how far ahead P is looked up; later times keep the last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,7 +298,8 @@ class _Planner:
         return notes
 
     def _chances(self, beliefs: Beliefs) -> DoorChances:
-        longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * A_STOP_S)
+        a_stop_s = A_WAY_S + max(self._options.enter_s, self._options.wait_s + LOOK_S)
+        longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * a_stop_s)
         return learnt_chances(
             beliefs, self._ids, known_ns=self._query.known_ns, start_ns=self._start_ns,
             times_s=round_times_s(longest_s),
