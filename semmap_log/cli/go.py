@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, console, print_json, progress
-from semmap_log.cli.patrol_plan import SPEED_M_S, Speed
+from semmap_log.cli.patrol_plan import SPEED_M_S, Speed, seconds_of
 from semmap_log.cli.probabilities import Estimator, Zone
 
 
@@ -26,6 +26,12 @@ def run(
     asks: Annotated[
         bool, typer.Option("--asks", help="The robot may ask for doors that are shut.")
     ] = False,
+    patience: Annotated[
+        str | None,
+        typer.Option(
+            "--patience", metavar="30min", help="It waits so long at a door at most; default: on."
+        ),
+    ] = None,
     estimator: Estimator = None,
     tz: Zone = None,
     as_json: AsJson = False,
@@ -34,7 +40,7 @@ def run(
 
     A door's P is that at the time of arrival. The expected wait is that of the door's own past,
     as `best-time` tells it, once the door was found shut. Doors on other ways count if one on the
-    way is shut. A door of which too little was seen is UNKNOWN: nobody knows how long to wait.
+    way is shut. A door of which too little was seen is UNKNOWN, and counts as the others do.
 
     \b
     Examples:
@@ -52,6 +58,7 @@ def run(
         trip = door_trip(
             opened, start_at, goal_at, depart=depart, estimator=estimator, tz=tz,
             speed_m_s=speed, asks=asks, progress=told,
+            patience_s=None if patience is None else seconds_of(patience),
         )  # fmt: skip
     if as_json:
         print_json(trip_to_json(trip))

@@ -39,10 +39,15 @@ def beliefs_at(
     return ask(log, at=at, estimator=chosen, tz=tz, doors=None, progress=progress), start_ns
 
 
-def wait_s(query: BeliefQuery, door_id: DoorId, at_ns: int) -> float | None:
-    """Return the expected wait until a door is open, from then on; None: nobody knows."""
+def wait_s(
+    query: BeliefQuery, door_id: DoorId, at_ns: int, *, most_s: float | None = None
+) -> float | None:
+    """Return the expected wait until a door is open, from then on; None: nobody knows.
+
+    Who has waited `most_s` goes.
+    """
     learnt = query.beliefs.learnt(query.known_ns)
     if not isinstance(learnt, StateModel):
         return None
-    seconds = learnt.wait_s(door_id, at_ns)
+    seconds = learnt.wait_s(door_id, at_ns, most_s=most_s)
     return seconds if math.isfinite(seconds) else None

@@ -20,7 +20,7 @@ from semmap_log.planning.door_chances import DoorChances
 from semmap_log.planning.learnt_chances import learnt_chances, round_times_s
 from semmap_log.planning.named_places import NamedPlaces
 from semmap_log.planning.passing import PassingProjection
-from semmap_log.planning.rooms_between import doors_between
+from semmap_log.planning.doors_on_ways import doors_between
 from semmap_log.planning.trip_policy import (
     MOST_DOORS,
     NOTHING,
@@ -89,6 +89,7 @@ def door_trip(
     tz: str | None = None,
     speed_m_s: float = SPEED_M_S,
     asks: bool = False,
+    patience_s: float | None = None,
     progress: Progress | None = None,
 ) -> DoorTrip:
     """Return how long a trip takes on average, and what to do at doors that are shut.
@@ -104,6 +105,8 @@ def door_trip(
         tz: IANA zone of the building's clocks; None: the log's.
         speed_m_s: How fast the robot is.
         asks: It may ask for doors.
+        patience_s: It waits so long at most; what comes after counts as nothing. None: it waits
+            until the door is open.
         progress: Told how far the reading is.
 
     Raises:
@@ -129,7 +132,19 @@ def door_trip(
         for beliefs in (query.beliefs, passing)
     )  # fmt: skip
     assert chances is not None
-    return _Trip(query, depart_ns, way, chances, asked).planned()
+    return _Trip(_Known(query, depart_ns, chances, asked, patience_s), way).planned()
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What is known of all doors at the departure."""
+
+    query: BeliefQuery
+    depart_ns: int
+    chances: DoorChances
+    asked: DoorChances | None
+    """Of passing; None: the robot does not ask."""
+    patience_s: float | None
 
 
 class _Way:
@@ -180,19 +195,24 @@ def _no_room(place: Place) -> str:
     )
 
 
+def with_mean(waits_s: Sequence[float | None]) -> list[float]:
+    """Return waits in which one that nobody knows counts as the others on average; else inf."""
+    known = [wait for wait in waits_s if wait is not None]
+    mean_s = sum(known) / len(known) if known else math.inf
+    return [mean_s if wait is None else wait for wait in waits_s]
+
+
 class _Trip:
     """Plans one trip."""
 
-    def __init__(
-        self, query: BeliefQuery, depart_ns: int, way: _Way, chances: DoorChances,
-        asked: DoorChances | None,
-    ) -> None:  # fmt: skip
-        self._query = query
-        self._depart_ns = depart_ns
+    def __init__(self, known: _Known, way: _Way) -> None:
+        self._query = known.query
+        self._depart_ns = known.depart_ns
         self._way = way
-        self._chances = chances
-        self._asked = asked
-        rows = {door.door_id: row for row, door in enumerate(query.doors)}
+        self._chances = known.chances
+        self._asked = known.asked
+        self._patience_s = known.patience_s
+        rows = {door.door_id: row for row, door in enumerate(known.query.doors)}
         self._rows = [rows[door.door_id] for door in way.doors]
         free = TripTask(way.walk_s, way.cross_s, (TripDoor(1.0, 0.0),) * len(way.doors))
         if not free.is_possible:
@@ -201,9 +221,13 @@ class _Trip:
                 "levels."
             )
         self._soonest_s = free.shortest_s(frozenset(range(len(way.doors))))
-        self._task = TripTask(
-            way.walk_s, way.cross_s, tuple(self._door(door) for door in range(len(way.doors)))
-        )
+        p_open = [self._p_open(door) for door in range(len(way.doors))]
+        waits_s = with_mean([self._wait_s(door, p) for door, p in enumerate(p_open)])
+        doors = [
+            TripDoor(p, wait, self._answers(self._rows[door], p))
+            for door, (p, wait) in enumerate(zip(p_open, waits_s, strict=True))
+        ]
+        self._task = TripTask(way.walk_s, way.cross_s, tuple(doors))
 
     def planned(self) -> DoorTrip:
         """Return the trip."""
@@ -227,14 +251,9 @@ class _Trip:
             tuple(self._notes(policy)),
         )  # fmt: skip
 
-    def _door(self, door: int) -> TripDoor:
-        """Return what is expected of a door when one comes to it, if the others are open."""
-        row, after_s = self._rows[door], self._arrival_s(door)
-        p_open = self._p_at(self._chances, row, after_s)
-        waits_s = self._wait_s(door, p_open)
-        return TripDoor(
-            p_open, math.inf if waits_s is None else waits_s, self._answers(row, p_open)
-        )
+    def _p_open(self, door: int) -> float:
+        """Return P when one comes to a door, if the others are open."""
+        return self._p_at(self._chances, self._rows[door], self._arrival_s(door))
 
     def _arrival_s(self, door: int) -> float:
         return float(self._soonest_s[START, list(TripTask.sides(door))].min())
@@ -249,7 +268,8 @@ class _Trip:
         if not self._chances.is_known[self._rows[door]]:
             return None
         arrives_ns = self._depart_ns + round(self._arrival_s(door) * SECOND_NS)
-        found = wait_s(self._query, self._way.doors[door].door_id, arrives_ns)
+        door_id = self._way.doors[door].door_id
+        found = wait_s(self._query, door_id, arrives_ns, most_s=self._patience_s)
         return None if found is None else found / max(1 - p_open, LEAST_SHUT)
 
     def _answers(self, row: int, p_open: float) -> float:
@@ -279,8 +299,8 @@ class _Trip:
         ]  # fmt: skip
         if unknown:
             notes.append(
-                f"UNKNOWN, too little seen: {', '.join(unknown)}; counted as the others on "
-                "average, and nobody knows how long to wait there"
+                f"UNKNOWN, too little seen: {', '.join(unknown)}; P counts as that of all doors "
+                "on average, the wait as that of the others on the way, where one is known"
             )
         if self._asked is not None:
             untried = [

@@ -24,7 +24,7 @@ def patrol_plan_table(plan: PatrolPlan) -> RenderableType:
     table = ColumnTable(_columns(with_targets=any(s.target.room is not None for s in plan.stops)))
     for number, stop in enumerate(plan.stops, start=1):
         table.add(*_row(number, stop, plan.tz))
-    notes = [*_summary(plan), *_left_out(plan.left_out), *plan.notes]
+    notes = [*_summary(plan), *_omitted(plan.left_out), *plan.notes]
     return Group(table, *(Text(line, style="dim") for line in notes))
 
 
@@ -87,7 +87,7 @@ def _summary(plan: PatrolPlan) -> list[str]:
     return lines
 
 
-def _left_out(left_out: Iterable[LeftOut]) -> list[str]:
+def _omitted(left_out: Iterable[LeftOut]) -> list[str]:
     """Return a line for each reason, or for each target where the words differ and they are few."""
     by_words: dict[tuple[str, str], list[str]] = {}
     for each in left_out:

@@ -22,6 +22,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorAdded
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.planning.door_trip import LEAST_SHUT, with_mean
 from semmap_log.planning.learnt_chances import learnt_chances
 from semmap_log.planning.trip_policy import (
     NOTHING,
@@ -188,18 +189,13 @@ def _as_learnt(
     ids = [building.door_ids[door] for door in doors]
     chances = learnt_chances(beliefs, ids, known_ns=at_ns, start_ns=at_ns, times_s=np.zeros(1))
     learnt: Any = beliefs.learnt()
-    known = []
-    for row, door_id in enumerate(ids):
-        p_open = float(chances.p_passes[row, 0])
-        seconds = learnt.wait_s(door_id, at_ns) / max(1 - p_open, 0.001)
-        wait_s = _patient_s(seconds) if chances.is_known[row] else math.inf
-        known.append(TripDoor(p_open, wait_s))
-    return known
-
-
-def _patient_s(mean_s: float) -> float:
-    """Return the expected wait of one who goes after the patience is over."""
-    return mean_s * -math.expm1(-PATIENCE_S / mean_s) if mean_s > 0 else 0.0
+    p_open = chances.p_passes[:, 0].tolist()
+    waits_s = [
+        learnt.wait_s(door_id, at_ns, most_s=PATIENCE_S) / max(1 - p, LEAST_SHUT) if known else None
+        for door_id, p, known in zip(ids, p_open, chances.is_known.tolist(), strict=True)
+    ]
+    known_s = with_mean(waits_s)
+    return [TripDoor(p, wait_s) for p, wait_s in zip(p_open, known_s, strict=True)]
 
 
 def _marginal(habit: Habit) -> NDArray[np.float64]:

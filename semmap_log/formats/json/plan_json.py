@@ -32,7 +32,7 @@ def plan_to_json(plan: PatrolPlan) -> dict[str, Any]:
         "mean_time_to_visit_s": _or_none(plan.mean_visit_s),
         "expected_visits": round(plan.visits, ROUNDED),
         "stops": [_stop(number, stop, plan) for number, stop in enumerate(plan.stops, start=1)],
-        "left_out": [_left_out(each) for each in plan.left_out],
+        "left_out": [_omitted(each) for each in plan.left_out],
         "notes": list(plan.notes),
     }
 
@@ -62,7 +62,7 @@ def _stop(number: int, stop: PlannedStop, plan: PatrolPlan) -> dict[str, Any]:
     }
 
 
-def _left_out(each: LeftOut) -> dict[str, Any]:
+def _omitted(each: LeftOut) -> dict[str, Any]:
     return {"target": each.name, "reason": each.reason, "why": each.said}
 
 

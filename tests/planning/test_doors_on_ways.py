@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from semmap_log.domain.doors import DoorId
-from semmap_log.planning.rooms_between import doors_between
+from semmap_log.planning.doors_on_ways import doors_between
 from semmap_log.rooms import OUTSIDE, Doorway, Lift, Room, RoomGraph
 
 
@@ -82,7 +82,7 @@ def test_against_all_ways(pairs: list[tuple[int, int]]) -> None:
     for size in range(5):
         for between in permutations(range(2, 6), size):
             way = [1, *between, 6]
-            steps = [{a, b} for a, b in zip(way, way[1:], strict=False)]
+            steps = [{a, b} for a, b in pairwise(way)]
             if all(step in [set(pair) for pair in joins] for step in steps):
                 expected |= {n for n, pair in enumerate(joins, start=1) if set(pair) in steps}
 
