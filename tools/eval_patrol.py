@@ -67,6 +67,7 @@ def _what(options: argparse.Namespace) -> tuple[Any, Any]:
         planners=tuple(options.planners.split(",")),
         skip=SkipRule(options.skip_below),
         estimator=options.estimator,
+        learn_every=options.learn_every,
     )
     return partial(tried, options=trial), lambda trials: (report(trials), print_report)
 
@@ -118,6 +119,7 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--planners", default="fixed,nearest,ours,true")
     parser.add_argument("--skip-below", type=float, default=SkipRule().below)
     parser.add_argument("--estimator", default="filter")
+    parser.add_argument("--learn-every", type=int, default=1, help="so many rounds; quicker")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="a file of trials, to go on from")
     parser.add_argument("--json", action="store_true")

@@ -17,10 +17,10 @@ from semmap_log.errors import PlanError
 from semmap_log.io.progress import Progress
 from semmap_log.planning.asked_beliefs import beliefs_at, wait_s
 from semmap_log.planning.door_chances import DoorChances
+from semmap_log.planning.doors_on_ways import doors_between
 from semmap_log.planning.learnt_chances import learnt_chances, round_times_s
 from semmap_log.planning.named_places import NamedPlaces
 from semmap_log.planning.passing import PassingProjection
-from semmap_log.planning.doors_on_ways import doors_between
 from semmap_log.planning.trip_policy import (
     MOST_DOORS,
     NOTHING,

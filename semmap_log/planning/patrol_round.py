@@ -75,15 +75,18 @@ class PatrolRound:
 
     def plan(self) -> list[PlannedTry]:
         """Return the order from now on, as far as the budget goes."""
-        if not len(self._order):
+        return self._planned(self._order)
+
+    def _planned(self, order: Orders) -> list[PlannedTry]:
+        if not len(order):
             return []
-        rest = self._task.rest(self._order, last=self._at, now_s=self.now_s)
-        times_s, chances = rest.arrivals(np.arange(len(self._order))[None])
+        rest = self._task.rest(order, last=self._at, now_s=self.now_s)
+        times_s, chances = rest.arrivals(np.arange(len(order))[None])
         budget_s = np.inf if self._task.budget_s is None else self._task.budget_s
         return [
             PlannedTry(door, self._target_of[door], arrives_s, p_passes)
             for door, arrives_s, p_passes in zip(
-                self._order.tolist(), times_s[0].tolist(), chances[0].tolist(), strict=True
+                order.tolist(), times_s[0].tolist(), chances[0].tolist(), strict=True
             )
             if arrives_s <= budget_s
         ]
@@ -96,7 +99,7 @@ class PatrolRound:
 
     def next_try(self) -> PlannedTry | None:
         """Return the door to try next; None: the round is over."""
-        planned = self.plan()
+        planned = self._planned(self._order[:1])
         return planned[0] if planned else None
 
     def tell(self, door: int, *, passed: bool, now_s: float) -> None:

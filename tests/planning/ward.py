@@ -41,7 +41,9 @@ LOOSE, ATTIC, CELLAR = DoorId(5), DoorId(6), DoorId(7)
 DOORS = {FRONT: ("front", 0.5), SIDE: ("side", 2.5), STORE: ("store", 5.0), LAB: ("lab", 8.0)}
 """Doors of the ward -> name, and the x where they begin; each 1 m wide.
 
-`front` and `side` lead into one room. `loose` has no place, `attic` is on a level without a plan, nobody looks at `cellar`."""
+`front` and `side` lead into one room. `loose` has no place, `attic` is on a level without a plan,
+nobody looks at `cellar`.
+"""
 ROUNDS = range(7, 20)
 OPEN_HOURS = range(8, 18)
 HALL = "5,1,1"

@@ -42,7 +42,7 @@ PLANNING = (
           "not was_next or passed != expected", "not was_next", "planning.test_patrol_round"),
     guard("planning: tries, not looks, tell P(passes)", "passing.passings_in",
           'batch[DoorPassed]["passed"].astype(np.bool_)',
-          'np.ones(len(batch[DoorPassed]), np.bool_)', "planning.test_passing"),
+          "np.ones(len(batch[DoorPassed]), np.bool_)", "planning.test_passing"),
     guard("planning: what is known at the start only", "asked_beliefs.beliefs_at",
           "Moment(ns=start_ns) if start_ns < end_ns else None", "None",
           "planning.test_patrol_plan"),

@@ -14,6 +14,7 @@ from patrol_eval.patrol_world import ENTER_S, PatrolWorld, RoundRules
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import DoorAdded, Event
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.planning.door_chances import DoorChances, SkipRule
 from semmap_log.planning.learnt_chances import STEP_S, learnt_chances, round_times_s
 from semmap_log.planning.passing import PassingProjection
@@ -173,9 +174,12 @@ class Learnt(_Ours):
 
     def __init__(
         self, building: PatrolledBuilding, rules: RoundRules, skip: SkipRule, monday_ns: int,
-        estimator: str = "filter",
+        *, estimator: str = "filter", learn_every: int = 1,
     ) -> None:  # fmt: skip
         super().__init__(building, rules, skip)
+        self._learn_every = learn_every
+        self._waiting: list[Event] = []
+        self._rounds = 0
         folds = PassingProjection if rules.asks else BeliefProjection
         self._fold = folds(estimator, building.tz)
         self._beliefs = self._fold.initial()
@@ -195,8 +199,13 @@ class Learnt(_Ours):
         )  # fmt: skip
 
     def learn(self, events: Sequence[Event], /) -> None:
-        """Take in a round's events."""
-        self._beliefs = self._fold.apply(self._beliefs, EventBatch.from_events(events))
+        """Take in a round's events, or keep them until the next time that it learns."""
+        self._waiting += events
+        self._rounds += 1
+        if self._rounds % self._learn_every == 0:
+            self._beliefs = self._fold.apply(self._beliefs, EventBatch.from_events(self._waiting))
+            self._waiting = []
+            self._beliefs.learnt(MAX_TIME_NS)  # once for all rounds until the next time
 
 
 class Truthful(_Ours):

@@ -36,6 +36,8 @@ class TrialOptions:
     planners: tuple[str, ...] = ("fixed", "nearest", "ours", "true")
     skip: SkipRule = field(default_factory=SkipRule)
     estimator: str = "filter"
+    learn_every: int = 1
+    """Rounds: ours takes in what it met after each so many; more are quicker, and no better."""
 
 
 @lru_cache(1)
@@ -74,10 +76,12 @@ def _planners(
         "fixed": lambda: Fixed(building, tour),
         "nearest": lambda: NearestFirst(building),
         "ours": lambda: Learnt(
-            building, rules, options.skip, world.monday_ns, options.estimator
+            building, rules, options.skip, world.monday_ns,
+            estimator=options.estimator, learn_every=options.learn_every,
         ),
         "all": lambda: Learnt(
-            building, rules, SkipRule(0.0), world.monday_ns, options.estimator
+            building, rules, SkipRule(0.0), world.monday_ns,
+            estimator=options.estimator, learn_every=options.learn_every,
         ),
         "true": lambda: Truthful(world, rules, LOCKED),
     }  # fmt: skip
