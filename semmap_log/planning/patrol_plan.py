@@ -24,7 +24,7 @@ from semmap_log.planning.named_places import NamedPlaces
 from semmap_log.planning.passing import PassingProjection
 from semmap_log.planning.patrol_round import PatrolRound, PatrolTarget, PlannedTry
 from semmap_log.planning.patrol_targets import (
-    LeftOut,
+    NotVisited,
     Wanted,
     WantedTarget,
     all_wanted,
@@ -97,7 +97,7 @@ class PatrolPlan:
     start: Place | None
     """None: nobody knows where the robot is; the round begins at its first stop."""
     stops: tuple[PlannedStop, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[NotVisited, ...]
     mean_visit_s: float
     """Mean time to visit what lets the robot in, from the start on."""
     visits: float
@@ -247,9 +247,9 @@ class _Planner:
         for shut in round_.left_out:
             rows = [reached[door].row for door in shut.doors]
             said = shut_in_words(self._chosen, rows)
-            left_out.append(LeftOut(targets[int(shut.name)].name, "shut", said))
+            left_out.append(NotVisited(targets[int(shut.name)].name, "shut", said))
         left_out += [
-            LeftOut(targets[int(late.name)].name, "budget", "reached after the budget")
+            NotVisited(targets[int(late.name)].name, "budget", "reached after the budget")
             for late in round_.cut_off()
         ]
         return self._made([self._stop(each, reached) for each in round_.plan()], left_out)
@@ -270,7 +270,7 @@ class _Planner:
             why_then(self._chosen, entry.row, planned, self._options.skip),
         )  # fmt: skip
 
-    def _made(self, stops: list[PlannedStop], left_out: list[LeftOut]) -> PatrolPlan:
+    def _made(self, stops: list[PlannedStop], left_out: list[NotVisited]) -> PatrolPlan:
         chances = np.array([stop.p_passes for stop in stops])
         times_s = np.array([(s.arrives_ns - self._start_ns) / SECOND_NS for s in stops])
         visits = float(chances.sum())
@@ -327,12 +327,12 @@ class _Planner:
             from_start_s = np.zeros(len(kept))
         return [entries[place] for place in kept.tolist()], from_start_s, leg_s
 
-    def _unreached(self, entries: list[_Entry], reached: list[_Entry]) -> list[LeftOut]:
+    def _unreached(self, entries: list[_Entry], reached: list[_Entry]) -> list[NotVisited]:
         there = [entry.target for entry in reached]
         missed = [entry.target for entry in entries if entry.target not in there]
         start = self._where or entries[0].place if entries else None
         return [
-            LeftOut(target.name, "no way", self._no_way(target, start))
+            NotVisited(target.name, "no way", self._no_way(target, start))
             for place, target in enumerate(missed)
             if target not in missed[:place]
         ]
@@ -375,7 +375,7 @@ def _key(target: WantedTarget) -> str:
     )
 
 
-def _nothing(left_out: list[LeftOut]) -> str:
+def _nothing(left_out: list[NotVisited]) -> str:
     """Return why there is no plan."""
     if not left_out:
         return "patrol-plan: nothing to visit."

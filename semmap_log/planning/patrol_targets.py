@@ -28,7 +28,7 @@ class WantedTarget:
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
+class NotVisited:
     """A target that is not in the plan, and why."""
 
     name: str
@@ -38,7 +38,7 @@ class LeftOut:
     """The same in words."""
 
 
-Wanted = tuple[list[WantedTarget], list[LeftOut]]
+Wanted = tuple[list[WantedTarget], list[NotVisited]]
 
 
 def wanted_doors(ways: WaysBetween, doors: Sequence[Door]) -> Wanted:
@@ -50,7 +50,7 @@ def wanted_doors(ways: WaysBetween, doors: Sequence[Door]) -> Wanted:
             targets.append(WantedTarget(door.label, None, (door,), (tuple(places),)))
         else:
             where = "no floor before it" if door.is_placed else "it has no place in the map"
-            left_out.append(LeftOut(door.label, "no place", where))
+            left_out.append(NotVisited(door.label, "no place", where))
     return targets, left_out
 
 
@@ -62,9 +62,9 @@ def wanted_rooms(ways: WaysBetween, rooms: Sequence[RoomId], start: Place | None
         name = room_label(ways.plan, room)
         target = _room(ways, room, name)
         if room == inside:
-            left_out.append(LeftOut(name, "start", "the round starts in it"))
+            left_out.append(NotVisited(name, "start", "the round starts in it"))
         elif target is None:
-            left_out.append(LeftOut(name, "no way", "no door leads into it"))
+            left_out.append(NotVisited(name, "no way", "no door leads into it"))
         else:
             targets.append(target)
     return targets, left_out
@@ -79,7 +79,7 @@ def all_rooms(ways: WaysBetween, start: Place | None) -> Wanted:
     targets, left_out = wanted_rooms(ways, small, start)
     inside = ways.room_of(start) if start is not None else None
     passed = [
-        LeftOut(room_label(ways.plan, room), "hall",
+        NotVisited(room_label(ways.plan, room), "hall",
                 f"a hall of {len(doors_of[room])} doors, passed anyway")
         for room in halls
         if room != inside

@@ -11,7 +11,7 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import SECOND_NS, format_local, format_short
 from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
 from semmap_log.planning.patrol_round import EXPECTED_P
-from semmap_log.planning.patrol_targets import LeftOut
+from semmap_log.planning.patrol_targets import NotVisited
 from semmap_log.views.belief_words import MOST_NAMED, named, with_interval
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
@@ -87,7 +87,7 @@ def _summary(plan: PatrolPlan) -> list[str]:
     return lines
 
 
-def _omitted(left_out: Iterable[LeftOut]) -> list[str]:
+def _omitted(left_out: Iterable[NotVisited]) -> list[str]:
     """Return a line for each reason, or for each target where the words differ and they are few."""
     by_words: dict[tuple[str, str], list[str]] = {}
     for each in left_out:

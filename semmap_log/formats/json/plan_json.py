@@ -8,7 +8,7 @@ from typing import Any
 from semmap_log.domain.moments import SECOND_NS, format_utc
 from semmap_log.formats.json.beliefs_json import ROUNDED
 from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
-from semmap_log.planning.patrol_targets import LeftOut
+from semmap_log.planning.patrol_targets import NotVisited
 from semmap_log.probabilities.forecast import INTERVAL
 from semmap_log.rooms import Place
 
@@ -62,7 +62,7 @@ def _stop(number: int, stop: PlannedStop, plan: PatrolPlan) -> dict[str, Any]:
     }
 
 
-def _omitted(each: LeftOut) -> dict[str, Any]:
+def _omitted(each: NotVisited) -> dict[str, Any]:
     return {"target": each.name, "reason": each.reason, "why": each.said}
 
 
