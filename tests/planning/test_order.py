@@ -116,6 +116,9 @@ def test_a_door_that_opens_late_is_visited_late() -> None:
     )  # fmt: skip
 
     assert best_order(task).tolist() == [1, 0]
+    times_s, chances = task.arrivals(np.array([[1, 0]]))
+    assert times_s[0, 1] == pytest.approx(400 + 0.9 * 17 + 0.1 * 13 + 400)
+    assert chances[0].tolist() == [0.9, 1.0]
     assert best_order(replace(task, p_passes=near_opens_late[:, 2:])).tolist() == [0, 1]
 
 
