@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semmap_log.beliefs.belief_query import BeliefQuery
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import SECOND_NS, Moment
@@ -316,7 +317,7 @@ class _Trip:
             )
         if self._way.left_out:
             notes.append(
-                f"{self._way.left_out} doors of longer ways are taken to be shut: of more than "
+                f"{counted(self._way.left_out, 'door')} of longer ways taken to be shut: of more than "
                 f"{MOST_DOORS} doors not all can be thought through"
             )
         return notes
