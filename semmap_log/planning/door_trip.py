@@ -316,8 +316,9 @@ class _Trip:
                 "it stays shut"
             )
         if self._way.left_out:
+            others = counted(self._way.left_out, "door")
             notes.append(
-                f"{counted(self._way.left_out, 'door')} of longer ways taken to be shut: of more than "
-                f"{MOST_DOORS} doors not all can be thought through"
+                f"{others} of longer ways taken to be shut: of more than {MOST_DOORS} "
+                f"doors not all can be thought through"
             )
         return notes
