@@ -221,6 +221,10 @@ class EstimatorError(SemmapError, ValueError):
     """There is no such estimator, it cannot say what was asked, or it cannot be judged."""
 
 
+class PlanError(SemmapError, ValueError):
+    """A round or a way that cannot be planned: no way there, no stops, or no time."""
+
+
 class CheckpointError(SemmapError):
     """A checkpoint is of something else, or cannot be read; or a state cannot be stored in one."""
 

@@ -32,6 +32,7 @@ ORDER = [
     {"replay"},
     {"door_log"},
     {"costmaps", "beliefs", "scans", "rooms"},
+    {"planning"},
     {"formats"},
     {"views", "ros_mapping"},
     {"importing", "exporting"},

@@ -61,8 +61,13 @@ class IncrementalModel(Protocol):
 class StateModel(Protocol):
     """What was learnt, where it follows a door's state over time."""
 
-    def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
-        """Return the expected wait until a door is open, or closed, in seconds; NaN: not known."""
+    def wait_s(
+        self, door_id: DoorId, at_ns: int, *, until_open: bool = True, most_s: float | None = None
+    ) -> float:
+        """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
+
+        Who has waited `most_s` goes; None: nobody does.
+        """
 
 
 class Estimator(Protocol):

@@ -28,6 +28,8 @@ ANSWER = {
     "timeline": ["LOG", "front"],
     "probabilities": ["LOG"],
     "best-time": ["LOG", "front"],
+    "patrol-plan": ["LOG"],
+    "go": ["LOG", "1,1", "2,2"],
     "evaluate": ["LOG"],
     "calibrate": ["LOG", "--truth", "TRUTH.csv"],
     "export": ["LOG", "OUT.jsonl"],

@@ -29,6 +29,7 @@ from mutation.oprs_guards import OPRS
 from mutation.picture_guards import PICTURES
 from mutation.planner_file_guards import PLANNER_FILES
 from mutation.planner_guards import PLANNERS
+from mutation.planning_guards import PLANNING
 from mutation.proposal_guards import PROPOSALS
 from mutation.room_guards import ROOMS
 from mutation.ros_mapping_guards import ROS_MAPPING
@@ -390,6 +391,6 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *ROOMS, *EXPERIMENT,
-    *EXPERIMENT_TABLES,
+    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *PLANNING, *ROOMS,
+    *EXPERIMENT, *EXPERIMENT_TABLES,
 )  # fmt: skip

@@ -102,11 +102,16 @@ class DoorFilter:
             is_known[asked] |= fresh & (belief.seen_ns > NEVER)
         return Forecast.around(p_open, variance, is_known, days)
 
-    def wait_s(self, at_ns: int, *, until_open: bool) -> float:
+    def wait_s(self, at_ns: int, *, until_open: bool, most_s: float | None = None) -> float:
         """Return how long it will take, on average, until the door is open, or closed; seconds.
 
         It is the mean first passage of the chain: through time t survive e^(-H(t)) of the doors
         that are not so yet, H being the sum of their rates.
+
+        Args:
+            at_ns: From then on.
+            until_open: Or until it is closed.
+            most_s: Who waits so long goes; None: nobody does.
         """
         steps_ns = at_ns + np.arange(WAIT_D * 48, dtype=np.int64) * LOOK_NS
         known_ns = np.full(len(steps_ns), at_ns)
@@ -118,8 +123,13 @@ class DoorFilter:
         relaxation = np.minimum(forgetting.rates.relaxation, 1 / step_s)
         rate = relaxation[self._clock.hour_of(steps_ns) % 24]
         rate = rate * (expected if until_open else 1 - expected)
-        left = np.exp(-np.append(0.0, np.cumsum(rate * step_s)))
-        waited_s = float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
+        if most_s is None:
+            left = np.exp(-np.append(0.0, np.cumsum(rate * step_s)))
+            waited_s = float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
+        else:
+            lasts_s = np.clip(most_s - np.arange(len(rate)) * step_s, 0.0, step_s)
+            left = np.exp(-np.append(0.0, np.cumsum(rate * lasts_s)))
+            waited_s = float(((left[:-1] - left[1:]) / rate).sum())
         return float(1 - here if until_open else here) * waited_s
 
     def _belief(self, epoch: Epoch, known_ns: Times) -> Belief:
@@ -230,17 +240,20 @@ class LearntFilter(LearntByDoor[DoorFilter]):
         for (door_id, at_ns), forgetting in zip(pasts, learnt, strict=True):
             self._rates[door_id][at_ns] = forgetting
 
-    def wait_s(self, door_id: DoorId, at_ns: int, *, until_open: bool = True) -> float:
+    def wait_s(
+        self, door_id: DoorId, at_ns: int, *, until_open: bool = True, most_s: float | None = None
+    ) -> float:
         """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
 
         Args:
             door_id: The door.
             at_ns: From then on, by what was known then.
             until_open: Or until it is closed.
+            most_s: Who waits so long goes; None: nobody does.
         """
         if door_id not in self.evidence:
             return math.nan
-        return self.door(door_id).wait_s(at_ns, until_open=until_open)
+        return self.door(door_id).wait_s(at_ns, until_open=until_open, most_s=most_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,6 +104,24 @@ def test_the_wait_is_longer_in_the_evening_of_a_door_that_is_used_by_day() -> No
     assert evening > 8
 
 
+@pytest.mark.parametrize("most_s", [60.0, 1000.0, 7 * 3600.0, 90 * 86_400.0])
+def test_who_waits_only_so_long_waits_less(learnt: LearntFilter, most_s: float) -> None:
+    """
+    Of a steady rate the mean wait m becomes m (1 - e^(-most / m)); however long, never more than m.
+    """
+    at_ns = next(
+        int(at)
+        for at in hours_ns(24 * DAYS + np.arange(0, 240, 1.0))
+        if learnt.predict(DOOR, np.array([at]), np.array([at])).p_open[0] < 0.01
+    )
+
+    mean_s = learnt.wait_s(DOOR, at_ns)
+    found_s = learnt.wait_s(DOOR, at_ns, most_s=most_s)
+
+    assert found_s == pytest.approx(mean_s * -math.expm1(-most_s / mean_s), rel=0.05)
+    assert found_s <= mean_s
+
+
 def test_of_a_door_that_nobody_told_of_it_is_not_known(learnt: LearntFilter) -> None:
     """
     No number at all, rather than one that somebody might plan with.

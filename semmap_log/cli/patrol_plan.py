@@ -1,0 +1,150 @@
+"""`patrol-plan`: in which order to visit rooms or doors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semmap_log.cli.common import AsJson, LogPath, console, print_json, progress, say
+from semmap_log.cli.probabilities import PLOTS, Estimator, Zone
+
+if TYPE_CHECKING:
+    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.planning.patrol_plan import PatrolPlan
+
+Speed = Annotated[
+    float, typer.Option("--speed", metavar="M/S", help="How fast the robot is, metres a second.")
+]
+SPEED_M_S = 0.7
+
+
+def run(
+    log: LogPath,
+    *,
+    start_at: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="PLACE",
+            help="X,Y or X,Y,LEVEL, a room, or a door; default: where the log saw the robot last.",
+        ),
+    ] = None,
+    rooms: Annotated[
+        list[str] | None,
+        typer.Option("--rooms", metavar="A,B", help="Rooms to visit, by number or name."),
+    ] = None,
+    doors: Annotated[
+        list[str] | None,
+        typer.Option("--doors", metavar="A,B", help="Doors to go through, by id or name."),
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="All rooms; without rooms, all doors: the default.")
+    ] = False,
+    start: Annotated[
+        str | None,
+        typer.Option("--start", metavar="TIME", help="When it starts; default: the log's end."),
+    ] = None,
+    speed: Speed = SPEED_M_S,
+    budget: Annotated[
+        str | None, typer.Option("--budget", metavar="60min", help="How long it may take.")
+    ] = None,
+    enter: Annotated[
+        str, typer.Option("--enter", metavar="17s", help="To go into a room and come out.")
+    ] = "17s",
+    wait: Annotated[
+        str, typer.Option("--wait", metavar="10s", help="How long to wait at a shut door.")
+    ] = "10s",
+    asks: Annotated[
+        bool, typer.Option("--asks", help="It may ask for doors: P is that of passing.")
+    ] = False,
+    skip_below: Annotated[
+        float | None,
+        typer.Option(
+            "--skip-below",
+            metavar="P",
+            min=0,
+            max=1,
+            help="Leave out doors that at such hours are open less than that at the upper end of "
+            "the 90 % interval, and were looked at within a day; .3. 0: none.",
+        ),
+    ] = None,
+    estimator: Estimator = None,
+    tz: Zone = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="X.png", help="Draw it over the floor plan; or .svg."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Plan a patrol: in which order to visit rooms, so that the mean time to visit is least.
+
+    P is how likely each door is open when the robot comes to it, by all that was known at the
+    start. Doors that are likely open and near come first. A door that was found shut again and
+    again at such hours is left out, but looked at once a day: what is not tried is not learnt. One
+    of which too little was seen is UNKNOWN, and counts as the others on average.
+
+    \b
+    Examples:
+      semmap-log patrol-plan office
+      semmap-log patrol-plan office --from 2,1.5 --start "2026-03-02T08:00" --budget 30min
+      semmap-log patrol-plan office --rooms 2,3 --json
+      semmap-log patrol-plan office --doors front,side --plot plan.png
+    """
+    import semmap_log as sl
+    from semmap_log.formats.json.plan_json import plan_to_json
+    from semmap_log.io.disk import refuse_own_folder
+    from semmap_log.planning.door_chances import SkipRule
+    from semmap_log.planning.named_places import listed
+    from semmap_log.planning.patrol_plan import PatrolOptions, patrol_plan
+    from semmap_log.views.patrol_plan_table import patrol_plan_table
+
+    if everything and (rooms or doors):
+        raise typer.BadParameter("leave out --rooms and --doors, or --all", param_hint="--all")
+    if plot is not None and plot.suffix not in PLOTS:
+        raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
+                                 param_hint="--plot")  # fmt: skip
+    opened = sl.read(log)
+    if plot is not None:
+        refuse_own_folder(opened.path, plot)
+    options = PatrolOptions(
+        speed_m_s=speed,
+        budget_s=None if budget is None else seconds_of(budget),
+        enter_s=seconds_of(enter),
+        wait_s=seconds_of(wait),
+        asks=asks,
+        skip=SkipRule() if skip_below is None else SkipRule(skip_below),
+    )
+    with progress("Reading") as told:
+        plan = patrol_plan(
+            opened, start_at=start_at, rooms=listed(rooms or ()), doors=listed(doors or ()),
+            start=start, estimator=estimator, tz=tz, options=options, progress=told,
+        )  # fmt: skip
+    if plot is not None:
+        _plot(opened, plan, plot)
+    if as_json:
+        print_json(plan_to_json(plan))
+        return
+    console().print(patrol_plan_table(plan))
+
+
+def seconds_of(text: str) -> float:
+    """Return a length of time in seconds; `0` and `0s` are lengths, too."""
+    from semmap_log.domain.moments import SECOND_NS, parse_duration
+
+    return parse_duration(text) / SECOND_NS
+
+
+def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
+    from semmap_log.views.plots.patrol_route import plot_patrol
+
+    at = None if plan.start_ns > plan.known_ns else f"@{plan.start_ns}"
+    door_map = opened.replay(at=at)
+    levels = {stop.place.level for stop in plan.stops} | (
+        set() if plan.start is None else {plan.start.level}
+    )
+    floors = {level: opened.floor_of(door_map, level) for level in levels}
+    known = {level: floor for level, floor in floors.items() if floor is not None}
+    plot_patrol(plan, known, list(door_map.doors.values()), path)
+    say(f"{path}: {len(plan.stops)} stops.")

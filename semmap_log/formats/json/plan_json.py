@@ -1,0 +1,70 @@
+"""A planned patrol as the JSON that `patrol-plan` prints."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from semmap_log.domain.moments import SECOND_NS, format_utc
+from semmap_log.formats.json.beliefs_json import ROUNDED
+from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
+from semmap_log.planning.patrol_targets import NotVisited
+from semmap_log.probabilities.forecast import INTERVAL
+from semmap_log.rooms import Place
+
+
+def plan_to_json(plan: PatrolPlan) -> dict[str, Any]:
+    """Return the plan; where `is_known` is false, P is only a stand-in."""
+    options = plan.options
+    return {
+        "start": format_utc(plan.start_ns),
+        "known": format_utc(plan.known_ns),
+        "tz": plan.tz,
+        "estimator": plan.estimator,
+        "interval": INTERVAL,
+        "from": None if plan.start is None else place_to_json(plan.start),
+        "speed_m_s": options.speed_m_s,
+        "budget_s": options.budget_s,
+        "enter_s": options.enter_s,
+        "wait_at_shut_s": options.wait_s,
+        "asks": options.asks,
+        "skip_below": options.skip.below,
+        "mean_time_to_visit_s": _or_none(plan.mean_visit_s),
+        "expected_visits": round(plan.visits, ROUNDED),
+        "stops": [_stop(number, stop, plan) for number, stop in enumerate(plan.stops, start=1)],
+        "left_out": [_omitted(each) for each in plan.left_out],
+        "notes": list(plan.notes),
+    }
+
+
+def place_to_json(place: Place) -> dict[str, Any]:
+    """Return a place."""
+    return {"level": place.level, "x": round(place.x, 3), "y": round(place.y, 3)}
+
+
+def _stop(number: int, stop: PlannedStop, plan: PatrolPlan) -> dict[str, Any]:
+    return {
+        "stop": number,
+        "target": stop.target.name,
+        "room_id": stop.target.room,
+        "door_id": stop.door.door_id,
+        "door": stop.door.name,
+        "place": place_to_json(stop.place),
+        "arrives": format_utc(stop.arrives_ns),
+        "arrives_s": round((stop.arrives_ns - plan.start_ns) / SECOND_NS, 1),
+        "p": round(stop.p_passes, ROUNDED),
+        "low": round(stop.low, ROUNDED),
+        "high": round(stop.high, ROUNDED),
+        "is_known": stop.is_known,
+        "wait_s": None if stop.wait_s is None else round(stop.wait_s, 1),
+        "other_doors": [door.door_id for door in stop.others],
+        "why": stop.why,
+    }
+
+
+def _omitted(each: NotVisited) -> dict[str, Any]:
+    return {"target": each.name, "reason": each.reason, "why": each.said}
+
+
+def _or_none(number: float) -> float | None:
+    return round(number, 1) if math.isfinite(number) else None

@@ -1,0 +1,97 @@
+"""How likely doors let a robot in while it is on a round, and which of them are worth a try."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Probabilities = NDArray[np.float64]
+
+UNKNOWN_P = 0.5
+"""P of a door without evidence, where there is no door with any."""
+MEAN_COUNTS = 2.0
+"""As so many looks the mean of the others counts for a door of which too little is known."""
+DAY_S = 86_400.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DoorChances:
+    """P that n doors let the robot in, at k times of a round, `step_s` apart from its start on."""
+
+    p_passes: Probabilities
+    """(n, k)."""
+    low: Probabilities
+    """(n, k): of the 90 % interval."""
+    high: Probabilities
+    is_known: NDArray[np.bool_]
+    """(n,), False: too little was seen of the door to say anything, and its numbers are stand-ins:
+    see `with_stand_ins`."""
+    looks: NDArray[np.int64]
+    """(n, 2): looks at such hours of such days, and how many of them found it open: see
+    `looks_then`."""
+    looks_high: NDArray[np.float64]
+    """(n,): the upper end of the 90 % interval of the share that is open."""
+    unseen_s: NDArray[np.float64]
+    """(n,): for how long nobody has looked at it when the round begins; inf: nobody ever did."""
+    step_s: float
+
+    def with_stand_ins(self) -> DoorChances:
+        """Return the same where a door of which too little is known counts as the others do.
+
+        It is their mean, and its own looks at such hours where there are any; its interval is
+        0..1.
+        """
+        known, unknown = self.is_known, ~self.is_known
+        mean = self.p_passes[known].mean(axis=0) if known.any() else UNKNOWN_P
+        p_passes, low, high = self.p_passes.copy(), self.low.copy(), self.high.copy()
+        looks, found_open = self.looks[unknown].T[:, :, None]
+        p_passes[unknown] = (found_open + MEAN_COUNTS * mean) / (looks + MEAN_COUNTS)
+        low[unknown], high[unknown] = 0.0, 1.0
+        return replace(self, p_passes=p_passes, low=low, high=high)
+
+    def interval_at(self, row: int, time_s: float) -> tuple[float, float]:
+        """Return the interval of a door's P at a time of the round."""
+        times_s = np.arange(self.low.shape[1]) * self.step_s
+        return (
+            float(np.interp(time_s, times_s, self.low[row])),
+            float(np.interp(time_s, times_s, self.high[row])),
+        )
+
+    def or_else(self, p_open: DoorChances) -> DoorChances:
+        """Return P(passes) where it is known, else P(open): a door that is open lets one in.
+
+        Whether one that is shut would open for who asks is not known then: P may be up to 1.
+        """
+        stands_in = ~self.is_known & p_open.is_known
+        p_passes, low, high = self.p_passes.copy(), self.low.copy(), self.high.copy()
+        p_passes[stands_in] = p_open.p_passes[stands_in]
+        low[stands_in], high[stands_in] = p_open.low[stands_in], 1.0
+        known = self.is_known | stands_in
+        return replace(self, p_passes=p_passes, low=low, high=high, is_known=known)
+
+
+@dataclass(frozen=True, slots=True)
+class SkipRule:
+    """Which doors are left out: those that are shut for all that is known, and were looked at.
+
+    What is not tried is not learnt. So it takes more than a low P: at such hours of such days it
+    was found shut so often that even the upper end of the interval of how often it is open is
+    low. And it is looked at again after `again_s`, whatever was found. A door that nobody has
+    looked at then is never left out.
+    """
+
+    below: float = 0.3
+    """The upper end of the 90 % interval; 0: no door is left out."""
+    again_s: float = DAY_S
+
+    def seem_shut(self, chances: DoorChances) -> NDArray[np.bool_]:
+        """Return which doors are shut for all that is known."""
+        found: NDArray[np.bool_] = chances.looks_high < self.below
+        return found
+
+    def is_skipped(self, chances: DoorChances) -> NDArray[np.bool_]:
+        """Return which doors are left out of the round."""
+        found: NDArray[np.bool_] = self.seem_shut(chances) & (chances.unseen_s < self.again_s)
+        return found

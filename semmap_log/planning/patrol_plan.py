@@ -1,0 +1,384 @@
+"""A log's patrol: in which order to visit rooms or doors, what to expect there, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.beliefs.belief_query import BeliefQuery
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.domain.moments import SECOND_NS, Moment
+from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.errors import PlanError
+from semmap_log.io.progress import Progress
+from semmap_log.planning.asked_beliefs import beliefs_at, wait_s
+from semmap_log.planning.door_chances import UNKNOWN_P, DoorChances, SkipRule
+from semmap_log.planning.last_pose import LastPoseProjection
+from semmap_log.planning.learnt_chances import LONGEST_S, learnt_chances, round_times_s
+from semmap_log.planning.named_places import NamedPlaces
+from semmap_log.planning.passing import PassingProjection
+from semmap_log.planning.patrol_round import PatrolRound, PatrolTarget, PlannedTry
+from semmap_log.planning.patrol_targets import (
+    NotVisited,
+    Wanted,
+    WantedTarget,
+    all_wanted,
+    wanted_by_name,
+)
+from semmap_log.planning.patrol_words import shut_in_words, why_then
+from semmap_log.planning.round_task import RoundTask
+from semmap_log.planning.ways_between import WaysBetween
+from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.rooms import Place, room_plan
+from semmap_log.rooms.walking import SPEED_M_S
+
+THROUGH_P = 0.8
+"""Ways lead through doors that are at least so likely open; through others only if they must."""
+ENTER_S, WAIT_S, LOOK_S = 17.0, 10.0, 3.0
+A_WAY_S = 30.0
+"""From stop to stop, for how far ahead P is looked up; later times keep the last."""
+
+
+@dataclass(frozen=True, slots=True)
+class PatrolOptions:
+    """What a round is like."""
+
+    speed_m_s: float = SPEED_M_S
+    budget_s: float | None = None
+    enter_s: float = ENTER_S
+    """To go in, look, and come out."""
+    wait_s: float = WAIT_S
+    """So long the robot waits at a door that is shut, after a look of 3 s."""
+    asks: bool = False
+    """The robot may ask for doors: P is that of passing, learnt from earlier tries."""
+    skip: SkipRule = field(default_factory=SkipRule)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStop:
+    """A stop of the plan."""
+
+    target: WantedTarget
+    door: Door
+    """By which to go in."""
+    place: Place
+    """Where to stand before it."""
+    others: tuple[Door, ...]
+    """To try if that is shut."""
+    arrives_ns: int
+    """On average."""
+    p_passes: float
+    """When one arrives."""
+    low: float
+    high: float
+    """The 90 % interval's end."""
+    is_known: bool
+    """False: UNKNOWN; P is that of the others on average."""
+    wait_s: float | None
+    """Until it is open, on average, from the arrival on; None: not known."""
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class PatrolPlan:
+    """A round, planned."""
+
+    start_ns: int
+    known_ns: int
+    """What happened later does not count."""
+    tz: str
+    estimator: str
+    options: PatrolOptions
+    start: Place | None
+    """None: nobody knows where the robot is; the round begins at its first stop."""
+    stops: tuple[PlannedStop, ...]
+    left_out: tuple[NotVisited, ...]
+    mean_visit_s: float
+    """Mean time to visit what lets the robot in, from the start on."""
+    visits: float
+    """How many of the stops let the robot in at their first door, on average."""
+    notes: tuple[str, ...]
+    """What must not be overlooked."""
+
+
+@knows_keywords
+def patrol_plan(
+    log: DoorLog,
+    *,
+    start_at: str | None = None,
+    rooms: Sequence[str] = (),
+    doors: Sequence[str] = (),
+    start: Time = None,
+    estimator: str | None = None,
+    tz: str | None = None,
+    options: PatrolOptions = PatrolOptions(),
+    progress: Progress | None = None,
+) -> PatrolPlan:
+    """Return in which order to visit rooms and doors, so that the mean time to visit is least.
+
+    Args:
+        log: Whose building.
+        start_at: Where the robot starts: `X,Y`, `X,Y,LEVEL`, a room, or a door; None: where the
+            log saw it last.
+        rooms: Numbers or names of rooms to visit.
+        doors: Ids or names of doors to go through; without either: all rooms.
+        start: When; None: at the log's end. Of an earlier time counts only what had happened by
+            then.
+        estimator: None: `filter` up to a day after the log's end, `schedule` beyond.
+        tz: IANA zone of the building's clocks; None: the log's.
+        options: What a round is like.
+        progress: Told how far the reading is.
+
+    Raises:
+        PlanError: There is nothing to visit, no such place, no time, or no way.
+        UnknownDoorError: There is no such door.
+        EstimatorError: There is no such estimator.
+        MomentError: The time or the zone cannot be read.
+    """
+    _check(options)
+    query, start_ns = beliefs_at(log, start, estimator=estimator, tz=tz, progress=progress)
+    at = None if start_ns > query.known_ns else Moment(ns=start_ns)
+    ways = WaysBetween(room_plan(log, at=at), speed_m_s=options.speed_m_s)
+    names = NamedPlaces(log, ways, at)
+    where = _start_place(log, names, start_at, at)
+    if rooms or doors:
+        wanted = wanted_by_name(ways, names, rooms, doors, where)
+    else:
+        wanted = all_wanted(ways, where)
+    passing = None
+    if options.asks:
+        passing = log.fold(PassingProjection(query.estimator, query.clock.tz), at)
+    return _Planner(_Asked(query, start_ns, passing), ways, options, where).plan(wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is believed, and from when on the round is."""
+
+    query: BeliefQuery
+    start_ns: int
+    passing: Beliefs | None
+    """Of P(passes); None: the robot does not ask."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A door by which to go in."""
+
+    target: WantedTarget
+    door: Door
+    place: Place
+    """Where to stand before it."""
+    row: int
+    """Of the chances."""
+
+
+def _start_place(
+    log: DoorLog, names: NamedPlaces, start_at: str | None, at: Moment | None
+) -> Place | None:
+    if start_at is not None:
+        return names.place(start_at, "--from")
+    last = log.fold(LastPoseProjection(), at)
+    return None if last is None else last[1]
+
+
+def _check(options: PatrolOptions) -> None:
+    """Refuse what is no round.
+
+    Raises:
+        PlanError: A time is none.
+    """
+    if options.budget_s is not None and not (math.isfinite(options.budget_s)
+                                             and options.budget_s > 0):  # fmt: skip
+        raise PlanError(f"budget: expected a time above 0 s, got {options.budget_s:g} s.")
+    for name, seconds in (("enter", options.enter_s), ("wait", options.wait_s)):
+        if not (math.isfinite(seconds) and 0 <= seconds <= LONGEST_S):
+            raise PlanError(f"{name}: expected 0 s to {LONGEST_S:g} s, got {seconds:g} s.")
+
+
+class _Planner:
+    """Plans one round."""
+
+    def __init__(
+        self, asked: _Asked, ways: WaysBetween, options: PatrolOptions, where: Place | None
+    ) -> None:
+        self._query = asked.query
+        self._start_ns = asked.start_ns
+        self._ways = ways
+        self._options = options
+        self._where = where
+        self._ids = [door.door_id for door in asked.query.doors]
+        self._row = {door_id: row for row, door_id in enumerate(self._ids)}
+        self._open = self._chances(asked.query.beliefs)
+        self._chosen = self._open
+        if asked.passing is not None:
+            self._chosen = self._chances(asked.passing).or_else(self._open)
+        self._is_skipped = options.skip.is_skipped(self._chosen)
+
+    def plan(self, wanted: Wanted) -> PatrolPlan:
+        """Return the plan for what is wanted.
+
+        Raises:
+            PlanError: Nothing of it can be visited.
+        """
+        targets, left_out = wanted
+        entries = [
+            _Entry(target, door, self._nearest(places), self._row[door.door_id])
+            for target in targets
+            for door, places in zip(target.doors, target.places, strict=True)
+        ]
+        reached, from_start_s, leg_s = self._reached(entries)
+        left_out = [*left_out, *self._unreached(entries, reached)]
+        if not reached:
+            raise PlanError(_nothing(left_out))
+        by_target: dict[int, list[int]] = {}
+        for place, entry in enumerate(reached):
+            by_target.setdefault(targets.index(entry.target), []).append(place)
+        round_ = PatrolRound(
+            self._task([entry.row for entry in reached], from_start_s, leg_s),
+            [PatrolTarget(str(number), tuple(doors)) for number, doors in by_target.items()],
+            skipped=np.array([self._is_skipped[entry.row] for entry in reached]),
+        )
+        for shut in round_.left_out:
+            rows = [reached[door].row for door in shut.doors]
+            said = shut_in_words(self._chosen, rows)
+            left_out.append(NotVisited(targets[int(shut.name)].name, "shut", said))
+        left_out += [
+            NotVisited(targets[int(late.name)].name, "budget", "reached after the budget")
+            for late in round_.cut_off()
+        ]
+        return self._made([self._stop(each, reached) for each in round_.plan()], left_out)
+
+    def _stop(self, planned: PlannedTry, entries: list[_Entry]) -> PlannedStop:
+        entry = entries[planned.door]
+        arrives_ns = self._start_ns + round(planned.arrives_s * SECOND_NS)
+        low, high = self._chosen.interval_at(entry.row, planned.arrives_s)
+        others = [
+            entries[other].door
+            for other in planned.target.doors
+            if other != planned.door and not self._is_skipped[entries[other].row]
+        ]
+        return PlannedStop(
+            entry.target, entry.door, entry.place, tuple(others), arrives_ns, planned.p_passes,
+            low, high, bool(self._chosen.is_known[entry.row]),
+            self._wait_s(entry.door.door_id, arrives_ns),
+            why_then(self._chosen, entry.row, planned, self._options.skip),
+        )  # fmt: skip
+
+    def _made(self, stops: list[PlannedStop], left_out: list[NotVisited]) -> PatrolPlan:
+        chances = np.array([stop.p_passes for stop in stops])
+        times_s = np.array([(s.arrives_ns - self._start_ns) / SECOND_NS for s in stops])
+        visits = float(chances.sum())
+        query = self._query
+        return PatrolPlan(
+            self._start_ns, query.known_ns, query.clock.tz, query.estimator, self._options,
+            self._where, tuple(stops), tuple(left_out),
+            float((chances * times_s).sum() / visits) if visits > 0 else math.nan,
+            visits, tuple(self._notes(stops)),
+        )  # fmt: skip
+
+    def _notes(self, stops: list[PlannedStop]) -> list[str]:
+        notes = []
+        if self._where is None:
+            notes.append("nobody said where the robot is: the round begins at its first stop")
+        flat = sorted({s.place.level for s in stops} - set(self._ways.plan.floors))
+        if flat:
+            called = ", ".join(self._ways.plan.door_map.level_name(level) for level in flat)
+            notes.append(f"level {called} has no floor plan: distances are straight lines")
+        if not all(stop.is_known for stop in stops):
+            as_others = "as the others do on average, and by their own looks at such hours"
+            if not self._chosen.is_known.any():
+                as_others = f"{UNKNOWN_P:g}, since nothing is known of any door"
+            notes.append(f"UNKNOWN doors, of which too little was seen, count {as_others}")
+        return notes
+
+    def _chances(self, beliefs: Beliefs) -> DoorChances:
+        a_stop_s = A_WAY_S + max(self._options.enter_s, self._options.wait_s + LOOK_S)
+        longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * a_stop_s)
+        return learnt_chances(
+            beliefs, self._ids, known_ns=self._query.known_ns, start_ns=self._start_ns,
+            times_s=round_times_s(longest_s),
+        )  # fmt: skip
+
+    def _nearest(self, places: tuple[Place, ...]) -> Place:
+        """Return the side of a door that the robot comes to first."""
+        if len(places) == 1 or self._where is None:
+            return places[0]
+        times_s = self._ways.between_s([self._where], places)[0]
+        return places[int(times_s.argmin())]
+
+    def _reached(
+        self, entries: list[_Entry]
+    ) -> tuple[list[_Entry], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the doors that can be come to, and the times from the start and between them."""
+        if not entries:
+            return [], np.zeros(0), np.zeros((0, 0))
+        places = [entry.place for entry in entries]
+        start = places[:1] if self._where is None else [self._where]
+        times_s = self._times_s([*start, *places], places)
+        kept = np.flatnonzero(np.isfinite(times_s[0]))
+        from_start_s, leg_s = times_s[0, kept], times_s[1:][np.ix_(kept, kept)]
+        if self._where is None:
+            from_start_s = np.zeros(len(kept))
+        return [entries[place] for place in kept.tolist()], from_start_s, leg_s
+
+    def _unreached(self, entries: list[_Entry], reached: list[_Entry]) -> list[NotVisited]:
+        there = [entry.target for entry in reached]
+        missed = [entry.target for entry in entries if entry.target not in there]
+        start = self._where or entries[0].place if entries else None
+        return [
+            NotVisited(target.name, "no way", self._no_way(target, start))
+            for place, target in enumerate(missed)
+            if target not in missed[:place]
+        ]
+
+    def _no_way(self, target: WantedTarget, start: Place | None) -> str:
+        level = target.doors[0].level
+        if start is None or level == start.level:
+            return "no way leads there"
+        return f"no lift leads to level {self._ways.plan.door_map.level_name(level)}"
+
+    def _times_s(self, sources: list[Place], targets: list[Place]) -> NDArray[np.float64]:
+        at_start = self._open.p_passes[:, 0]
+        shut = {DoorId(self._ids[row]) for row in np.flatnonzero(at_start < THROUGH_P).tolist()}
+        found = self._ways.between_s(sources, targets, shut)
+        if np.isfinite(found).all():
+            return found
+        through_any = self._ways.between_s(sources, targets)
+        return np.where(np.isfinite(found), found, through_any)
+
+    def _task(
+        self, rows: list[int], from_start_s: NDArray[np.float64], leg_s: NDArray[np.float64]
+    ) -> RoundTask:
+        alike = np.ones(len(rows))
+        return RoundTask(
+            from_start_s, leg_s, self._chosen.p_passes[rows], alike * self._options.enter_s,
+            alike * (self._options.wait_s + LOOK_S), step_s=self._chosen.step_s,
+            budget_s=self._options.budget_s,
+        )  # fmt: skip
+
+    def _wait_s(self, door_id: DoorId, arrives_ns: int) -> float | None:
+        """Return the expected wait until the door is open, where the estimator tells."""
+        if not self._open.is_known[self._row[door_id]]:
+            return None
+        return wait_s(self._query, door_id, arrives_ns)
+
+
+def _key(target: WantedTarget) -> str:
+    return f"{'door' if target.room is None else 'room'} {target.room} {target.name}" + (
+        f" {target.doors[0].door_id}" if target.room is None else ""
+    )
+
+
+def _nothing(left_out: list[NotVisited]) -> str:
+    """Return why there is no plan."""
+    if not left_out:
+        return "patrol-plan: nothing to visit."
+    first = left_out[0]
+    more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
+    return f"patrol-plan: nothing can be visited. {first.name}: {first.said}{more}."

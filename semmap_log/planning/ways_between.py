@@ -1,0 +1,86 @@
+"""How long a robot takes between places of a log's building; where there is no plan, in a line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.domain.doors import Door, DoorId
+from semmap_log.errors import PlanError
+from semmap_log.rooms import OUTSIDE, Place, RoomId, RoomPlan, TravelTimes
+from semmap_log.rooms.walking import SPEED_M_S
+
+
+class WaysBetween:
+    """Travel times: over the floor plans, and on levels without one in a straight line."""
+
+    def __init__(self, plan: RoomPlan, *, speed_m_s: float = SPEED_M_S) -> None:
+        """Draw the floors.
+
+        Raises:
+            PlanError: The speed is none.
+            CostmapError: A floor plan cannot be walked on.
+        """
+        if not (math.isfinite(speed_m_s) and speed_m_s > 0):
+            raise PlanError(f"speed: expected metres a second above 0, got {speed_m_s:g}.")
+        self.plan = plan
+        self.speed_m_s = speed_m_s
+        self._times = TravelTimes.of_plan(plan, speed_m_s=speed_m_s)
+
+    def before(self, door: Door, room: RoomId | None = None) -> list[Place]:
+        """Return where the robot may stand before a door.
+
+        Args:
+            door: It has a place.
+            room: Into which it is to lead: only on its other side; None: on either.
+        """
+        if door.level not in self.plan.floors:
+            return [middle_of(door)]
+        doorway = self.plan.graph.doorways[door.door_id]
+        sides = zip((doorway.left, doorway.right), self._times.before(door.door_id), strict=True)
+        return [place for side, place in sides if place is not None and side != room]
+
+    def room_of(self, place: Place) -> RoomId | None:
+        """Return the room that a place lies in; None: in none, or its level has no plan."""
+        return self.plan.room_at(place.level, place.x, place.y)
+
+    def check_start(self, place: Place, called: str) -> None:
+        """Return if a robot can stand there.
+
+        Raises:
+            PlanError: It is in a wall, or off the map.
+        """
+        floor = self.plan.floors.get(place.level)
+        if floor is None:
+            if place.level not in self.plan.door_map.levels and self.plan.floors:
+                raise PlanError(f"{called}: there is no level {place.level}.")
+            return
+        around = self._times.between([place], [place])
+        if not math.isfinite(around[0, 0]):
+            room = self.room_of(place)
+            where = "outside of the floor plan" if room == OUTSIDE else "in or too near to a wall"
+            raise PlanError(
+                f"{called}: ({place.x:g}, {place.y:g}) on level {place.level} is {where}; "
+                "expected a place where a robot of 0.25 m radius can stand."
+            )
+
+    def between_s(
+        self, sources: Sequence[Place], targets: Sequence[Place], shut: Collection[DoorId] = ()
+    ) -> NDArray[np.float64]:
+        """Return the seconds from places to places: (n, m); inf: there is no way."""
+        found = self._times.between(sources, targets, shut)
+        for row, source in enumerate(sources):
+            for column, target in enumerate(targets):
+                if source.level == target.level and source.level not in self.plan.floors:
+                    away_m = math.dist((source.x, source.y), (target.x, target.y))
+                    found[row, column] = away_m / self.speed_m_s
+        return found
+
+
+def middle_of(door: Door) -> Place:
+    """Return the middle of a door's line."""
+    (x0, y0), (x1, y1) = door.start, door.end
+    return Place(door.level, (x0 + x1) / 2, (y0 + y1) / 2)

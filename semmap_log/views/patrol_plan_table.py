@@ -1,0 +1,107 @@
+"""A planned patrol, for people: the stops in their order, and what is left out, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.moments import SECOND_NS, format_local, format_short
+from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
+from semmap_log.planning.patrol_round import EXPECTED_P
+from semmap_log.planning.patrol_targets import NotVisited
+from semmap_log.views.belief_words import MOST_NAMED, named, with_interval
+from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
+from semmap_log.views.event_words import printable
+from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS
+from semmap_log.views.timeline_table import duration
+
+
+def patrol_plan_table(plan: PatrolPlan) -> RenderableType:
+    """Return a row a stop, what is left out, and what the plan rests on."""
+    table = ColumnTable(_columns(with_targets=any(s.target.room is not None for s in plan.stops)))
+    for number, stop in enumerate(plan.stops, start=1):
+        table.add(*_row(number, stop, plan.tz))
+    notes = [*_summary(plan), *_omitted(plan.left_out), *plan.notes]
+    return Group(table, *(Text(line, style="dim") for line in notes))
+
+
+def _columns(*, with_targets: bool) -> list[TableColumn]:
+    return [
+        TableColumn("stop", "#", right=True),
+        TableColumn("target", "visit" if with_targets else None, least=SHORTEST_NAME),
+        TableColumn("door_id"),
+        TableColumn("door", "by door", least=SHORTEST_NAME),
+        TableColumn("", "arrive"),
+        TableColumn("arrives"),
+        TableColumn("", "P (90 %)"),
+        TableColumn("p"),
+        TableColumn("low"),
+        TableColumn("high"),
+        TableColumn("wait_s", "wait", right=True, yields=2),
+        TableColumn("or_by", "or by", least=SHORTEST_NAME, yields=3),
+        TableColumn("why", "why", least=20, yields=1),
+    ]
+
+
+def _row(number: int, stop: PlannedStop, tz: str) -> Iterable[Cell]:
+    short = format_short(stop.arrives_ns, tz).rpartition(" ")[2]
+    if stop.is_known:
+        likely = DoorState.OPEN if stop.p_passes >= EXPECTED_P else DoorState.CLOSED
+        drawn = with_interval(stop.p_passes, stop.low, stop.high)
+        chance = Text(drawn, style=STATE_COLOURS[likely])
+        numbers = [f"{each:.4f}" for each in (stop.p_passes, stop.low, stop.high)]
+    else:
+        chance, numbers = Text("UNKNOWN", style=OTHER_STATE_COLOUR), [ABSENT] * 3
+    wait: Cell = ABSENT
+    if stop.wait_s is not None:
+        wait = CellValue(duration(round(stop.wait_s) * SECOND_NS), f"{stop.wait_s:.0f}")
+    return (
+        str(number),
+        Text(printable(stop.target.name)),
+        str(stop.door.door_id),
+        Text(printable(stop.door.label)),
+        short,
+        format_local(stop.arrives_ns, tz),
+        chance,
+        *numbers,
+        wait,
+        Text(", ".join(printable(door.label) for door in stop.others) or ABSENT),
+        stop.why,
+    )
+
+
+def _summary(plan: PatrolPlan) -> list[str]:
+    start, known = (format_short(ns, plan.tz) for ns in (plan.start_ns, plan.known_ns))
+    when = start if start == known else f"{start}, as known at {known}"
+    what = "P: that the door lets a robot in that may ask" if plan.options.asks else "P: of open"
+    lines = [f"from {when} ({plan.tz}), by {plan.estimator}; {what}, at arrival"]
+    if plan.stops:
+        mean = duration(round(plan.mean_visit_s) * SECOND_NS)
+        lines.append(
+            f"{len(plan.stops)} stops, of which {plan.visits:.1f} let one in at once, on average; "
+            f"mean time to visit {mean}"
+        )
+    return lines
+
+
+def _omitted(left_out: Iterable[NotVisited]) -> list[str]:
+    """Return a line for each reason, or for each target where the words differ and they are few."""
+    by_words: dict[tuple[str, str], list[str]] = {}
+    for each in left_out:
+        words = each.said if each.reason != "shut" else ""
+        by_words.setdefault((each.reason, words), []).append(each.name)
+    lines = []
+    for (reason, words), names in by_words.items():
+        if reason == "shut":
+            shut = [each for each in left_out if each.reason == "shut"]
+            lines += [f"left out: {printable(each.name)}: {each.said}"
+                      for each in shut[:MOST_NAMED]]  # fmt: skip
+            if len(shut) > MOST_NAMED:
+                others = named([each.name for each in shut[MOST_NAMED:]])
+                lines.append(f"left out, shut, too: {others}")
+        else:
+            lines.append(f"left out, {words}: {named(names)}")
+    return lines

@@ -1,0 +1,113 @@
+"""Trips through a log's doors: the expected time, and what to do at one that is shut."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.errors import PlanError
+from semmap_log.formats.json.trip_json import trip_to_json
+from semmap_log.planning.door_trip import door_trip
+from semmap_log.planning.trip_policy import AtShutDoor
+from tests.planning.ward import HALL, ward
+
+NOON = "2026-03-20T12:10"
+IN_THE_WARD = "2,4,1"
+IN_THE_STORE = "5.5,4,1"
+IN_THE_LAB = "8.5,4,1"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> sl.DoorLog:
+    return ward(tmp_path_factory.mktemp("ward") / "log")
+
+
+def test_through_open_doors_it_takes_as_long_as_the_walk(log: sl.DoorLog) -> None:
+    """
+    A little longer on average; by the lab's only door, and by one of the ward's two.
+    """
+    trip = door_trip(log, IN_THE_WARD, IN_THE_LAB, depart=NOON)
+
+    assert trip.stops[-1].door.name == "lab"
+    assert {"front", "side"} & {stop.door.name for stop in trip.stops}
+    assert trip.walk_s == pytest.approx(12, abs=6)
+    assert trip.walk_s < trip.expected_s < 10 * 3600
+    assert [door.name for door in trip.others] in (["side"], ["front"])
+
+
+def test_a_door_that_never_opens(log: sl.DoorLog) -> None:
+    """
+    There is no other way into the store: it waits, for long.
+    """
+    trip = door_trip(log, HALL, IN_THE_STORE, depart=NOON)
+
+    (stop,) = trip.stops
+    assert stop.p_open < 0.2
+    assert stop.if_shut.best is AtShutDoor.WAIT
+    assert math.isinf(stop.if_shut.round_s)
+    assert stop.wait_s is not None
+    assert stop.wait_s > 3600
+    assert trip.expected_s > 3600
+
+
+def test_in_one_room_no_door_counts(log: sl.DoorLog) -> None:
+    """
+    It walks.
+    """
+    trip = door_trip(log, "1,1,1", "9,1,1", depart=NOON)
+
+    assert trip.stops == ()
+    assert trip.expected_s == pytest.approx(8 / 0.7, abs=1)
+
+
+def test_where_it_asks(log: sl.DoorLog) -> None:
+    """
+    The store's door never opened for who asked; whether the front's would nobody knows: said.
+    """
+    store = door_trip(log, HALL, IN_THE_STORE, depart=NOON, asks=True).stops[0]
+    front = door_trip(log, HALL, IN_THE_WARD, depart=NOON, asks=True)
+
+    assert store.p_answers is not None
+    assert store.p_answers < 0.3
+    assert any("never asked for" in note for note in front.notes)
+
+
+def test_doors_without_evidence(log: sl.DoorLog) -> None:
+    """
+    UNKNOWN: nobody knows how long to wait, so there is no expected time, and JSON has null.
+    """
+    trip = door_trip(log, HALL, IN_THE_STORE, depart="2026-03-02T06:00")
+
+    assert math.isinf(trip.expected_s)
+    assert any("UNKNOWN" in note for note in trip.notes)
+    assert any("no expected time" in note for note in trip.notes)
+    assert trip_to_json(trip)["expected_s"] is None
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "said"),
+    [
+        (HALL, "0,0,2", "no way leads"),
+        ("3.75,4,1", HALL, "wall"),
+        (HALL, "-400,1,1", "outside of the floor plan"),
+        (HALL, "room:9", "expected a name, or a number"),
+    ],
+)
+def test_what_is_no_trip_is_refused(log: sl.DoorLog, start: str, goal: str, said: str) -> None:
+    """
+    Rooms that nothing joins, walls, places off the map, rooms that there are not.
+    """
+    with pytest.raises(PlanError, match=said):
+        door_trip(log, start, goal, depart=NOON)
+
+
+def test_the_best_way_after_the_log_s_end(log: sl.DoorLog) -> None:
+    """
+    Days ahead `schedule` is asked, which knows of no waits: a single door has no expected time.
+    """
+    trip = door_trip(log, HALL, IN_THE_STORE, depart="2026-04-20T12:10")
+
+    assert trip.estimator == "schedule"
+    assert math.isinf(trip.expected_s)

@@ -1,0 +1,1 @@
+"""Patrols of a building whose doors live by hidden schedules: what a planner makes of them."""
