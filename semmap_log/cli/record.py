@@ -29,7 +29,7 @@ from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 
 
-class Level(str, Enum):
+class SyncChoice(str, Enum):
     """`semmap_log.domain.commits.Durability`, as typer wants its choices."""
 
     event = "event"
@@ -60,9 +60,9 @@ def run(
         bool, typer.Option("--strict", help="Stop at the first bad line, instead of skipping it.")
     ] = False,
     durability: Annotated[
-        Level,
+        SyncChoice,
         typer.Option(help="What is true of a line when it is answered; see above."),
-    ] = Level.event,
+    ] = SyncChoice.event,
     batch_events: Annotated[
         int, typer.Option(min=1, help="batch: so many events at most share a sync.")
     ] = 64,

@@ -31,7 +31,7 @@ from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
 from semmap_log.cli.oprs import OprsAt, OprsName, OprsTo, chosen_kernels
 from semmap_log.cli.planners import TICK_S, Planners
-from semmap_log.cli.record import Level
+from semmap_log.cli.record import SyncChoice
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.common.texts import counted
 
@@ -129,8 +129,8 @@ def run(
         bool, typer.Option("--read-only", help="Offer the map, refuse the actions; no lock.")
     ] = False,
     durability: Annotated[
-        Level, typer.Option(help="What is true of a goal when it is answered; see above.")
-    ] = Level.event,
+        SyncChoice, typer.Option(help="What is true of a goal when it is answered; see above.")
+    ] = SyncChoice.event,
     batch_events: Annotated[
         int, typer.Option(min=1, help="batch: so many events at most are not yet synced.")
     ] = 64,

@@ -273,18 +273,19 @@ def test_a_recorder_that_is_ended_amid_a_visit_leaves_a_whole_log(
     office = _office(tmp_path / "office")
     words = ("record", office, ros.option, "--scan", "--keep-scans")
 
-    with _talking(ros) as talker, ros.semmap(*words) as recorder:
-        _drive_by(ros, talker, recorder, seconds=6.0)
-        time.sleep(1.0)
-        code = recorder.stop(number)
+    with _talking(ros) as talker:
+        with ros.semmap(*words) as recorder:
+            _drive_by(ros, talker, recorder, seconds=6.0)
+            time.sleep(1.0)
+            code = recorder.stop(number)
+        told = [line.partition("(")[0] for line in _events(office)]
+        with ros.semmap(*words) as again:
+            again.wait_for("/scan: recording")
+            assert 0 == again.stop()
 
     is_told = number == signal.SIGTERM
     assert code == (0 if is_told else -signal.SIGKILL)
-    kinds = [line.partition("(")[0] for line in _events(office)]
-    assert kinds == (["RobotPose", "RobotPose", "DoorObserved"] if is_told else [])
-    with ros.semmap(*words) as again:
-        again.wait_for("/scan: recording")
-        assert 0 == again.stop()
+    assert told == (["RobotPose", "RobotPose", "DoorObserved"] if is_told else [])
     for verb in ("verify", "info", "replay", "history", "timeline", "probabilities"):
         answered = ros.semmap(verb, office, *(["lab"] if verb == "timeline" else []))
         assert 0 == answered.wait(), answered

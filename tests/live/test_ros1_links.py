@@ -13,6 +13,7 @@ from pathlib import Path
 import semmap_log as sl
 from tests.live.plain_server import SERVER as PLAIN
 from tests.live.ros_world import RosWorld
+from tests.live.running import Running
 from tests.live.stock_client import StockClient
 
 PATIENT = """
@@ -96,10 +97,16 @@ def test_clients_that_come_together_are_linked_once(ros1: RosWorld, tmp_path: Pa
         for client in (one, other):
             client.send("goal", **goal)
         statuses = [client.answer()["status"] for client in (one, other)]
-        links = re.findall("^link .*$", server.errors, re.MULTILINE)
+        ros1.wait_until(lambda: len(_links(server)) >= 4, "two links of each client")
 
+    links = _links(server)
     assert ["ABORTED"] * 2 == statuses
     assert 4 == len(set(links)) == len(links), links
+
+
+def _links(server: Running) -> list[str]:
+    """Return what the server said of links so far; it may lag behind its answers."""
+    return re.findall("^link .*$", server.errors, re.MULTILINE)
 
 
 def test_who_asks_for_no_result_is_not_waited_for(ros1: RosWorld, tmp_path: Path) -> None:
