@@ -14,7 +14,6 @@ from patrol_eval.patrol_world import ENTER_S, PatrolWorld, RoundRules
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import DoorAdded, Event
 from semmap_log.domain.moments import SECOND_NS
-from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.planning.door_chances import DoorChances, SkipRule
 from semmap_log.planning.learnt_chances import STEP_S, learnt_chances, round_times_s
 from semmap_log.planning.passing import PassingProjection
@@ -173,10 +172,12 @@ class Learnt(_Ours):
     """Ours, by what it has learnt so far from its own rounds, as `patrol-plan` does."""
 
     def __init__(
-        self, building: PatrolledBuilding, rules: RoundRules, skip: SkipRule, monday_ns: int,
+        self, world: PatrolWorld, rules: RoundRules, skip: SkipRule,
         *, estimator: str = "filter", learn_every: int = 1,
     ) -> None:  # fmt: skip
+        building = world.building
         super().__init__(building, rules, skip)
+        self._end_ns = world.end_ns
         self._learn_every = learn_every
         self._waiting: list[Event] = []
         self._rounds = 0
@@ -185,7 +186,7 @@ class Learnt(_Ours):
         self._beliefs = self._fold.initial()
         ids = np.array(building.door_ids, np.uint32)
         self._beliefs = self._fold.apply(
-            self._beliefs, EventBatch.of(DoorAdded, happened_ns=monday_ns, door_id=ids)
+            self._beliefs, EventBatch.of(DoorAdded, happened_ns=world.monday_ns, door_id=ids)
         )
 
     def start(self, start_ns: int, /) -> RoundPlan:
@@ -205,7 +206,7 @@ class Learnt(_Ours):
         if self._rounds % self._learn_every == 0:
             self._beliefs = self._fold.apply(self._beliefs, EventBatch.from_events(self._waiting))
             self._waiting = []
-            self._beliefs.learnt(MAX_TIME_NS)  # once for all rounds until the next time
+            self._beliefs.learnt(self._end_ns)  # once for all rounds until the next time
 
 
 class Truthful(_Ours):

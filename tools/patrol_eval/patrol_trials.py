@@ -76,11 +76,11 @@ def _planners(
         "fixed": lambda: Fixed(building, tour),
         "nearest": lambda: NearestFirst(building),
         "ours": lambda: Learnt(
-            building, rules, options.skip, world.monday_ns,
+            world, rules, options.skip,
             estimator=options.estimator, learn_every=options.learn_every,
         ),
         "all": lambda: Learnt(
-            building, rules, SkipRule(0.0), world.monday_ns,
+            world, rules, SkipRule(0.0),
             estimator=options.estimator, learn_every=options.learn_every,
         ),
         "true": lambda: Truthful(world, rules, LOCKED),

@@ -69,8 +69,12 @@ class PatrolWorld:
         rng = random.Random(f"patrolled {self.seed}")
         self.monday_ns = parse_instant(MONDAY, tz=self.building.tz)
         self.habits = [habit_of(name, rng) for name in self.building.names]
-        end_ns = self.monday_ns + self.weeks * WEEK_NS
-        self.truths = [live(habit, self.monday_ns, end_ns, rng) for habit in self.habits]
+        self.truths = [live(habit, self.monday_ns, self.end_ns, rng) for habit in self.habits]
+
+    @property
+    def end_ns(self) -> int:
+        """When the last of its weeks ends."""
+        return self.monday_ns + self.weeks * WEEK_NS
 
     def try_door(self, door: int, at_ns: int, rules: RoundRules) -> Try:
         """Return what happens if the robot wants to go through a door then."""
