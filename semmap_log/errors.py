@@ -45,7 +45,7 @@ Messages say where, what was expected, what was got and, where it helps, what to
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from semmap_log.common.texts import MOST_TOLD, Repeats
 
@@ -152,7 +152,7 @@ class NewerLogError(LogError):
 class CorruptLogError(LogError):
     """The bytes of a segment are not what was written."""
 
-    def __init__(self, path: Path, offset: int | None, problem: str) -> None:
+    def __init__(self, path: PurePath, offset: int | None, problem: str) -> None:
         at = "" if offset is None else f" at byte {offset}"
         super().__init__(f"{path}: damaged{at}: {problem}")
         self.problem = problem
@@ -164,7 +164,7 @@ class CorruptLogError(LogError):
 class UnreadableLogError(CorruptLogError):
     """Bytes of a segment that the disk refuses, or that are gone since the file was opened."""
 
-    def __init__(self, path: Path, offset: int, problem: str) -> None:
+    def __init__(self, path: PurePath, offset: int, problem: str) -> None:
         super().__init__(path, offset, problem)
         self.args = (f"{path}: cannot be read at byte {offset}: {problem}",)
 

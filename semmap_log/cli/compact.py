@@ -11,7 +11,7 @@ from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
+    from pathlib import Path, PurePath
 
     from semmap_log.store.compaction import Compacted
 
@@ -70,7 +70,7 @@ def _tell(log: Path, done: Compacted, *, dry_run: bool) -> None:
         typer.echo(f"bytes an event    {before:,.1f} -> {after:,.1f} ({events})")
 
 
-def _intention(files: Sequence[Path]) -> str:
+def _intention(files: Sequence[PurePath]) -> str:
     if len(files) == 1:
         return f"would compress {files[0].name}"
     return f"would merge {len(files)} segments, {files[0].name} to {files[-1].name}"

@@ -88,7 +88,7 @@ def run(
     from semmap_log.beliefs.protocol import Protocol
     from semmap_log.domain.moments import parse_duration
     from semmap_log.formats.json.evaluation_json import evaluation_to_json
-    from semmap_log.io.disk import refuse_own_folder, utf8_name
+    from semmap_log.io.disk import log_name, refuse_own_folder
     from semmap_log.probabilities.estimators import ESTIMATORS, by_name
     from semmap_log.views.evaluation_table import evaluation_table
 
@@ -109,7 +109,7 @@ def run(
     if plot is not None:
         from semmap_log.views.plots.reliability import plot_calibration
 
-        plot_calibration(found, plot, name=utf8_name(log.resolve()))
+        plot_calibration(found, plot, name=log_name(log))
     names = opened.door_names()
     if as_json:
         print_json(evaluation_to_json(found, names=names))

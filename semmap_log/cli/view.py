@@ -254,11 +254,11 @@ def _recording(
     opened: DoorLog, save: Path | None, looks: dict[str, Any]
 ) -> Iterator[tuple[Path, RrdSummary]]:
     """Write the recording, to be kept or to be gone at the end; hand out path and summary."""
-    from semmap_log.io.disk import utf8_name
+    from semmap_log.io.disk import log_name
     from semmap_log.views.rerun.recording import save_rrd
 
     with tempfile.TemporaryDirectory(prefix="semmap-log-") as folder:
-        path = save or Path(folder) / f"{utf8_name(opened.path.resolve())}.rrd"
+        path = save or Path(folder) / f"{log_name(opened.path)}.rrd"
         with progress("Replaying") as told:
             summary = save_rrd(opened, path, progress=told, **looks)
         if save is not None:

@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import PurePath
 
 
 def counted(number: int, what: str) -> str:
@@ -25,7 +25,7 @@ def percent(share: float) -> str:
 PROGRAM = "semmap-log"
 
 
-def command_line(verb: str, *words: str | Path, program: str = PROGRAM) -> str:
+def command_line(verb: str, *words: str | PurePath, program: str = PROGRAM) -> str:
     """Return a line that runs a verb; paths and words are quoted where a shell needs it.
 
     Words in capitals, such as DOOR, stand for what the reader fills in.
@@ -36,11 +36,11 @@ def command_line(verb: str, *words: str | Path, program: str = PROGRAM) -> str:
             is none.
         program: What runs it.
     """
-    said = [_path(word) if isinstance(word, Path) else word for word in words]
+    said = [_path(word) if isinstance(word, PurePath) else word for word in words]
     return shlex.join([program, verb, *said])
 
 
-def _path(path: Path) -> str:
+def _path(path: PurePath) -> str:
     text = str(path)
     return f"./{text}" if text.startswith("-") else text
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import groupby
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from semmap_log.batches.event_batch import RecordedEvent
@@ -54,7 +54,7 @@ def early_events(reader: LogReader) -> EarlyEvents:
     return found
 
 
-def remedy(log: Path) -> str:
+def remedy(log: PurePath) -> str:
     """Return what to do about events that are told of doors before they were added."""
     line = command_line("import", log, "--since-ever")
     return f"if they were there already, say so: {line}"

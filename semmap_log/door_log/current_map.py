@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from pathlib import Path
+from pathlib import PurePath
 from threading import RLock
 
 from semmap_log.domain.commits import Commit
@@ -39,7 +39,7 @@ class CurrentMap:
         """
         self._writer, self._reader, self._written = opened.writer, opened.reader, opened.keyframes
         self._lock = lock
-        self.path: Path = self._reader.given
+        self.path: PurePath = self._reader.given
         self._timezone = self._reader.info.timezone
         self.is_read = True
         """Whether the reader has seen all that was written."""

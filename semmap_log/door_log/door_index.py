@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import PurePath
 
 import numpy as np
 
@@ -56,7 +56,7 @@ class DoorIndex:
     """Levels that have a name or a floor map -> the name."""
     removals: dict[int, Removal]
     """Doors that were removed, as far as that can be taken back."""
-    log: Path = field(default=Path("LOG"), repr=False, compare=False)
+    log: PurePath = field(default=PurePath("LOG"), repr=False, compare=False)
     """Where the log is, for messages."""
     names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
     """What doors are called, removed ones too: for messages."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
@@ -38,6 +38,7 @@ from semmap_log.folds.levels import resolve_level
 from semmap_log.folds.projection import Projection
 from semmap_log.folds.timeline import Timeline, timelines
 from semmap_log.io.progress import Progress
+from semmap_log.io.url_path import place_of
 from semmap_log.replay.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.replay.live_fold import LiveState, fold_live
 from semmap_log.replay.replay import Scope, replay, visible_batches
@@ -63,7 +64,7 @@ S = TypeVar("S")
 class DoorLog:
     """A log that is read: as it was when it was opened, or last refreshed."""
 
-    def __init__(self, path: str | Path | LogFolder | LogReader) -> None:
+    def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
 
         A log in a zip file is unpacked among the machine's temporary files for as long as it is
@@ -72,14 +73,15 @@ class DoorLog:
         A relative path is that of the moment: `os.chdir` leads nobody to another log.
 
         Args:
-            path: Its folder, or a zip file with one log in it; or what has read it already.
+            path: Its folder, a zip file with one log in it, or a URL of a store (`s3://…`, `gs://…`,
+                `az://…`, `https://…`); or what has read it already.
 
         Raises:
             NotALogError: There is no log at that path.
             CorruptLogError: It is damaged.
         """
         if not isinstance(path, LogReader):
-            path = LogReader(path if isinstance(path, LogFolder) else Path(path))
+            path = LogReader(path if isinstance(path, LogFolder) else place_of(path))
         self._opened = path
         self.path = self._opened.given
         self._refreshing = threading.Lock()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Final, TypedDict
 
 from semmap_log.domain.commits import Durability, check_text
@@ -103,11 +103,12 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
 
 
 @knows_keywords
-def read(path: str | Path) -> DoorLog:
+def read(path: str | PurePath) -> DoorLog:
     """Open a log for reading.
 
     Args:
-        path: Its folder, or a zip file with one log in it.
+        path: Its folder, a zip file with one log in it, or the URL of a folder in a store (`s3://…`,
+            `gs://…`, `az://…`, `https://…`), where it is read as it lies.
 
     Raises:
         NotALogError: There is none at that path.

@@ -19,7 +19,7 @@ from semmap_log.domain.moments import format_local
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.map_server_out import write_costs, write_map
-from semmap_log.io.disk import output_errors, refuse_own_folder, replace_file, utf8_name, whole_file
+from semmap_log.io.disk import log_name, output_errors, refuse_own_folder, replace_file, whole_file
 from semmap_log.replay.replay import Scope
 from semmap_log.views.costmap_picture import DoorMark, costmap_png
 
@@ -146,4 +146,4 @@ def _title(log: DoorLog, costmap: Costmap, part: Part, scope: Scope) -> str:
         bounds.append(f"up to event {scope.event}")
     if not bounds and doors.event >= 0:
         bounds.append(format_local(doors.latest_ns, tz))
-    return ", ".join([f"{utf8_name(log.path.resolve())}{level}: {what}", *bounds])
+    return ", ".join([f"{log_name(log.path)}{level}: {what}", *bounds])

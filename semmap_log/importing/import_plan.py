@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.texts import command_line
@@ -55,7 +55,7 @@ class Present:
     """The number that the log will give next."""
     index: DoorIndex | None = None
     """What commands are checked against; None: what the door map alone tells."""
-    log: Path = Path("LOG")
+    log: PurePath = Path("LOG")
     """Where the log is, for messages."""
 
     @property

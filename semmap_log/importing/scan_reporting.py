@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.door_log import DoorLog
@@ -27,7 +27,7 @@ class SeenVisits:
     """The visits that a report is about; their scans are on the disk until they are asked for."""
 
     log: DoorLog
-    place: Path
+    place: PurePath
     """The scans lie beside it."""
     doors: Collection[DoorId] | None = None
     """None: of all doors."""

@@ -14,7 +14,7 @@ import shutil
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import BinaryIO
 
 from semmap_log.errors import OutputError
@@ -60,22 +60,27 @@ def sync_folder(folder: Path) -> None:
         os.close(fd)
 
 
-def utf8_name(path: Path) -> str:
+def utf8_name(path: PurePath) -> str:
     r"""Return a path's name for where only UTF-8 goes; other bytes of it are spelt out: `\xff`."""
     return os.fsencode(path.name).decode("utf-8", "backslashreplace")
 
 
-def refuse_own_folder(folder: Path, out: Path) -> None:
+def log_name(log: PurePath) -> str:
+    """Return what a log's folder is called: also of `.`; of a URL its last part."""
+    return utf8_name(log.resolve() if isinstance(log, Path) else log)
+
+
+def refuse_own_folder(folder: PurePath, out: Path) -> None:
     """Keep what is made from a log out of the log's folder, where everything is the log's.
 
     Args:
-        folder: The log's.
+        folder: The log's; in a store nothing of this machine lies.
         out: The file or folder to be written.
 
     Raises:
         OutputError: It would lie there.
     """
-    if folder.resolve() in (out.resolve(), out.parent.resolve()):
+    if isinstance(folder, Path) and folder.resolve() in (out.resolve(), out.parent.resolve()):
         raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
 
 

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 
 from mcap.records import Statistics
 
@@ -41,7 +41,7 @@ class ClosedSegment:
     """Its topics that a later version has added."""
 
     @classmethod
-    def of(cls, path: Path, said: Statistics, header: SegmentHeader) -> ClosedSegment:
+    def of(cls, path: PurePath, said: Statistics, header: SegmentHeader) -> ClosedSegment:
         """Return what a segment's Statistics and its full header say."""
         counts = said.channel_message_counts
         return cls(

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
+from pathlib import PurePath
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError
@@ -62,7 +63,20 @@ def read_mark(folder: LogFolder) -> ClosedMark | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise _damaged(folder, f"it cannot be read: {error.strerror or error}") from error
+        raise _damaged(folder.path, f"it cannot be read: {error.strerror or error}") from error
+    return mark_in(data, folder.path)
+
+
+def mark_in(data: bytes, log: PurePath) -> ClosedMark:
+    """Return the mark that a file's bytes are.
+
+    Args:
+        data: Its bytes.
+        log: Where the log lies, for messages.
+
+    Raises:
+        CorruptLogError: They are not what was written.
+    """
     try:
         entries = json.loads(data)
         digest = entries.pop(DIGEST_KEY)
@@ -71,14 +85,14 @@ def read_mark(folder: LogFolder) -> ClosedMark | None:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         fits = False
     if not fits:
-        raise _damaged(folder, "it is not what was written")
+        raise _damaged(log, "it is not what was written")
     return mark
 
 
-def _damaged(folder: LogFolder, problem: str) -> CorruptLogError:
+def _damaged(log: PurePath, problem: str) -> CorruptLogError:
     unknown = "whether the log is as long as it was cannot be told"
-    problem = f"{problem}: {unknown}. To take it as it is: {command_line('recover', folder.path)}"
-    return CorruptLogError(folder / CLOSED_MARK_NAME, None, problem)
+    problem = f"{problem}: {unknown}. To take it as it is: {command_line('recover', log)}"
+    return CorruptLogError(log / CLOSED_MARK_NAME, None, problem)
 
 
 def _digest(entries: dict[str, object]) -> str:

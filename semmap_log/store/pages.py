@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import starmap
-from pathlib import Path
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import Any
 
@@ -84,7 +84,7 @@ class Page:
     records: bytes | memoryview
     first_event: int
     """Event number at which their segment begins: `sequence` has the low 32 bits only."""
-    path: Path
+    path: PurePath
     """Their file, for messages."""
     offset: int = 0
     """Where their first chunk lies in it, for messages."""

@@ -13,8 +13,6 @@ from semmap_log.domain.moments import format_local
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from semmap_log.store.salvage import Loss, Recovered, RecoveryPlan
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
@@ -64,7 +62,7 @@ def verification_report(found: Verification) -> RenderableType:
     return Group(*parts)
 
 
-def head_hint(log: Path) -> Group:
+def head_hint(log: PurePath) -> Group:
     """Return what a log's head is good for."""
     line = command_line("verify", log, "--head", "HASH")
     return Group(

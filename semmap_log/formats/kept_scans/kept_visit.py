@@ -23,7 +23,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from semmap_log.scans.placed_scan import PlacedScan
 from semmap_log.scans.visit import Visit
@@ -61,10 +61,10 @@ def visit_key(visit: Visit) -> tuple[object, ...]:
     return (visit.door_id, visit.first_ns, visit.passed, visit.robot, visit.laser)
 
 
-def folder_beside(log: Path) -> Path:
+def folder_beside(log: PurePath) -> Path:
     """Return the folder where the scans of a log are kept, whether it is there or not."""
-    log = log.resolve()
-    return log.with_name(log.name + FOLDER_SUFFIX)
+    folder = Path(log).resolve()
+    return folder.with_name(folder.name + FOLDER_SUFFIX)
 
 
 def file_name(first_ns: int, number: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
 from semmap_log.domain.doors import DoorId
@@ -43,14 +43,14 @@ from semmap_log.scans.visit import Visit
 Tell = Callable[[str], None]
 
 
-def has_kept_scans(log: Path) -> bool:
-    """Tell whether scans are kept beside a log."""
+def has_kept_scans(log: PurePath) -> bool:
+    """Tell whether scans are kept beside a log: not beside one in a store."""
     folder = folder_beside(log)
     return folder.is_dir() and any(folder.glob("*.mcap"))
 
 
 def kept_visits(
-    log: Path,
+    log: PurePath,
     log_id: str,
     *,
     since_ns: int | None = None,
@@ -82,14 +82,14 @@ def kept_visits(
                 yield kept
 
 
-def kept_already(log: Path, log_id: str) -> frozenset[tuple[object, ...]]:
+def kept_already(log: PurePath, log_id: str) -> frozenset[tuple[object, ...]]:
     """Return the keys of all visits that are kept beside a log."""
     found = kept_visits(log, log_id, with_scans=lambda _: False)
     return frozenset(visit_key(kept.visit) for kept in found)
 
 
 def scans_of_event(
-    log: Path, log_id: str, *, door_id: DoorId, happened_ns: int
+    log: PurePath, log_id: str, *, door_id: DoorId, happened_ns: int
 ) -> KeptVisit | None:
     """Return the visit that became the event about a door at that time; None: it is not kept."""
     found = kept_visits(

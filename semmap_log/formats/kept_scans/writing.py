@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
 from semmap_log.formats.bags.bag_protocol import BagTopic
@@ -42,7 +42,7 @@ CHUNK_BYTES = 2**20
 
 
 @contextmanager
-def keeping_scans(log: Path, log_id: str) -> Iterator[KeptScansWriter]:
+def keeping_scans(log: PurePath, log_id: str) -> Iterator[KeptScansWriter]:
     """Keep scans beside a log; the file is closed when the block ends, however it ends.
 
     Args:
@@ -62,7 +62,7 @@ def keeping_scans(log: Path, log_id: str) -> Iterator[KeptScansWriter]:
 class KeptScansWriter:
     """Takes visits that ended; the first one makes the file."""
 
-    def __init__(self, log: Path, log_id: str) -> None:
+    def __init__(self, log: PurePath, log_id: str) -> None:
         self._log, self._log_id = log, log_id
         self._file: _VisitFile | None = None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
 from semmap_log.io.progress import Progress
@@ -35,7 +35,7 @@ class Compacted:
     """None where it was only planned."""
     events: int
     """In all closed segments."""
-    steps: tuple[tuple[Path, ...], ...]
+    steps: tuple[tuple[PurePath, ...], ...]
     """For each file that was written: what it was made of; it has the first one's name."""
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
@@ -23,7 +23,7 @@ MERGE_BYTES = ROLL_BYTES
 """Records that a merged segment holds at most, uncompressed."""
 
 
-Listing = dict[Path, ClosedSegment]
+Listing = dict[PurePath, ClosedSegment]
 """What metadata.yaml lists, by path, in order."""
 
 
@@ -96,7 +96,7 @@ def _size(segment: Segment) -> int:
     return int(segment.chunks.rows["size"].sum())
 
 
-def remove_merged(folder: LogFolder, leftovers: Sequence[Path]) -> None:
+def remove_merged(folder: LogFolder, leftovers: Sequence[PurePath]) -> None:
     """Remove what a merge that was killed left: segments whose commits lie in a merged one.
 
     Only for who holds the writer's lock.

@@ -32,7 +32,7 @@ from semmap_log.store.reading.segment_set import check_follows
 from semmap_log.store.segment import SegmentWriter
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from pathlib import PurePath
 
     from semmap_log.store.header import SegmentHeader
 
@@ -152,5 +152,5 @@ def _contents(segments: Sequence[ClosedSegment]) -> tuple[dict[int, int], int, i
     )
 
 
-def _differs(path: Path, what: str) -> CorruptLogError:
+def _differs(path: PurePath, what: str) -> CorruptLogError:
     return CorruptLogError(path, 0, f"its compacted copy differs in {what}; the old one is kept")

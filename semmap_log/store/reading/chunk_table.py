@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any, overload
 
 import numpy as np
@@ -57,7 +57,7 @@ GAP_BYTES = 2**10
 class ChunkTable(Sequence[StoredChunk]):
     """Chunks in file order; as a sequence, each with its head read from the file."""
 
-    path: Path
+    path: PurePath
     """Their file, for messages."""
     source: ByteSource
     rows: NDArray[np.void]
@@ -66,7 +66,7 @@ class ChunkTable(Sequence[StoredChunk]):
     @classmethod
     def of(
         cls,
-        path: Path,
+        path: PurePath,
         source: ByteSource,
         chunks: Sequence[StoredChunk],
         kinds: NDArray[np.uint32],

@@ -6,7 +6,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 
 from mcap.opcode import Opcode
 from mcap.records import Statistics
@@ -30,7 +30,7 @@ DATA_END_BYTES = mcap.FRAME.size + 4
 class ClosedSummary:
     """The summary of a closed segment, its CRC checked."""
 
-    path: Path
+    path: PurePath
     source: ByteSource
     tail: memoryview
     """The file's last bytes, as many as are in memory."""
@@ -115,7 +115,7 @@ def is_footer(data: memoryview) -> bool:
     return bool(mcap.FRAME.unpack_from(data) == (Opcode.FOOTER, 20))
 
 
-def read_summary(path: Path, source: ByteSource) -> ClosedSummary:
+def read_summary(path: PurePath, source: ByteSource) -> ClosedSummary:
     """Return the summary of a closed segment.
 
     Raises:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import PurePath
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -42,7 +42,7 @@ class ChunkRun:
     def __bool__(self) -> bool:
         return bool(self.chunks or self.problem)
 
-    def page(self, path: Path, first_event: int) -> Page:
+    def page(self, path: PurePath, first_event: int) -> Page:
         """Return all records as one page."""
         starts = np.cumsum([0, *(len(records) for records in self.records[:-1])])
         offsets = [own + start for own, start in zip(self.offsets, starts, strict=True)]

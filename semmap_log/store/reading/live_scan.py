@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import PurePath
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -59,7 +59,7 @@ class LiveScan:
         return self.table[: self.whole]
 
 
-def scan_live(path: Path, header: SegmentHeader, source: ByteSource, start: int) -> LiveScan:
+def scan_live(path: PurePath, header: SegmentHeader, source: ByteSource, start: int) -> LiveScan:
     """Read all of a segment.
 
     Args:
@@ -193,7 +193,7 @@ class _Behind:
         """Search all that lies behind an offset."""
         chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(source.read, start, source.size):
-            page = Page(records, expected, Path(), 0, ScannedRecords(offsets))
+            page = Page(records, expected, PurePath(), 0, ScannedRecords(offsets))
             later = [n for n in page.event_numbers()[:1].tolist() if n > expected]
             first_event = first_event or next(iter(later), None)
             commits = page.commit_rows(page.commit_places())

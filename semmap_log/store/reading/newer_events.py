@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class NewerEvents:
         """Tell whether they may touch what is known by an event; None: by the log's end."""
         return self.first is not None and (limit is None or self.first <= limit)
 
-    def refusal(self, log: Path) -> NewerLogError:
+    def refusal(self, log: PurePath) -> NewerLogError:
         """Return the error of whoever would need to know what they mean."""
         before = f"; what was known before it: --event {self.first - 1}" if self.first else ""
         return NewerLogError(
@@ -67,7 +67,7 @@ class NewerEvents:
             f"Still answered: history, tail, show, info, verify{before}."
         )
 
-    def warning(self, log: Path) -> NewerLogWarning:
+    def warning(self, log: PurePath) -> NewerLogWarning:
         """Return what is said where they are left out."""
         return NewerLogWarning(
             f"{log}: left out, since a newer version of semmap-log has written them: "

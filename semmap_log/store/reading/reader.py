@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,10 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.pages import Page
-from semmap_log.store.reading.local_segments import LocalSegments
 from semmap_log.store.reading.newer_events import NewerEvents, without_newer
 from semmap_log.store.reading.read_progress import ReadProgress
 from semmap_log.store.reading.segment_folder import SegmentFolder
+from semmap_log.store.reading.segment_places import store_at
 from semmap_log.store.reading.segment_reading import (
     batches_of,
     commit_of,
@@ -58,7 +58,9 @@ BEGINNING = ChunkPlace(0, 0)
 class LogReader:
     """A log as it was when it was opened, or last refreshed."""
 
-    def __init__(self, place: LogFolder | Path | SegmentStore, *, only: Path | None = None) -> None:
+    def __init__(
+        self, place: LogFolder | PurePath | SegmentStore, *, only: Path | None = None
+    ) -> None:
         """Open the log in a folder, or in another place.
 
         Args:
@@ -70,13 +72,11 @@ class LogReader:
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
-        if isinstance(place, LogFolder | Path):
-            place = LocalSegments(LogFolder.of(place))
-        self._store: SegmentStore = place
+        self._store = store_at(place)
         self._only = only
         self._files = SegmentFolder(self._store)
         self.segments: list[Segment] = []
-        self.leftovers: list[Path] = []
+        self.leftovers: list[PurePath] = []
         """Files whose segments were merged into another: for the next writer to remove."""
         self._retractions: Retractions | None = None
         self._newer: NewerEvents | None = None
@@ -126,12 +126,12 @@ class LogReader:
         return LogReader(self._store, only=self._only)
 
     @property
-    def folder(self) -> Path:
+    def folder(self) -> PurePath:
         """The log's folder, as it was given: for messages."""
         return self._store.path
 
     @property
-    def given(self) -> Path:
+    def given(self) -> PurePath:
         """The same, whatever becomes of the working directory."""
         return self._store.given
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
+from pathlib import PurePath
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.store.closed_mark import ClosedMark
@@ -111,7 +111,7 @@ class SegmentFolder:
 
     def _open(self, listing: Listing) -> dict[tuple[str, Hashable], Segment]:
         found: dict[tuple[str, Hashable], Segment] = {}
-        foreign: list[tuple[Path, NotALogError]] = []
+        foreign: list[tuple[PurePath, NotALogError]] = []
         for listed in listing:
             path = self.store.path / listed[0]
             try:
@@ -125,7 +125,7 @@ class SegmentFolder:
             raise CorruptLogError(path, 0, f"{problem}, or it does not belong here ({reason})")
         return found
 
-    def _read_on(self, path: Path, known: Segment | None) -> Segment:
+    def _read_on(self, path: PurePath, known: Segment | None) -> Segment:
         try:
             if known is not None and (known.closed or self.store.size_of(path.name) == known.size):
                 return known

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -47,7 +47,7 @@ class Segment:
     it is asked for. Of a live one all that counts was read and checked.
     """
 
-    path: Path
+    path: PurePath
     header: SegmentHeader
     source: ByteSource
     """The file's bytes as it was when it was opened; to be had still if it is replaced."""
@@ -266,7 +266,7 @@ def open_segment(
     return segment_in(path, map_file(path, folder), earlier=earlier)
 
 
-def segment_in(path: Path, source: ByteSource, *, earlier: Segment | None = None) -> Segment:
+def segment_in(path: PurePath, source: ByteSource, *, earlier: Segment | None = None) -> Segment:
     """Return the segment whose bytes a source gives; as `open_segment`.
 
     Args:
@@ -314,7 +314,7 @@ it is none of ours."""
 
 
 def read_head(
-    path: Path, source: ByteSource, start: memoryview | None = None
+    path: PurePath, source: ByteSource, start: memoryview | None = None
 ) -> tuple[SegmentHeader, int]:
     """Return a segment's own header and where the records behind it begin.
 

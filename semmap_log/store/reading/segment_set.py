@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
+from pathlib import PurePath
 
 from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Commit
@@ -22,11 +22,11 @@ class SegmentSet:
     """The segments of a log, by the order of their events."""
 
     segments: list[Segment]
-    leftovers: list[Path]
+    leftovers: list[PurePath]
     """Files whose segments were merged into another: no part of the log any more."""
 
 
-def arrange(folder: Path, found: Sequence[Segment]) -> SegmentSet:
+def arrange(folder: PurePath, found: Sequence[Segment]) -> SegmentSet:
     """Return which of the segments found in a folder are the log. File names do not matter.
 
     Raises:
@@ -35,7 +35,7 @@ def arrange(folder: Path, found: Sequence[Segment]) -> SegmentSet:
     """
     _check_one_log(found)
     segments: list[Segment] = []
-    leftovers: list[Path] = []
+    leftovers: list[PurePath] = []
     expected = 0
     for segment in sorted(found, key=lambda s: (s.header.number, -s.header.last_number)):
         if segment.header.number < expected:
@@ -102,7 +102,7 @@ def check_adjoins(segment: Segment, before: Segment) -> None:
         raise CorruptLogError(segment.path, 0, f"{problem}, {end_ns}, which its head says")
 
 
-def check_reaches(mark: ClosedMark, path: Path, segments: Sequence[Segment]) -> None:
+def check_reaches(mark: ClosedMark, path: PurePath, segments: Sequence[Segment]) -> None:
     """Check that a log is as long as it was when its last segment was closed.
 
     Args:
@@ -130,11 +130,11 @@ def check_reaches(mark: ClosedMark, path: Path, segments: Sequence[Segment]) -> 
     raise CorruptLogError(where, None, f"{problem}; {known}. {_to_go_on(path.parent)}")
 
 
-def _to_go_on(log: Path) -> str:
+def _to_go_on(log: PurePath) -> str:
     return f"To go on with what is there: {command_line('recover', log)}"
 
 
-def check_listed(names: Sequence[str], path: Path, segments: Sequence[Segment]) -> None:
+def check_listed(names: Sequence[str], path: PurePath, segments: Sequence[Segment]) -> None:
     """Check that what metadata.yaml lists is there, and closed; for a log without closed.json.
 
     Args:
@@ -189,7 +189,7 @@ def _check_one_log(found: Sequence[Segment]) -> None:
     )
 
 
-def _missing(folder: Path, segment: Segment, expected: int) -> CorruptLogError:
+def _missing(folder: PurePath, segment: Segment, expected: int) -> CorruptLogError:
     last = segment.header.number - 1
     names = f"segment {expected} is" if last == expected else f"segments {expected} to {last} are"
     return CorruptLogError(

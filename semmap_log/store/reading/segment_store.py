@@ -7,7 +7,7 @@ a folder: a robot writes to its disk.
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from pathlib import Path
+from pathlib import PurePath
 from typing import Protocol
 
 from semmap_log.io.byte_source import ByteSource
@@ -24,11 +24,11 @@ class SegmentStore(Protocol):
     """
 
     @property
-    def path(self) -> Path:
+    def path(self) -> PurePath:
         """Where the log lies, as it was given: for messages."""
 
     @property
-    def given(self) -> Path:
+    def given(self) -> PurePath:
         """The same, whatever becomes of the working directory."""
 
     def segments(self) -> Listing:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from pathlib import Path
+from pathlib import PurePath
 
 from semmap_log.store.commit_records import NO_HASH
 
@@ -40,7 +40,7 @@ class Finding:
     kind: str
     """One word for machines: `chunk`, `chain`, `missing`, `keyframe`, `clock` …"""
     severity: Severity
-    path: Path
+    path: PurePath
     offset: int | None
     """Where in the file; None: it is about the file as a whole."""
     events: tuple[int, int | None] | None
@@ -54,7 +54,7 @@ class Finding:
 class Verification:
     """What reading every byte of a log has shown."""
 
-    path: Path
+    path: PurePath
     findings: tuple[Finding, ...]
     """The worst first; of equal ones in the order of the log."""
     log_id: str = ""
@@ -78,7 +78,7 @@ class Verification:
         worst = max((finding.severity for finding in self.findings), default=Severity.NOTE)
         return _EXIT_CODES.get(worst, EXIT_GOOD)
 
-    def moved(self, source: Path, target: Path) -> Verification:
+    def moved(self, source: PurePath, target: PurePath) -> Verification:
         """Return the same of a folder that people know by another path."""
         findings = tuple(
             replace(finding, path=target / finding.path.relative_to(source))

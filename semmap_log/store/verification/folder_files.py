@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError
@@ -229,5 +229,5 @@ def _alien(path: Path, text: str) -> Finding:
     return Finding("not a log", Severity.NOT_A_LOG, path, None, None, text)
 
 
-def _damage(kind: str, path: Path, text: str) -> Finding:
+def _damage(kind: str, path: PurePath, text: str) -> Finding:
     return Finding(kind, Severity.DAMAGE, path, None, None, text)

@@ -16,7 +16,7 @@ from semmap_log.domain.moments import format_local, zone
 from semmap_log.door_log.summary import LogSummary
 from semmap_log.folds.levels import levels_of
 from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
-from semmap_log.io.disk import utf8_name
+from semmap_log.io.disk import log_name
 from semmap_log.replay.replay import Scope
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.excerpt.shown_levels import home_of_0
@@ -156,7 +156,7 @@ def _span(excerpt: Excerpt, found: PageEvents) -> Span:
 def _log(log: DoorLog, tz: str) -> dict[str, Any]:
     info = log.info
     return {
-        "name": utf8_name(log.path.resolve()),
+        "name": log_name(log.path),
         "building": info.building,
         "robot": info.robot,
         "tz": tz,

@@ -10,6 +10,7 @@ from typing import Any
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import Commit
 from semmap_log.folds.door_changes import door_changes
+from semmap_log.io.disk import log_name
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_curves import BeliefsShown, write_beliefs
@@ -99,7 +100,7 @@ class Converter:
             beliefs: To be written at the end; None: there are none.
             rounds: What each robot drove for.
         """
-        recording.send_recording_name(drawable(excerpt.log.path.resolve().name))
+        recording.send_recording_name(drawable(log_name(excerpt.log.path)))
         writer = RowWriter(recording, excerpt, scene.commits)
         write_nothing(writer, excerpt, scene)
         write_floors(writer, scene, palette)

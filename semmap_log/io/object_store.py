@@ -1,0 +1,242 @@
+"""Objects in a store: S3 and its like, Google's, Azure's, or a plain web server to read from.
+
+The one place that imports obstore. Who may read comes from the store's own environment and files
+(AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, GOOGLE_APPLICATION_CREDENTIALS, AZURE_STORAGE_ACCOUNT_NAME …);
+nothing of it is ever in a URL, a message, or a log.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any, TypeVar
+
+from semmap_log.errors import LogAccessError, MissingExtraError
+from semmap_log.io.url_path import UrlPath
+
+T = TypeVar("T")
+
+PATIENCE_S = 60.0
+"""A request is tried again for so long: the network, 429, 5xx, answers that are cut."""
+REQUEST_S = 30.0
+MOST_TRIES = 8
+_CUT_TRIES = 3
+"""For an answer that ends before its end."""
+
+
+class ObjectChangedError(LogAccessError):
+    """An object is another than it was when it was first looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectStatus:
+    """What a store says of an object."""
+
+    name: str
+    size: int
+    e_tag: str
+    """Another for other bytes."""
+
+
+class ObjectStore:
+    """The objects right below a URL."""
+
+    def __init__(self, url: UrlPath, *, patience_s: float = PATIENCE_S) -> None:
+        """Name a place in a store; nothing is asked yet.
+
+        Args:
+            url: Of the folder.
+            patience_s: A request is tried again for so long.
+
+        Raises:
+            MissingExtraError: obstore is not installed.
+            LogAccessError: The URL, or the environment, is none that the store takes.
+        """
+        self.url = url
+        try:
+            import obstore
+            from obstore.store import from_url
+        except ImportError as error:
+            raise MissingExtraError("obstore", "fleet") from error
+        self._obstore: Any = obstore
+        request_s = min(REQUEST_S, patience_s)
+        self._store: Any = self._asked(
+            "",
+            lambda: from_url(
+                str(url),
+                client_options={
+                    "timeout": timedelta(seconds=request_s),
+                    "connect_timeout": timedelta(seconds=min(10.0, request_s)),
+                    "allow_http": _may_be_plain(url),
+                },
+                retry_config={
+                    "max_retries": MOST_TRIES,
+                    "retry_timeout": timedelta(seconds=patience_s),
+                },
+            ),
+        )
+
+    def __reduce__(self) -> tuple[type[ObjectStore], tuple[UrlPath]]:
+        """Return what another process opens it by."""
+        return type(self), (self.url,)
+
+    def list(self) -> list[ObjectStatus]:
+        """Return what lies right below the URL, by name; of a web server that lists nothing: none.
+
+        Raises:
+            LogAccessError: The store does not let us.
+        """
+        try:
+            found = self._asked("", lambda: self._obstore.list_with_delimiter(self._store))
+        except LogAccessError:
+            if self.url.scheme in ("http", "https"):
+                return []
+            raise
+        listed = [_status(each, each["path"].rsplit("/", 1)[-1]) for each in found["objects"]]
+        return sorted(listed, key=lambda status: status.name)
+
+    def status(self, name: str) -> ObjectStatus:
+        """Return what the store says of an object.
+
+        Raises:
+            FileNotFoundError: There is none.
+            LogAccessError: The store does not let us.
+        """
+        return _status(self._asked(name, lambda: self._obstore.head(self._store, name)), name)
+
+    def whole(self, name: str, unlike: str = "") -> tuple[bytes, ObjectStatus] | None:
+        """Return an object; None: it is still what it was.
+
+        Args:
+            name: Its own.
+            unlike: The tag that it had; empty: return it in any case.
+
+        Raises:
+            FileNotFoundError: There is none.
+            LogAccessError: The store does not let us.
+        """
+        options = {"if_none_match": unlike} if unlike else {}
+
+        def get() -> tuple[bytes, ObjectStatus] | None:
+            try:
+                got = self._obstore.get(self._store, name, options=options)
+            except self._obstore.exceptions.NotModifiedError:
+                return None
+            return bytes(got.bytes()), _status(got.meta, name)
+
+        return self._asked(name, get)
+
+    def part(self, status: ObjectStatus, start: int, end: int) -> bytes:
+        """Return bytes of an object, which must still be that object.
+
+        Raises:
+            FileNotFoundError: It is gone.
+            ObjectChangedError: Another has its name.
+            LogAccessError: The store does not let us, or its answer is not what was asked for.
+        """
+        options: dict[str, object] = {"range": (start, end)}
+        if status.e_tag:
+            options["if_match"] = status.e_tag
+
+        def get() -> bytes:
+            got = self._obstore.get(self._store, status.name, options=options)
+            if got.meta["size"] != status.size:
+                raise ObjectChangedError(self._changed(status.name))
+            return bytes(got.bytes())
+
+        for _ in range(_CUT_TRIES):
+            data: bytes = self._asked(status.name, get)
+            if len(data) == end - start:
+                return data
+        raise LogAccessError(
+            f"{self.url / status.name}: bytes {start} to {end} were asked for, and the store sent "
+            f"{len(data)}; try again, or another way to the store."
+        )
+
+    def create(self, name: str, data: bytes | os.PathLike[str]) -> bool:
+        """Put an object where none is, and tell whether that was done; False: there is one.
+
+        Raises:
+            LogAccessError: The store does not let us.
+        """
+        return self._put(name, data, "create")
+
+    def replace(self, name: str, data: bytes, e_tag: str) -> bool:
+        """Put an object in the place of one, and tell whether that was done.
+
+        Args:
+            name: Its own.
+            data: What it is to be.
+            e_tag: Of the one that it replaces; False is returned where another is there by now.
+
+        Raises:
+            LogAccessError: The store does not let us.
+        """
+        return self._put(name, data, {"e_tag": e_tag})
+
+    def remove(self, name: str) -> None:
+        """Remove an object.
+
+        Raises:
+            LogAccessError: The store does not let us.
+        """
+        self._asked(name, lambda: self._obstore.delete(self._store, name))
+
+    def _put(self, name: str, data: bytes | os.PathLike[str], mode: object) -> bool:
+        exceptions = self._obstore.exceptions
+
+        def put() -> bool:
+            try:
+                self._obstore.put(self._store, name, data, mode=mode)
+            except (exceptions.AlreadyExistsError, exceptions.PreconditionError):
+                return False
+            return True
+
+        return self._asked(name, put)
+
+    def _asked(self, name: str, request: Callable[[], T]) -> T:
+        """Return what a request returns; its errors are ours.
+
+        Raises:
+            FileNotFoundError: There is no such object.
+            ObjectChangedError: It is another than it was.
+            LogAccessError: Anything else.
+        """
+        where = self.url / name if name else self.url
+        exceptions = self._obstore.exceptions
+        try:
+            return request()
+        except FileNotFoundError:
+            raise FileNotFoundError(2, "no such object", str(where)) from None
+        except exceptions.PreconditionError:
+            raise ObjectChangedError(self._changed(name)) from None
+        except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError) as error:
+            raise LogAccessError(
+                f"{where}: the store refuses: {_said(error)}. Who may read comes from the store's "
+                "own environment or files, for S3 AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY."
+            ) from None
+        except (exceptions.BaseError, ValueError, OSError) as error:
+            raise LogAccessError(f"{where}: the store cannot be asked: {_said(error)}.") from None
+
+    def _changed(self, name: str) -> str:
+        return f"{self.url / name}: another object has its name now; open the log anew."
+
+
+def _status(meta: Any, name: str) -> ObjectStatus:
+    return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "")
+
+
+def _may_be_plain(url: UrlPath) -> bool:
+    """Tell whether the user has named a store without TLS."""
+    named = [value for name, value in os.environ.items() if name.startswith("AWS_ENDPOINT_URL")]
+    allowed = os.environ.get("AWS_ALLOW_HTTP", "").lower() in ("1", "true", "yes")
+    return url.scheme == "http" or allowed or any(one.startswith("http://") for one in named)
+
+
+def _said(error: BaseException) -> str:
+    """Return the first line of what a store said, without what a signed URL carries."""
+    first = str(error).strip().split("\n", 1)[0]
+    words = [word.split("?", 1)[0] if "://" in word else word for word in first.split()]
+    return " ".join(words).rstrip(".:")

@@ -1,0 +1,123 @@
+"""The segments of a log in a store, read where they lie: see `SegmentStore`."""
+
+from __future__ import annotations
+
+import time
+
+from semmap_log.common.texts import counted
+from semmap_log.errors import LogAccessError, NotALogError
+from semmap_log.io.object_source import ObjectSource
+from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.io.url_path import UrlPath
+from semmap_log.store.bag_metadata import listed_names
+from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
+from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.store.reading.segment_store import Listing
+
+LISTED_FOR_S = 1.0
+"""Asked again sooner, a listing is the same: each costs a request, and money."""
+MOST_METADATA_BYTES = 2**26
+
+
+class ObjectSegments:
+    """A `SegmentStore`: objects below a URL, by what the store lists.
+
+    A web server that lists nothing is asked for what the log's metadata.yaml names.
+    """
+
+    def __init__(self, store: ObjectStore) -> None:
+        self._store = store
+        self._listed: dict[str, ObjectStatus] = {}
+        self._listed_at = -LISTED_FOR_S
+        self._mark: tuple[ObjectStatus | None, ClosedMark | None] = None, None
+
+    @property
+    def path(self) -> UrlPath:
+        """The URL."""
+        return self._store.url
+
+    @property
+    def given(self) -> UrlPath:
+        """The same."""
+        return self._store.url
+
+    def segments(self) -> Listing:
+        """Return name, tag and size of each; as `SegmentStore.segments`."""
+        listed = self._look()
+        found: Listing = [
+            (name, (status.e_tag, status.size))
+            for name, status in listed.items()
+            if name.endswith(".mcap") and not name.startswith(".")
+        ]
+        if not found:
+            there = counted(len(listed), "other object") if listed else "nothing"
+            raise NotALogError(
+                f"{self.path}: expected a log's segments (*.mcap) right below it, got {there}."
+            )
+        return found
+
+    def open(self, name: str) -> ObjectSource:
+        """Return a segment's bytes; as `SegmentStore.open`."""
+        return ObjectSource(self._store, self._status(name))
+
+    def size_of(self, name: str) -> int:
+        """Return how long a segment is, as it was last listed; as `SegmentStore.size_of`."""
+        return self._status(name).size
+
+    def mark(self) -> ClosedMark | None:
+        """Return what closed.json says; it is read again where it is another object."""
+        status = self._look().get(CLOSED_MARK_NAME)
+        if status != self._mark[0]:
+            self._mark = status, None if status is None else self._read_mark(status)
+        return self._mark[1]
+
+    def closed_names(self) -> list[str]:
+        """Return the closed segments that metadata.yaml lists: in a log without closed.json."""
+        return listed_names(self._metadata())
+
+    def _status(self, name: str) -> ObjectStatus:
+        status = self._look().get(name)
+        if status is None:
+            raise LogAccessError(
+                f"{self.path / name}: cannot be read: it is gone."
+            ) from FileNotFoundError(2, "no such object", str(self.path / name))
+        return status
+
+    def _look(self) -> dict[str, ObjectStatus]:
+        """Return what is there, by name.
+
+        Raises:
+            LogAccessError: The store does not let us.
+        """
+        now = time.monotonic()
+        if now - self._listed_at >= LISTED_FOR_S:
+            listed = self._store.list() or self._named()
+            self._listed = {status.name: status for status in listed}
+            self._listed_at = now
+        return self._listed
+
+    def _named(self) -> list[ObjectStatus]:
+        """Return what metadata.yaml names, where a server lists nothing."""
+        if self.path.scheme not in ("http", "https"):
+            return []
+        found = []
+        for name in (*listed_names(self._metadata()), CLOSED_MARK_NAME):
+            try:
+                found.append(self._store.status(name))
+            except FileNotFoundError:
+                continue
+        return sorted(found, key=lambda status: status.name)
+
+    def _metadata(self) -> str:
+        try:
+            got = self._store.whole(BAG_METADATA_NAME)
+        except (FileNotFoundError, LogAccessError):
+            return ""  # it is a cache
+        return "" if got is None else got[0].decode("utf-8", "replace")
+
+    def _read_mark(self, status: ObjectStatus) -> ClosedMark | None:
+        try:
+            data = self._store.part(status, 0, min(status.size, MOST_BYTES))
+        except FileNotFoundError:
+            return None
+        return mark_in(data, self.path)

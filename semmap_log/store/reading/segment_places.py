@@ -1,0 +1,30 @@
+"""Which `SegmentStore` a place is: a folder, a zip, or a URL."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+
+from semmap_log.io.object_store import ObjectStore
+from semmap_log.io.url_path import UrlPath, place_of
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.reading.local_segments import LocalSegments
+from semmap_log.store.reading.object_segments import ObjectSegments
+from semmap_log.store.reading.segment_store import SegmentStore
+
+
+def store_at(place: LogFolder | PurePath | SegmentStore) -> SegmentStore:
+    """Return where the segments of a log are read.
+
+    Raises:
+        NotALogError: It is a URL that leads to no log.
+        LogError: There is not one log in a zip file, or it cannot be unpacked.
+        MissingExtraError: A URL needs a package that is not installed.
+    """
+    if isinstance(place, LogFolder):
+        return LocalSegments(place)
+    if not isinstance(place, PurePath):
+        return place
+    found = place_of(place)
+    if isinstance(found, UrlPath):
+        return ObjectSegments(ObjectStore(found))
+    return LocalSegments(LogFolder(found))
