@@ -132,6 +132,10 @@ class LogAccessError(LogError, OSError):
     """The file system does not let us read or write the log."""
 
 
+class ObjectChangedError(LogAccessError):
+    """An object in a store is another than it was when it was first looked at."""
+
+
 class LogPoisonedError(LogError):
     """A write or sync failed; whether its events are stored is unknown until it is reopened."""
 

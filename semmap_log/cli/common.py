@@ -38,10 +38,28 @@ def a_file(path: Path | None) -> Path | None:
     return path
 
 
+def a_local_log(path: Path) -> Path:
+    """Return the path of a log that is written; a URL is none.
+
+    Raises:
+        typer.BadParameter: It is one.
+    """
+    from semmap_log.errors import LogError
+    from semmap_log.io.url_path import local_path
+
+    try:
+        return local_path(path)
+    except LogError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
 LogPath = Annotated[
-    Path, typer.Argument(metavar="LOG", help="The log's folder; to read, a zip of it, too.")
+    Path,
+    typer.Argument(metavar="LOG", help="The log's folder; to read, a zip or a URL of it, too."),
 ]
-WritableLog = Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")]
+WritableLog = Annotated[
+    Path, typer.Argument(metavar="LOG", help="The log's folder.", callback=a_local_log)
+]
 OutFile = Annotated[
     Path,
     typer.Argument(metavar="OUT", help="The file; its name tells the format.", callback=a_file),

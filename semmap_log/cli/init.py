@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, MapServer, print_json, say
+from semmap_log.cli.common import AsJson, MapServer, a_local_log, print_json, say
 
 if TYPE_CHECKING:
     from semmap_log.costmap_2d.map_rules import RulesName
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 def run(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="The folder to make; or one that is empty.")
+        Path,
+        typer.Argument(
+            metavar="LOG", help="The folder to make; or one that is empty.", callback=a_local_log
+        ),
     ],
     *,
     tz: Annotated[

@@ -22,7 +22,7 @@ Head = Annotated[
 def run(
     log: Annotated[
         Path,
-        typer.Argument(metavar="LOG", help="The log's folder, a zip of it, or an .mcap of it."),
+        typer.Argument(metavar="LOG", help="The log's folder, a zip, a URL, or an .mcap of it."),
     ],
     *,
     head: Head = "",

@@ -12,6 +12,7 @@ from semmap_log.domain.moments import zone
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.io.clock import Clock, SystemClock
+from semmap_log.io.url_path import local_path
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
@@ -76,7 +77,7 @@ def create(
     check_text("building", building)
     check_text("robot", robot)
     info = LogInfo(environment.entropy(16).hex(), timezone, building, robot)
-    return DoorLogWriter(create_log(Path(path), info, WrittenState, environment))
+    return DoorLogWriter(create_log(local_path(path), info, WrittenState, environment))
 
 
 @knows_keywords
@@ -99,7 +100,7 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
         LogAccessError: It is on a read-only place.
         InvalidEventError: No such durability.
     """
-    return DoorLogWriter(open_for_append(Path(path), WrittenState, _environment(writing)))
+    return DoorLogWriter(open_for_append(local_path(path), WrittenState, _environment(writing)))
 
 
 @knows_keywords

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any, TypeVar
 
-from semmap_log.errors import LogAccessError, MissingExtraError
+from semmap_log.errors import LogAccessError, MissingExtraError, ObjectChangedError
 from semmap_log.io.url_path import UrlPath
 
 T = TypeVar("T")
@@ -24,10 +24,6 @@ REQUEST_S = 30.0
 MOST_TRIES = 8
 _CUT_TRIES = 3
 """For an answer that ends before its end."""
-
-
-class ObjectChangedError(LogAccessError):
-    """An object is another than it was when it was first looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +78,11 @@ class ObjectStore:
         """Return what another process opens it by."""
         return type(self), (self.url,)
 
+    @property
+    def is_web_server(self) -> bool:
+        """Whether it is one, which need not list what it has."""
+        return self.url.scheme in ("http", "https")
+
     def list(self) -> list[ObjectStatus]:
         """Return what lies right below the URL, by name; of a web server that lists nothing: none.
 
@@ -91,7 +92,7 @@ class ObjectStore:
         try:
             found = self._asked("", lambda: self._obstore.list_with_delimiter(self._store))
         except LogAccessError:
-            if self.url.scheme in ("http", "https"):
+            if self.is_web_server:
                 return []
             raise
         listed = [_status(each, each["path"].rsplit("/", 1)[-1]) for each in found["objects"]]
@@ -136,7 +137,9 @@ class ObjectStore:
             ObjectChangedError: Another has its name.
             LogAccessError: The store does not let us, or its answer is not what was asked for.
         """
-        options: dict[str, object] = {"range": (start, end)}
+        options: dict[str, object] = {}
+        if (start, end) != (0, status.size):  # some servers know no ranges
+            options["range"] = (start, end)
         if status.e_tag:
             options["if_match"] = status.e_tag
 
@@ -238,5 +241,6 @@ def _may_be_plain(url: UrlPath) -> bool:
 def _said(error: BaseException) -> str:
     """Return the first line of what a store said, without what a signed URL carries."""
     first = str(error).strip().split("\n", 1)[0]
+    first = first.split(": <?xml", 1)[0]
     words = [word.split("?", 1)[0] if "://" in word else word for word in first.split()]
     return " ".join(words).rstrip(".:")

@@ -6,7 +6,7 @@ import re
 from pathlib import Path, PurePath, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from semmap_log.errors import NotALogError
+from semmap_log.errors import LogAccessError, NotALogError
 
 SCHEMES = ("s3", "gs", "az", "http", "https")
 """Of stores that are read where they lie; `file` is this machine."""
@@ -32,6 +32,21 @@ class UrlPath(PurePosixPath):
     def scheme(self) -> str:
         """What comes before the colon: `s3`."""
         return self.parts[0].rstrip(":")
+
+
+def local_path(given: str | PurePath) -> Path:
+    """Return the path of a log that is to be written.
+
+    Raises:
+        LogAccessError: It is a URL.
+        NotALogError: It is a URL of another scheme.
+    """
+    place = place_of(given)
+    if isinstance(place, UrlPath):
+        raise LogAccessError(
+            f"{place}: a log in a store can only be read. Write it on a disk of this machine."
+        )
+    return place
 
 
 def place_of(given: str | PurePath) -> Path | UrlPath:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from semmap_log.io.clock import Clock
 from semmap_log.replay.keyframe_check import ReplayKeyframeCheck
@@ -18,12 +18,12 @@ _PARTS = StateParts(ReplayKeyframeCheck, WrittenState)
 
 
 def verify(
-    path: Path | FilePlace, head: bytes | None = None, progress: Progress | None = None
+    path: PurePath | FilePlace, head: bytes | None = None, progress: Progress | None = None
 ) -> Verification:
     """Read all of a log, or one segment of it, and return what is wrong; as `verification.verify`.
 
     Args:
-        path: The log's folder, one .mcap file, or a zip file with a log in it; or another place.
+        path: The log's folder, one .mcap file, a zip file or a URL of it; or another place.
         head: Hash of a commit that the log must hold, kept elsewhere.
         progress: Told how many bytes are read.
 

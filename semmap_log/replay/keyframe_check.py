@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import chain
-from pathlib import Path
+from pathlib import PurePath
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.batches.retraction import Retractions
@@ -44,7 +44,7 @@ class ReplayKeyframeCheck:
         self._waiting_size = 0
         self._has_given_up = False
         self._base = self._seen = 0
-        self._path = Path()
+        self._path = PurePath()
 
     def begin(self) -> None:
         """Begin at the log's first event, where the state is empty."""
@@ -60,7 +60,7 @@ class ReplayKeyframeCheck:
         self.forget()
         self._has_given_up = True
 
-    def add(self, path: Path, piece: Piece, place: KeyframePlace, next_event: int) -> None:
+    def add(self, path: PurePath, piece: Piece, place: KeyframePlace, next_event: int) -> None:
         """Take the next chunk, of which `next_event` is the first event, or comes before it."""
         start, self._path = 0, path
         for channel, _, _, _, begin, end in piece.messages:

@@ -13,6 +13,8 @@ from semmap_log.domain.moments import format_local
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 if TYPE_CHECKING:
+    from pathlib import PurePath
+
     from semmap_log.store.salvage import Loss, Recovered, RecoveryPlan
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}

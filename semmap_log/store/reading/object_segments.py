@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from semmap_log.common.texts import counted
@@ -11,24 +12,28 @@ from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.store.form import CLOSED_MARK_NAME
+from semmap_log.store.log_objects import log_objects, metadata_text
 from semmap_log.store.reading.segment_store import Listing
 
 LISTED_FOR_S = 1.0
 """Asked again sooner, a listing is the same: each costs a request, and money."""
-MOST_METADATA_BYTES = 2**26
 
 
 class ObjectSegments:
-    """A `SegmentStore`: objects below a URL, by what the store lists.
+    """A `SegmentStore`: objects below a URL, by what the store lists: see `log_objects`."""
 
-    A web server that lists nothing is asked for what the log's metadata.yaml names.
-    """
+    def __init__(self, store: ObjectStore, *, listed_for_s: float = LISTED_FOR_S) -> None:
+        """Take the place; nothing is asked yet.
 
-    def __init__(self, store: ObjectStore) -> None:
+        Args:
+            store: What lies below the URL.
+            listed_for_s: Asked again sooner, a listing is the same.
+        """
         self._store = store
+        self._listed_for_s = listed_for_s
         self._listed: dict[str, ObjectStatus] = {}
-        self._listed_at = -LISTED_FOR_S
+        self._listed_at = -math.inf
         self._mark: tuple[ObjectStatus | None, ClosedMark | None] = None, None
 
     @property
@@ -73,7 +78,7 @@ class ObjectSegments:
 
     def closed_names(self) -> list[str]:
         """Return the closed segments that metadata.yaml lists: in a log without closed.json."""
-        return listed_names(self._metadata())
+        return listed_names(metadata_text(self._store))
 
     def _status(self, name: str) -> ObjectStatus:
         status = self._look().get(name)
@@ -90,30 +95,10 @@ class ObjectSegments:
             LogAccessError: The store does not let us.
         """
         now = time.monotonic()
-        if now - self._listed_at >= LISTED_FOR_S:
-            listed = self._store.list() or self._named()
-            self._listed = {status.name: status for status in listed}
+        if now - self._listed_at >= self._listed_for_s:
+            self._listed = {status.name: status for status in log_objects(self._store)}
             self._listed_at = now
         return self._listed
-
-    def _named(self) -> list[ObjectStatus]:
-        """Return what metadata.yaml names, where a server lists nothing."""
-        if self.path.scheme not in ("http", "https"):
-            return []
-        found = []
-        for name in (*listed_names(self._metadata()), CLOSED_MARK_NAME):
-            try:
-                found.append(self._store.status(name))
-            except FileNotFoundError:
-                continue
-        return sorted(found, key=lambda status: status.name)
-
-    def _metadata(self) -> str:
-        try:
-            got = self._store.whole(BAG_METADATA_NAME)
-        except (FileNotFoundError, LogAccessError):
-            return ""  # it is a cache
-        return "" if got is None else got[0].decode("utf-8", "replace")
 
     def _read_mark(self, status: ObjectStatus) -> ClosedMark | None:
         try:

@@ -6,7 +6,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -117,7 +117,7 @@ class Contents:
         """Return what metadata.yaml says of it."""
         header = self.header
         assert header is not None, "a segment that is closed, and whole, has one"
-        return ClosedSegment.of(Path(name), self.statistics(2), header)
+        return ClosedSegment.of(PurePath(name), self.statistics(2), header)
 
 
 def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:

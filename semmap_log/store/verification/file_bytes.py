@@ -9,7 +9,7 @@ from __future__ import annotations
 import mmap
 import zlib
 from bisect import bisect_left
-from pathlib import Path
+from pathlib import PurePath
 
 from semmap_log.store.verification.file_place import OpenedFile
 
@@ -24,7 +24,7 @@ class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the 
 class FileBytes:
     """A file that is sliced as if its bytes were in memory; what was sliced stays as it is."""
 
-    def __init__(self, path: Path, file: OpenedFile) -> None:
+    def __init__(self, path: PurePath, file: OpenedFile) -> None:
         """Take a file.
 
         Args:

@@ -7,7 +7,7 @@ from collections.abc import Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
+from pathlib import PurePath
 
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
@@ -31,7 +31,7 @@ _MARKS = (LOG_METADATA.encode(), b"hash_so_far")
 class SegmentFile:
     """A file that is, or was, a segment: what its head says."""
 
-    path: Path
+    path: PurePath
     size: int
     identity: Hashable
     """What tells it from another file of its name."""
@@ -62,12 +62,12 @@ class SegmentFile:
         return self.number if self.header is None else self.header.last_number
 
 
-def name_of(file: SegmentFile, number: int) -> Path:
+def name_of(file: SegmentFile, number: int) -> PurePath:
     """Return the name that the segment of another number must have beside this one."""
     return file.path.with_name(segment_name(stem_of(file.path.name), number))
 
 
-def look_at(place: FilePlace, path: Path) -> SegmentFile | None:
+def look_at(place: FilePlace, path: PurePath) -> SegmentFile | None:
     """Return what the head of a place's file says; None if it is none of ours.
 
     Raises:
@@ -119,7 +119,7 @@ def _is_ours(head: bytes) -> bool:
     )
 
 
-def _header_of(path: Path, head: bytes) -> tuple[SegmentHeader | None, int, str]:
+def _header_of(path: PurePath, head: bytes) -> tuple[SegmentHeader | None, int, str]:
     """Return the header, where it ends, and what is wrong with it."""
     start = len(first_bytes())
     problem = "" if head.startswith(first_bytes()) else "its magic or its Header record"
@@ -148,7 +148,7 @@ def _ends_in_footer(foot: bytes) -> bool:
 
 
 @contextmanager
-def _opened(place: FilePlace, path: Path) -> Iterator[OpenedFile]:
+def _opened(place: FilePlace, path: PurePath) -> Iterator[OpenedFile]:
     with ExitStack() as stack:
         try:
             file = stack.enter_context(place.opened(path))

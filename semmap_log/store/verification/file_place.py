@@ -6,7 +6,7 @@ import os
 import stat
 from collections.abc import Hashable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Protocol
 
 from semmap_log.errors import LogAccessError
@@ -43,20 +43,20 @@ class FilePlace(Protocol):
     """The files of one log: nothing of what they say is believed."""
 
     @property
-    def path(self) -> Path:
+    def path(self) -> PurePath:
         """Where they lie, for messages; of a single segment its own."""
 
     def is_folder(self) -> bool:
         """Tell whether it is a log's folder, and no single file."""
 
-    def files(self) -> Sequence[Path]:
+    def files(self) -> Sequence[PurePath]:
         """Return all that lies there, below `path`.
 
         Raises:
             OSError: It cannot be listed.
         """
 
-    def opened(self, file: Path) -> AbstractContextManager[OpenedFile]:
+    def opened(self, file: PurePath) -> AbstractContextManager[OpenedFile]:
         """Open a file.
 
         Raises:
@@ -107,14 +107,14 @@ class DiskPlace:
         """Tell whether it is a folder now."""
         return self.path.is_dir()
 
-    def files(self) -> list[Path]:
+    def files(self) -> list[PurePath]:
         """Return all that is in the folder."""
         return list(self.path.iterdir())
 
     @contextmanager
-    def opened(self, file: Path) -> Iterator[DiskFile]:
+    def opened(self, file: PurePath) -> Iterator[DiskFile]:
         """Open a file; as `FilePlace.opened`."""
-        fd = open_plainly(file)
+        fd = open_plainly(Path(file))
         try:
             yield DiskFile(fd)
         finally:

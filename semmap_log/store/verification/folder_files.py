@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path, PurePath
+from pathlib import PurePath
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError
@@ -41,7 +41,7 @@ class FolderFiles:
     """What metadata.yaml named as closed before the files were listed."""
 
     @property
-    def folder(self) -> Path:
+    def folder(self) -> PurePath:
         """Where they lie, for messages."""
         return self.place.path
 
@@ -208,7 +208,7 @@ def _add_second(found: FolderFiles, file: SegmentFile, last: SegmentFile) -> Non
     found.findings.append(_damage("duplicated", file.path, text))
 
 
-def _notes(names: list[Path]) -> list[Finding]:
+def _notes(names: list[PurePath]) -> list[Finding]:
     """Return what lies beside the segments and is harmless."""
     findings = []
     for path in names:
@@ -225,7 +225,7 @@ def _notes(names: list[Path]) -> list[Finding]:
     return findings
 
 
-def _alien(path: Path, text: str) -> Finding:
+def _alien(path: PurePath, text: str) -> Finding:
     return Finding("not a log", Severity.NOT_A_LOG, path, None, None, text)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from semmap_log.common.texts import counted
@@ -113,14 +113,14 @@ class Chain:
         self._keep_parts = keep_parts
         self._pending: _Pending | None = None
         self._open: list[Finding] = []
-        self._path = Path()
+        self._path = PurePath()
 
     def start_at(self, header: SegmentHeader) -> None:
         """Begin in the middle of a log, as the first segment's header says."""
         self.next_event, self.head = header.first_event, header.hash_so_far
         self.last_seen = header.first_event - 1
 
-    def begin_segment(self, path: Path, header: SegmentHeader | None) -> None:
+    def begin_segment(self, path: PurePath, header: SegmentHeader | None) -> None:
         """Go on in the next segment; None: its header cannot be read, so it is not asked."""
         self._path = path
         if header is None:
@@ -154,7 +154,7 @@ class Chain:
             self.head = header.hash_so_far
             self._settle(header.first_event)
 
-    def wrong(self, kind: str, path: Path, offset: int | None, text: str) -> None:
+    def wrong(self, kind: str, path: PurePath, offset: int | None, text: str) -> None:
         """Note damage; which events it cost shows when whole commits come again."""
         self.breaks += 1
         self._open.append(Finding(kind, Severity.DAMAGE, path, offset, None, text))
@@ -317,7 +317,7 @@ class Chain:
         self.next_event = next_event
 
 
-def _damage(kind: str, path: Path, text: str, offset: int | None = None) -> Finding:
+def _damage(kind: str, path: PurePath, text: str, offset: int | None = None) -> Finding:
     return Finding(kind, Severity.DAMAGE, path, offset, None, text)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import Protocol
 
 from semmap_log.store.verification.hash_chain import Report
@@ -39,7 +39,7 @@ class KeyframeCheck(Protocol):
     def give_up(self) -> None:
         """Compare no more: events that nobody here understands may have changed the state."""
 
-    def add(self, path: Path, piece: Piece, place: KeyframePlace, next_event: int) -> None:
+    def add(self, path: PurePath, piece: Piece, place: KeyframePlace, next_event: int) -> None:
         """Take the next chunk, of which `next_event` is the first event, or comes before it."""
 
     def finish(self) -> None:

@@ -6,12 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from mcap.opcode import Opcode
 
 from semmap_log.common.texts import counted
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
+from semmap_log.io.object_store import ObjectStore
+from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.clock_check import ClockCheck
 from semmap_log.store.commit_records import NO_HASH
@@ -38,6 +40,7 @@ from semmap_log.store.verification.folder_files import (
 )
 from semmap_log.store.verification.hash_chain import Chain, OnCommit, WholeCommit
 from semmap_log.store.verification.keyframe_place import KeyframePlace, NewKeyframeCheck
+from semmap_log.store.verification.object_place import ObjectPlace
 from semmap_log.store.verification.pieces import Piece
 from semmap_log.store.verification.walk import Flaw, Gap, SegmentWalk
 from semmap_log.store.zipped import is_zip, unpacked
@@ -53,7 +56,7 @@ _ATTEMPTS = 5
 
 
 def verify(
-    path: Path | FilePlace,
+    path: PurePath | FilePlace,
     new_check: NewKeyframeCheck,
     head: bytes | None = None,
     progress: Progress | None = None,
@@ -64,7 +67,8 @@ def verify(
     written looks like a torn tail.
 
     Args:
-        path: The log's folder, one .mcap file, or a zip file with a log in it; or another place.
+        path: The log's folder, one .mcap file, a zip file with a log in it, or the URL of a log in
+            a store; or another place.
         new_check: Makes what compares keyframes with the events.
         head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
             cut off since.
@@ -74,6 +78,10 @@ def verify(
         LogAccessError: The file system does not let us read it.
         LogError: It is of another format version.
     """
+    if isinstance(path, PurePath):
+        path = place_of(path)
+    if isinstance(path, UrlPath):
+        path = ObjectPlace(ObjectStore(path))
     if isinstance(path, Path) and is_zip(path):
         try:
             files = unpacked(path)
@@ -130,10 +138,10 @@ class Verifier:
         self._bytes = self._todo = 0
         self._head_event: int | None = -1 if head == NO_HASH else None
         self._breaks = 0
-        self._merged: dict[int, tuple[Path, bytes]] = {}
+        self._merged: dict[int, tuple[PurePath, bytes]] = {}
         """Last event of a leftover -> its file, and the hash of that event's commit."""
         self._closed: list[ClosedSegment] = []
-        self._current = Path()
+        self._current = PurePath()
         self.headers: list[SegmentHeader] = []
         """Of the segments so far, with what later versions have put there."""
         self.newer: Counter[str] = Counter()
@@ -439,7 +447,7 @@ class Verifier:
         self.findings.append(finding)
 
 
-def _leftover(path: Path, *, is_whole: bool) -> Finding:
+def _leftover(path: PurePath, *, is_whole: bool) -> Finding:
     text = "was merged into another segment; the next writer removes it"
     if is_whole:
         return Finding("leftover", Severity.NOTE, path, None, None, text)
@@ -447,7 +455,7 @@ def _leftover(path: Path, *, is_whole: bool) -> Finding:
     return Finding("leftover", Severity.WARNING, path, None, None, text)
 
 
-def _unusual(path: Path, offset: int) -> Finding:
+def _unusual(path: PurePath, offset: int) -> Finding:
     text = (
         "a chunk is compressed to other bytes than this zstd makes: another version wrote it, or "
         "a bit of it that means nothing is not as it was. Its records are as they were"

@@ -1,0 +1,37 @@
+"""Which objects below a URL are a log's."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from semmap_log.errors import LogAccessError
+from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.store.bag_metadata import listed_names
+from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+
+
+def log_objects(store: ObjectStore) -> list[ObjectStatus]:
+    """Return what lies right below a URL, by name.
+
+    A web server that lists nothing is asked for what the log's metadata.yaml names: the closed
+    segments, and with it closed.json.
+
+    Raises:
+        LogAccessError: The store does not let us.
+    """
+    listed = store.list()
+    if listed or not store.is_web_server:
+        return listed
+    found = []
+    for name in (*listed_names(metadata_text(store)), CLOSED_MARK_NAME):
+        with suppress(FileNotFoundError):
+            found.append(store.status(name))
+    return sorted(found, key=lambda status: status.name)
+
+
+def metadata_text(store: ObjectStore) -> str:
+    """Return the text of metadata.yaml; nothing where it cannot be had: it is a cache."""
+    with suppress(FileNotFoundError, LogAccessError):
+        got = store.whole(BAG_METADATA_NAME)
+        return "" if got is None else got[0].decode("utf-8", "replace")
+    return ""

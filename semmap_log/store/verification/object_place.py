@@ -1,0 +1,89 @@
+"""The files of a log in a store, as a verification reads them: every byte, none of it believed."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import PurePath
+
+from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
+from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.io.url_path import UrlPath
+from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
+from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.store.log_objects import log_objects
+from semmap_log.store.verification.file_bytes import Vanished
+
+
+class ObjectFile:
+    """An `OpenedFile`: an object as it was when it was listed."""
+
+    is_regular = True
+
+    def __init__(self, store: ObjectStore, status: ObjectStatus) -> None:
+        self._store = store
+        self._status = status
+        self.size = status.size
+        self.identity: Hashable = (status.name, status.e_tag)
+
+    def read_into(self, target: memoryview, at: int) -> int:
+        """Fetch what is asked for; as `OpenedFile.read_into`.
+
+        Raises:
+            Vanished: The object is gone, or another has its name.
+            LogError: The store does not give it: that is no bad sector, which would be gone round.
+        """
+        end = min(at + len(target), self.size)
+        if at >= end:
+            return 0
+        try:
+            data = self._store.part(self._status, at, end)
+        except (FileNotFoundError, ObjectChangedError):
+            raise Vanished from None
+        except LogAccessError as error:
+            raise LogError(str(error)) from None
+        target[: len(data)] = data
+        return len(data)
+
+
+class ObjectPlace:
+    """A `FilePlace`: the objects below a URL."""
+
+    def __init__(self, store: ObjectStore) -> None:
+        self._store = store
+        self._listed: dict[str, ObjectStatus] = {}
+
+    @property
+    def path(self) -> UrlPath:
+        """The URL."""
+        return self._store.url
+
+    def is_folder(self) -> bool:
+        """Tell whether anything lies below the URL."""
+        return bool(self.files())
+
+    def files(self) -> list[PurePath]:
+        """Return all that lies there now."""
+        self._listed = {status.name: status for status in log_objects(self._store)}
+        return [self.path / name for name in self._listed]
+
+    @contextmanager
+    def opened(self, file: PurePath) -> Iterator[ObjectFile]:
+        """Open an object as it was listed; as `FilePlace.opened`."""
+        status = self._listed.get(file.name) or self._store.status(file.name)
+        yield ObjectFile(self._store, status)
+
+    def mark(self) -> ClosedMark | None:
+        """Return what closed.json says; as `FilePlace.mark`."""
+        data = self._whole(CLOSED_MARK_NAME)
+        return None if data is None else mark_in(data[:MOST_BYTES], self.path)
+
+    def bag_metadata(self) -> str:
+        """Return the text of metadata.yaml; as `FilePlace.bag_metadata`."""
+        return (self._whole(BAG_METADATA_NAME) or b"").decode(errors="replace")
+
+    def _whole(self, name: str) -> bytes | None:
+        with suppress(FileNotFoundError):
+            found = self._store.whole(name)
+            return None if found is None else found[0]
+        return None
