@@ -15,7 +15,7 @@ MARKS = (
     guard("the hash in closed.json is one", "mark_in",
           "len(bytes.fromhex(mark.head)) == HASH_BYTES", "True",
           "test_closed_mark"),
-    guard("closed.json is no endless file", "mark_in",
+    guard("closed.json is no endless file", "read_mark",
           "folder.read_bytes(CLOSED_MARK_NAME, MOST_BYTES)", "folder.read_bytes(CLOSED_MARK_NAME)",
           "test_closed_mark"),
     guard("closed.json is read before the files are listed", "SegmentFolder.look",
