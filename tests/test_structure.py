@@ -31,7 +31,7 @@ ORDER = [
     {"probabilities"},
     {"replay"},
     {"door_log"},
-    {"costmaps", "beliefs", "scans", "rooms"},
+    {"costmaps", "beliefs", "scans", "rooms", "fleet"},
     {"planning"},
     {"formats"},
     {"views", "ros_mapping"},

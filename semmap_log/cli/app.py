@@ -20,6 +20,7 @@ from semmap_log.cli import (
     diff,
     evaluate,
     export,
+    fetch,
     go,
     history,
     import_,
@@ -42,6 +43,7 @@ from semmap_log.cli import (
     ros_package,
     scan_report,
     serve,
+    ship,
     show,
     tail,
     timeline,
@@ -144,6 +146,8 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("verify", verify.run, "Check that a log is as it was written."),
         ("recover", recover.run, "Save what is whole of a damaged log."),
         ("compact", compact.run, "Make a log smaller."),
+        ("ship", ship.run, "Send a log to a store."),
+        ("fetch", fetch.run, "Bring a log back from a store."),
     ),
 }
 """Group -> its verbs, as --help shows them: name, what runs it, and what it does in a line."""

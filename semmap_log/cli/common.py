@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time
     from semmap_log.door_log.door_log_writer import About
     from semmap_log.io.progress import Progress
+    from semmap_log.io.url_path import UrlPath
     from semmap_log.views.palette import Palette
 
 
@@ -51,6 +52,24 @@ def a_local_log(path: Path) -> Path:
         return local_path(path)
     except LogError as error:
         raise typer.BadParameter(str(error)) from None
+
+
+def a_url(text: str) -> UrlPath:
+    """Return the URL of a place in a store.
+
+    Raises:
+        typer.BadParameter: It is none.
+    """
+    from semmap_log.errors import LogError
+    from semmap_log.io.url_path import UrlPath, place_of
+
+    try:
+        place = place_of(text)
+    except LogError as error:
+        raise typer.BadParameter(str(error), param_hint="URL") from None
+    if not isinstance(place, UrlPath):
+        raise typer.BadParameter(f"expected a URL such as s3://…, got {text}", param_hint="URL")
+    return place
 
 
 LogPath = Annotated[

@@ -6,6 +6,7 @@ import re
 from pathlib import Path, PurePath, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
+from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
 
 SCHEMES = ("s3", "gs", "az", "http", "https")
@@ -44,7 +45,8 @@ def local_path(given: str | PurePath) -> Path:
     place = place_of(given)
     if isinstance(place, UrlPath):
         raise LogAccessError(
-            f"{place}: a log in a store can only be read. Write it on a disk of this machine."
+            f"{place}: a log in a store can only be read. Write it on a disk of this machine, and "
+            f"send it there: {command_line('ship', 'LOG', place)}"
         )
     return place
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 
 from semmap_log.errors import LogAccessError
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.store.manifest import MANIFEST_NAME, Manifest, manifest_in
 
 
 def log_objects(store: ObjectStore) -> list[ObjectStatus]:
@@ -27,6 +29,35 @@ def log_objects(store: ObjectStore) -> list[ObjectStatus]:
         with suppress(FileNotFoundError):
             found.append(store.status(name))
     return sorted(found, key=lambda status: status.name)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptManifest:
+    """A manifest, and what tells it from the next one."""
+
+    manifest: Manifest
+    e_tag: str
+
+
+def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> KeptManifest | None:
+    """Return a log's manifest as it is now; None: there is none.
+
+    Args:
+        store: Where it lies.
+        before: As it was; it is not fetched again while it is the same.
+
+    Raises:
+        CorruptLogError: It is damaged.
+        LogAccessError: The store does not let us.
+    """
+    try:
+        got = store.whole(MANIFEST_NAME, "" if before is None else before.e_tag)
+    except FileNotFoundError:
+        return None
+    if got is None:
+        return before
+    data, status = got
+    return KeptManifest(manifest_in(data, store.url / MANIFEST_NAME), status.e_tag)
 
 
 def metadata_text(store: ObjectStore) -> str:

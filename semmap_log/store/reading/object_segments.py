@@ -13,7 +13,8 @@ from semmap_log.io.url_path import UrlPath
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
 from semmap_log.store.form import CLOSED_MARK_NAME
-from semmap_log.store.log_objects import log_objects, metadata_text
+from semmap_log.store.log_objects import KeptManifest, log_objects, metadata_text, read_manifest
+from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.reading.segment_store import Listing
 
 LISTED_FOR_S = 1.0
@@ -21,7 +22,10 @@ LISTED_FOR_S = 1.0
 
 
 class ObjectSegments:
-    """A `SegmentStore`: objects below a URL, by what the store lists: see `log_objects`."""
+    """A `SegmentStore`: objects below a URL, by its manifest.
+
+    Of a log that was copied there without one, by what the store lists: see `log_objects`.
+    """
 
     def __init__(self, store: ObjectStore, *, listed_for_s: float = LISTED_FOR_S) -> None:
         """Take the place; nothing is asked yet.
@@ -32,8 +36,10 @@ class ObjectSegments:
         """
         self._store = store
         self._listed_for_s = listed_for_s
-        self._listed: dict[str, ObjectStatus] = {}
         self._listed_at = -math.inf
+        self._manifest: KeptManifest | None = None
+        self._told: dict[str, ShippedSegment] = {}
+        self._listed: dict[str, ObjectStatus] = {}
         self._mark: tuple[ObjectStatus | None, ClosedMark | None] = None, None
 
     @property
@@ -65,13 +71,20 @@ class ObjectSegments:
         """Return a segment's bytes; as `SegmentStore.open`."""
         return ObjectSource(self._store, self._status(name))
 
+    def told(self, name: str) -> ShippedSegment | None:
+        """Return what the manifest says of a segment; as `SegmentStore.told`."""
+        return self._told.get(name)
+
     def size_of(self, name: str) -> int:
         """Return how long a segment is, as it was last listed; as `SegmentStore.size_of`."""
         return self._status(name).size
 
     def mark(self) -> ClosedMark | None:
-        """Return what closed.json says; it is read again where it is another object."""
-        status = self._look().get(CLOSED_MARK_NAME)
+        """Return how far the log reaches, by the manifest, or by closed.json."""
+        self._look()
+        if self._manifest is not None:
+            return self._manifest.manifest.mark
+        status = self._listed.get(CLOSED_MARK_NAME)
         if status != self._mark[0]:
             self._mark = status, None if status is None else self._read_mark(status)
         return self._mark[1]
@@ -92,11 +105,20 @@ class ObjectSegments:
         """Return what is there, by name.
 
         Raises:
+            CorruptLogError: The manifest is damaged.
             LogAccessError: The store does not let us.
         """
         now = time.monotonic()
         if now - self._listed_at >= self._listed_for_s:
-            self._listed = {status.name: status for status in log_objects(self._store)}
+            self._manifest = read_manifest(self._store, self._manifest)
+            if self._manifest is None:
+                self._told = {}
+                self._listed = {status.name: status for status in log_objects(self._store)}
+            else:
+                self._told = {one.name: one for one in self._manifest.manifest.segments}
+                self._listed = {
+                    name: ObjectStatus(name, one.size, "") for name, one in self._told.items()
+                }
             self._listed_at = now
         return self._listed
 

@@ -129,7 +129,11 @@ class SegmentFolder:
         try:
             if known is not None and (known.closed or self.store.size_of(path.name) == known.size):
                 return known
-            return segment_in(path, self.store.open(path.name), earlier=known)
+            told = self.store.told(path.name)
+            source = self.store.open(path.name)
+            if told is not None:
+                return Segment(path, told.header, source, told.head_end, live=None, told=told)
+            return segment_in(path, source, earlier=known)
         except LogError as error:
             if isinstance(error.__cause__, FileNotFoundError):
                 raise GoneError(str(error)) from error.__cause__

@@ -23,6 +23,7 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import LOG_METADATA, PROFILE
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.kind_bits import UNKNOWN_BIT, bits_of_counts
+from semmap_log.store.manifest import MANIFEST_NAME, ShippedSegment
 from semmap_log.store.newer import Newer
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.closed_summary import (
@@ -55,6 +56,8 @@ class Segment:
     """Where the records behind the head's Metadata begin."""
     live: LiveScan | None
     """What a scan of a live segment found; None: it is closed."""
+    told: ShippedSegment | None = None
+    """What a manifest says of it: believed until its summary is read."""
 
     @property
     def size(self) -> int:
@@ -98,7 +101,11 @@ class Segment:
         Raises:
             CorruptLogError: It does not fit its CRC, or itself.
         """
+        if self.told is not None:  # both ends at once
+            self.source.read_ranges([(0, self.head_end), (self.size - 1, self.size)])
         found = read_summary(self.path, self.source)
+        if self.told is not None:
+            self._check_told(self.told, found)
         if len(found.tail) > SMALL_BYTES:
             _with_summary.add(self)
         return found
@@ -115,6 +122,8 @@ class Segment:
         """
         if self.live is not None:
             return self.live.whole_place.hash
+        if self.told is not None:
+            return self.told.head
         stored = stored_head(self.summary)
         if stored is not None:
             return stored
@@ -130,6 +139,8 @@ class Segment:
         """
         if self.live is not None:
             return None
+        if self.told is not None:
+            return self.told.counts
         counts: Mapping[int, int] = self.statistics.channel_message_counts
         return counts
 
@@ -140,6 +151,8 @@ class Segment:
         Raises:
             CorruptLogError: The summary is damaged.
         """
+        if self.told is not None:
+            return self.told.recorded
         if self.live is None:
             return self.statistics.message_start_time, self.statistics.message_end_time
         rows = self.chunks.rows
@@ -194,6 +207,8 @@ class Segment:
         Raises:
             CorruptLogError: The index of a closed segment is damaged.
         """
+        if self.told is not None:
+            return self.told.happened
         if self.live is None and "_spans" not in vars(self):
             return total_span(spans_of_summary(self.summary))  # of a long log's every segment
         return total_span(self.spans)
@@ -222,6 +237,24 @@ class Segment:
     def torn_bytes(self) -> int:
         """How many bytes lie behind the last whole commit of a live segment, and do not count."""
         return self.size - self.whole_end if self.problem else 0
+
+    def _check_told(self, told: ShippedSegment, found: ClosedSummary) -> None:
+        """Compare what a manifest says with what the segment says itself.
+
+        Raises:
+            CorruptLogError: They differ.
+        """
+        said = found.statistics()
+        stored = stored_head(found)
+        header, head_end = read_head(self.path, self.source)
+        ours = (told.header, told.head_end, told.recorded, dict(told.counts), told.head)
+        theirs = (
+            header, head_end, (said.message_start_time, said.message_end_time),
+            dict(said.channel_message_counts), told.head if stored is None else stored,
+        )  # fmt: skip
+        if ours != theirs or total_span(spans_of_summary(found)) != told.happened:
+            problem = f"it is not what {MANIFEST_NAME} tells of it"
+            raise CorruptLogError(self.path, None, problem)
 
 
 class _Keepers:

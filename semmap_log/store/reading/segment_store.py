@@ -12,6 +12,7 @@ from typing import Protocol
 
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store.closed_mark import ClosedMark
+from semmap_log.store.manifest import ShippedSegment
 
 Listing = list[tuple[str, Hashable]]
 """The name of each segment file, by name, and what tells it from another file of that name."""
@@ -46,6 +47,9 @@ class SegmentStore(Protocol):
             NotALogError: It is no file.
             LogAccessError: It cannot be read; `FileNotFoundError` is its cause where it has gone.
         """
+
+    def told(self, name: str) -> ShippedSegment | None:
+        """Return what a manifest says of a closed segment, so that it need not be opened for it."""
 
     def size_of(self, name: str) -> int:
         """Return how many bytes a segment has now: a live one grows.

@@ -64,6 +64,9 @@ class FilePlace(Protocol):
             OSError: It cannot be opened.
         """
 
+    def flaws(self) -> Sequence[tuple[PurePath, str]]:
+        """Return which of the files are not what was put there, and why, before they are read."""
+
     def mark(self) -> ClosedMark | None:
         """Return what closed.json says; None: there is none.
 
@@ -119,6 +122,10 @@ class DiskPlace:
             yield DiskFile(fd)
         finally:
             os.close(fd)
+
+    def flaws(self) -> Sequence[tuple[PurePath, str]]:
+        """Return none: a disk does not say what was put there."""
+        return ()
 
     def mark(self) -> ClosedMark | None:
         """Return what closed.json says; as `FilePlace.mark`."""

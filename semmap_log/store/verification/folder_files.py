@@ -80,6 +80,7 @@ def arrange(place: FilePlace) -> FolderFiles:
         names = sorted(place.files())
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    found.findings += [_damage("manifest", name, text) for name, text in place.flaws()]
     ours: list[SegmentFile] = []
     for name in names:
         if name.suffix == ".mcap":

@@ -11,7 +11,8 @@ from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
 from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
-from semmap_log.store.log_objects import log_objects
+from semmap_log.store.log_objects import KeptManifest, log_objects, read_manifest
+from semmap_log.store.manifest import MANIFEST_NAME
 from semmap_log.store.verification.file_bytes import Vanished
 
 
@@ -52,6 +53,7 @@ class ObjectPlace:
     def __init__(self, store: ObjectStore) -> None:
         self._store = store
         self._listed: dict[str, ObjectStatus] = {}
+        self._manifest: KeptManifest | None = None
 
     @property
     def path(self) -> UrlPath:
@@ -63,9 +65,25 @@ class ObjectPlace:
         return bool(self.files())
 
     def files(self) -> list[PurePath]:
-        """Return all that lies there now."""
+        """Return all that lies there now; where a manifest is, what that names of it."""
         self._listed = {status.name: status for status in log_objects(self._store)}
+        self._manifest = read_manifest(self._store, self._manifest)
+        if self._manifest is not None:
+            named = {one.name for one in self._manifest.manifest.segments}
+            self._listed = {name: one for name, one in self._listed.items() if name in named}
         return [self.path / name for name in self._listed]
+
+    def flaws(self) -> list[tuple[PurePath, str]]:
+        """Return the segments that are gone, or longer or shorter than the manifest tells."""
+        found = []
+        for one in self._manifest.manifest.segments if self._manifest is not None else ():
+            status = self._listed.get(one.name)
+            if status is None:
+                found.append((self.path / one.name, f"{MANIFEST_NAME} names it; it is gone"))
+            elif status.size != one.size:
+                text = f"{MANIFEST_NAME} tells of {one.size} bytes; it has {status.size}"
+                found.append((self.path / one.name, text))
+        return found
 
     @contextmanager
     def opened(self, file: PurePath) -> Iterator[ObjectFile]:
@@ -75,6 +93,9 @@ class ObjectPlace:
 
     def mark(self) -> ClosedMark | None:
         """Return what closed.json says; as `FilePlace.mark`."""
+        self._manifest = read_manifest(self._store, self._manifest)
+        if self._manifest is not None:
+            return self._manifest.manifest.mark
         data = self._whole(CLOSED_MARK_NAME)
         return None if data is None else mark_in(data[:MOST_BYTES], self.path)
 

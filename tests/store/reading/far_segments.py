@@ -88,6 +88,11 @@ class FarSegments:
     def size_of(self, name: str) -> int:
         return (self._folder / name).stat().st_size
 
+    def told(self, _name: str) -> None:
+        """
+        Nothing: each is opened.
+        """
+
     def mark(self) -> ClosedMark | None:
         return read_mark(LogFolder(self._folder))
 

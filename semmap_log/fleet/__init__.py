@@ -1,0 +1,1 @@
+"""Logs in a store: sent there, and brought back."""

@@ -1,0 +1,185 @@
+"""manifest.json: which segments of a log lie in a store, and what must be known to ask them.
+
+Segments are put there first, each under a name that tells what is in it, and never written again;
+then one manifest takes the place of the one before, if nobody else's has. A reader believes only
+what the manifest names. What it says of a segment is believed until that is read, and
+compared then.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import PurePath
+from typing import Any
+
+from semmap_log.errors import CorruptLogError, NewerLogError
+from semmap_log.store.closed_mark import ClosedMark
+from semmap_log.store.commit_records import HASH_BYTES, NO_HASH
+from semmap_log.store.form import DIGEST_KEY
+from semmap_log.store.header import LogInfo, SegmentHeader
+
+MANIFEST_NAME = "manifest.json"
+_FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ShippedSegment:
+    """A closed segment in a store."""
+
+    name: str
+    """Of its object: number, and the first digits of its SHA-256."""
+    size: int
+    sha256: str
+    """Of all its bytes, in hexadecimal digits."""
+    header: SegmentHeader
+    head_end: int
+    """Where the records behind the head's Metadata begin."""
+    next_event: int
+    """Number of the first event behind it."""
+    head: bytes
+    """Hash of its last commit; of the commit before it, if it has none."""
+    counts: Mapping[int, int]
+    """Messages on each channel."""
+    recorded: tuple[int, int]
+    """The least and the greatest log time in it, nanoseconds UTC."""
+    happened: tuple[int, int]
+    """When its events happened, at the earliest and at the latest; (-1, -1) without any."""
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """What lies in a store of one log."""
+
+    version: int
+    """How many manifests of the log there have been there."""
+    info: LogInfo
+    segments: tuple[ShippedSegment, ...]
+    """In order, at least one."""
+
+    @property
+    def mark(self) -> ClosedMark:
+        """How far the log reaches there."""
+        last = self.segments[-1]
+        return ClosedMark(
+            self.info.log_id, last.header.last_number, last.next_event, last.head.hex()
+        )
+
+    def text(self) -> str:
+        """Return the object's text."""
+        entries = {
+            "format": _FORMAT,
+            "version": self.version,
+            "log_id": self.info.log_id,
+            "timezone": self.info.timezone,
+            "building": self.info.building,
+            "robot": self.info.robot,
+            "segments": [_entries_of(segment) for segment in self.segments],
+        }
+        return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+
+
+def manifest_in(data: bytes, where: PurePath) -> Manifest:
+    """Return the manifest that an object's bytes are.
+
+    Args:
+        data: Its bytes.
+        where: Its place, for messages.
+
+    Raises:
+        NewerLogError: A later version has written it.
+        CorruptLogError: It is not what was written, or its segments do not follow each other.
+    """
+    try:
+        entries = json.loads(data)
+        if entries["format"] != _FORMAT:
+            told = f"{where}: format {entries['format']!r}: this program reads {_FORMAT}"
+            raise NewerLogError(f"{told}; install a newer semmap-log.")  # noqa: TRY301
+        if entries.pop(DIGEST_KEY) != _digest(entries):
+            raise ValueError("its digest does not fit it")  # noqa: TRY301
+        info = LogInfo(*(entries[name] for name in ("log_id", "timezone", "building", "robot")))
+        segments = tuple(_segment_of(each, info) for each in entries["segments"])
+        manifest = Manifest(int(entries["version"]), info, segments)
+        _check_chain(manifest)
+    except NewerLogError:
+        raise
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise CorruptLogError(where, None, f"no manifest as it was written ({error})") from None
+    return manifest
+
+
+def _check_chain(manifest: Manifest) -> None:
+    """Check that each segment follows the one before, from the log's first event on.
+
+    Raises:
+        ValueError: One does not.
+    """
+    first = manifest.segments[0] if manifest.segments else None
+    if first is None or (first.header.number, first.header.first_event) != (0, 0):
+        raise ValueError("it does not begin with segment 0")
+    if first.header.hash_so_far != NO_HASH:
+        raise ValueError("its first segment follows another")
+    for before, segment in pairwise(manifest.segments):
+        header = segment.header
+        told = (before.header.last_number + 1, before.next_event, before.head)
+        if (header.number, header.first_event, header.hash_so_far) != told:
+            raise ValueError(f"segment {header.number} does not follow the one before it")
+
+
+def _entries_of(segment: ShippedSegment) -> dict[str, Any]:
+    header = segment.header
+    return {
+        "name": segment.name,
+        "bytes": segment.size,
+        "sha256": segment.sha256,
+        "segment": header.number,
+        "last_segment": header.last_number,
+        "first_event": header.first_event,
+        "hash_so_far": header.hash_so_far.hex(),
+        "format_minor": header.minor,
+        "others": [list(pair) for pair in header.others],
+        "head_end": segment.head_end,
+        "next_event": segment.next_event,
+        "head": segment.head.hex(),
+        "counts": {str(channel): count for channel, count in sorted(segment.counts.items())},
+        "recorded_ns": list(segment.recorded),
+        "happened_ns": list(segment.happened),
+    }
+
+
+def _segment_of(entries: dict[str, Any], info: LogInfo) -> ShippedSegment:
+    head, so_far = (bytes.fromhex(entries[name]) for name in ("head", "hash_so_far"))
+    if {len(head), len(so_far)} != {HASH_BYTES}:
+        raise ValueError("a hash is cut")
+    name = str(entries["name"])
+    if "/" in name or not name.endswith(".mcap"):
+        raise ValueError(f"{name!r} is no name of a segment")
+    header = SegmentHeader(
+        info,
+        int(entries["segment"]),
+        int(entries["first_event"]),
+        so_far,
+        int(entries["last_segment"]),
+        int(entries["format_minor"]),
+        tuple((str(key), str(value)) for key, value in entries["others"]),
+    )
+    (least, greatest), (earliest, latest) = entries["recorded_ns"], entries["happened_ns"]
+    return ShippedSegment(
+        name,
+        int(entries["bytes"]),
+        str(entries["sha256"]),
+        header,
+        int(entries["head_end"]),
+        int(entries["next_event"]),
+        head,
+        {int(channel): int(count) for channel, count in entries["counts"].items()},
+        (int(least), int(greatest)),
+        (int(earliest), int(latest)),
+    )
+
+
+def _digest(entries: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
