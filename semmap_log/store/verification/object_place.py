@@ -75,7 +75,7 @@ class ObjectPlace:
 
     def flaws(self) -> list[tuple[PurePath, str]]:
         """Return the segments that are gone, or longer or shorter than the manifest tells."""
-        found = []
+        found: list[tuple[PurePath, str]] = []
         for one in self._manifest.manifest.segments if self._manifest is not None else ():
             status = self._listed.get(one.name)
             if status is None:

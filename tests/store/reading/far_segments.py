@@ -125,6 +125,12 @@ class FarPlace:
     def mark(self) -> ClosedMark | None:
         return read_mark(LogFolder(self._folder))
 
+    def flaws(self) -> tuple[()]:
+        """
+        Nothing is known of them.
+        """
+        return ()
+
     def bag_metadata(self) -> str:
         file = self._folder / BAG_METADATA_NAME
         return file.read_text() if file.exists() else ""
