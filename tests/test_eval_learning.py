@@ -134,3 +134,16 @@ def test_the_report_is_against_the_tour_that_goes_on() -> None:
 
     assert found["brier, %"]["mean"] == pytest.approx(2.0)
     assert found["excess over the true schedule, %"]["mean"] == pytest.approx(20.0)
+
+
+def test_what_was_seen_late_is_learnt_at_the_end() -> None:
+    """
+    Who learns after each 40 of 95 rounds has learnt all of them in the end.
+    """
+    now = world()
+    each, seldom = (
+        looked(now, Tour([0, 1, 2, 3], stays=True, learn_every=every), budget_s=25.0, weeks=1)
+        for every in (1, 40)
+    )
+
+    assert len(seldom.evidence) == len(each.evidence)

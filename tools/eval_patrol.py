@@ -62,7 +62,12 @@ def _what(options: argparse.Namespace) -> tuple[Any, Any]:
         run = partial(trips_tried, learning_weeks=options.weeks)
         return run, lambda trials: (trips_report(trials), print_trips)
     if options.learning:
-        run = partial(learning_tried, weeks=options.weeks, budget_s=60 * options.minutes)
+        run = partial(
+            learning_tried,
+            weeks=options.weeks,
+            budget_s=60 * options.minutes,
+            learn_every=options.learn_every,
+        )
         return run, lambda trials: (learning_report(trials), print_learning)
     rules = RoundRules(budget_s=60 * options.budget, wait_s=options.wait, asks=options.asks)
     trial = TrialOptions(

@@ -25,7 +25,9 @@ CONTINUING = "goes on where it stopped"
 TRUE = "true schedule"
 
 
-def learning_tried(seed: int, *, weeks: int, budget_s: float) -> dict[str, Any]:
+def learning_tried(
+    seed: int, *, weeks: int, budget_s: float, learn_every: int = 1
+) -> dict[str, Any]:
     """Return the Brier score of each looker in the world of a seed, and the true schedule's."""
     building, _ = the_building()
     world = PatrolWorld(building, seed, weeks=weeks + 1)
@@ -33,19 +35,21 @@ def learning_tried(seed: int, *, weeks: int, budget_s: float) -> dict[str, Any]:
     happened = np.array([_states(world, door, times_ns) for door in range(len(building))])
     true = np.array([world.shares(door, times_ns) for door in range(len(building))])
     brier = {TRUE: _brier(true, happened)}
-    for name, looker in _lookers(building, budget_s).items():
+    for name, looker in _lookers(building, budget_s, learn_every).items():
         beliefs = looked(world, looker, budget_s=budget_s, weeks=weeks)
         known_ns = int(times_ns[0])
         brier[name] = _brier(forecasts(beliefs, building, times_ns, known_ns), happened)
     return {"seed": seed, "brier": brier}
 
 
-def _lookers(building: PatrolledBuilding, budget_s: float) -> dict[str, Looker]:
+def _lookers(building: PatrolledBuilding, budget_s: float, learn_every: int) -> dict[str, Looker]:
     tour = short_tour(building.from_start_s, building.leg_s)
     return {
         CONTINUING: Tour(tour, stays=True),
         "fixed, from home": Tour(tour, stays=False),
-        "ours, likely open first": Planned(building, budget_s, by_age=False),
+        "ours, likely open first": Planned(
+            building, budget_s, by_age=False, learn_every=learn_every
+        ),
         "ours, longest unseen first": Planned(building, budget_s, by_age=True),
     }
 

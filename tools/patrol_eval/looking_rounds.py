@@ -26,6 +26,8 @@ class Looker(Protocol):
 
     stays: bool
     """The robot begins where it stopped; False: at home."""
+    learn_every: int
+    """Rounds: it takes in what it saw after each so many."""
 
     def doors(self, beliefs: Beliefs, start_ns: int, at: int | None, /) -> Iterable[int]:
         """Yield the doors of a round that begins at a door, or at home, in their order."""
@@ -37,6 +39,7 @@ class Tour:
 
     tour: Sequence[int]
     stays: bool
+    learn_every: int = 1
 
     def doors(self, _beliefs: Beliefs, _start_ns: int, at: int | None, /) -> Iterable[int]:
         """Return the tour, from the next door on."""
@@ -52,6 +55,7 @@ class Planned:
     budget_s: float
     by_age: bool
     stays: bool = True
+    learn_every: int = 1
 
     def doors(self, beliefs: Beliefs, start_ns: int, at: int | None, /) -> Iterable[int]:
         """Return the plan of a round in which no door takes longer than the way there."""
@@ -87,14 +91,16 @@ def looked(world: PatrolWorld, looker: Looker, *, budget_s: float, weeks: int) -
     ids = np.array(building.door_ids, np.uint32)
     added = EventBatch.of(DoorAdded, happened_ns=world.monday_ns, door_id=ids)
     beliefs, at = fold.apply(fold.initial(), added), None
+    waiting, rounds = list[DoorObserved](), 0
     for week in range(weeks):
         for start_ns, _ in starts(world.monday_ns + week * WEEK_NS):
             begins = at if looker.stays else None
             seen = looks(world, looker.doors(beliefs, start_ns, begins), begins, start_ns, budget_s)
-            if seen:
-                at = building.door_ids.index(seen[-1].door_id)
-                beliefs = fold.apply(beliefs, EventBatch.from_events(seen))
-    return beliefs
+            at = building.door_ids.index(seen[-1].door_id) if seen else at
+            waiting, rounds = [*waiting, *seen], rounds + 1
+            if rounds % looker.learn_every == 0:
+                beliefs, waiting = fold.apply(beliefs, EventBatch.from_events(waiting)), []
+    return fold.apply(beliefs, EventBatch.from_events(waiting)) if waiting else beliefs
 
 
 def looks(
