@@ -18,7 +18,7 @@ PLANNING = (
           "np.maximum(gain, 0.0)", "gain", "planning.test_order"),
     guard("planning: a piece turned round takes its own time", "_Pieces.backward",
           "self.back_s[low] - self.back_s[high]", "self.there_s[high] - self.there_s[low]",
-          "planning.test_order"),
+          "planning.test_moved_segments"),
     guard("planning: left out on the upper end", "SkipRule.seem_shut",
           "(chances.looks_high < self.below) & is_unlikely", "is_unlikely",
           "planning.test_looks_then"),
