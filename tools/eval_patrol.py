@@ -35,6 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from patrol_eval.door_trips import print_trips, trips_report, trips_tried
+from patrol_eval.learning import learning_report, learning_tried, print_learning
 from patrol_eval.patrol_report import print_report, report
 from patrol_eval.patrol_trials import TrialOptions, tried
 from patrol_eval.patrol_world import RoundRules
@@ -60,6 +61,14 @@ def _what(options: argparse.Namespace) -> tuple[Any, Any]:
     if options.trips:
         run = partial(trips_tried, learning_weeks=options.weeks)
         return run, lambda trials: (trips_report(trials), print_trips)
+    if options.learning:
+        run = partial(
+            learning_tried,
+            weeks=options.weeks,
+            budget_s=60 * options.minutes,
+            learn_every=options.learn_every,
+        )
+        return run, lambda trials: (learning_report(trials), print_learning)
     rules = RoundRules(budget_s=60 * options.budget, wait_s=options.wait, asks=options.asks)
     trial = TrialOptions(
         rules=rules,
@@ -115,6 +124,8 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--wait", type=float, default=10.0, help="at a shut door, seconds")
     parser.add_argument("--asks", action="store_true", help="unlocked doors open when asked")
     parser.add_argument("--trips", action="store_true", help="trips after --weeks of rounds")
+    parser.add_argument("--learning", action="store_true", help="what --weeks of looking teach")
+    parser.add_argument("--minutes", type=float, default=15.0, help="of a round that only looks")
     parser.add_argument("--budget", type=float, default=60.0, help="of a round, minutes")
     parser.add_argument("--planners", default="fixed,nearest,ours,true")
     parser.add_argument("--skip-below", type=float, default=SkipRule().below)

@@ -67,7 +67,8 @@ def run(
             min=0,
             max=1,
             help="Leave out doors that at such hours are open less than that at the upper end of "
-            "the 90 % interval, and were looked at within a day; .3. 0: none.",
+            "the 90 % interval (.4), are unlikely open now, and were looked at within a day. "
+            "0: none.",
         ),
     ] = None,
     estimator: Estimator = None,

@@ -78,17 +78,21 @@ class SkipRule:
 
     What is not tried is not learnt. So it takes more than a low P: at such hours of such days it
     was found shut so often that even the upper end of the interval of how often it is open is
-    low. And it is looked at again after `again_s`, whatever was found. A door that nobody has
-    looked at then is never left out.
+    low. And it takes more than that: who has just seen a door open that mostly is not goes there.
+    A door is looked at again after `again_s`, whatever was found. One that nobody has looked at
+    then is never left out.
     """
 
-    below: float = 0.3
+    below: float = 0.4
     """The upper end of the 90 % interval; 0: no door is left out."""
     again_s: float = DAY_S
+    p_below: float = 0.12
+    """P at each time of the round, by the last look, too."""
 
     def seem_shut(self, chances: DoorChances) -> NDArray[np.bool_]:
         """Return which doors are shut for all that is known."""
-        found: NDArray[np.bool_] = chances.looks_high < self.below
+        is_unlikely = chances.p_passes.max(axis=1) < self.p_below
+        found: NDArray[np.bool_] = (chances.looks_high < self.below) & is_unlikely
         return found
 
     def is_skipped(self, chances: DoorChances) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.planning.best_order import MOST_SWEEPS, best_from, best_order
-from semmap_log.planning.round_task import Orders, RoundTask
+from semmap_log.planning.round_task import Orders, RoundTask, with_stop
 
 EXPECTED_P = 0.5
 """A door of at least that P is expected to let the robot in."""
@@ -135,8 +135,7 @@ class PatrolRound:
 
     def _with(self, door: int) -> Orders:
         """Return the order with one more door, where that costs least."""
-        count = len(self._order) + 1
-        orders = np.array([np.insert(self._order, place, door) for place in range(count)])
+        orders = with_stop(self._order, door)
         found: Orders = orders[int(self._cost(orders).argmin())]
         return found
 
@@ -183,15 +182,19 @@ class PatrolRound:
 
     def _with_other_doors(self, order: Orders, *, anywhere: bool) -> Orders:
         """Return the orders in which another door of its target stands for one."""
-        orders = []
-        for place, door in enumerate(order.tolist()):
-            for other in self._untried[self._target_of[door]]:
-                if other == door:
-                    continue
-                rest = np.delete(order, place)
-                places = range(len(order)) if anywhere else [place]
-                orders += [np.insert(rest, there, other) for there in places]
-        return np.array(orders, np.intp).reshape(-1, len(order))
+        exchanges = [
+            (place, other)
+            for place, door in enumerate(order.tolist())
+            for other in self._untried[self._target_of[door]]
+            if other != door
+        ]
+        if anywhere:
+            orders = [with_stop(np.delete(order, place), other) for place, other in exchanges]
+            return np.array(orders, np.intp).reshape(-1, len(order))
+        places, others = np.array(exchanges, np.intp).reshape(-1, 2).T
+        alike = np.repeat(order[None], len(exchanges), axis=0)
+        alike[np.arange(len(exchanges)), places] = others
+        return alike
 
     def _cost(self, orders: Orders) -> NDArray[np.float64]:
         """Return what orders of doors cost, from where the robot is now."""
