@@ -119,6 +119,21 @@ def test_the_robot_goes_through_no_wall_and_no_shut_door(
     assert crossed >= 4
 
 
+@pytest.mark.parametrize("setup", SETUPS)
+def test_what_is_given_up_after_driving_had_a_way(tmp_path: Path, plan: Path, setup: str) -> None:
+    """
+    And what was rejected at once had none: its records say so, and nobody moved.
+    """
+    options = RunOptions(goals=15, every_s=30.0)
+    found = read_run(run(RunTask(plan, 1, setup, "fixed", 3, options), floor(), tmp_path))
+    for goal in found.goals:
+        figures = goal.figures
+        assert (figures["planned_s"] is None) == (figures["plans"] == 0 == figures["path_m"])
+        if goal.outcome.value == "after_driving":
+            assert figures["plans"] >= 1
+            assert figures["blocked"] >= 1
+
+
 def test_a_sighting_is_right_but_for_what_comes_later(tmp_path: Path, plan: Path) -> None:
     task = RunTask(plan, 1, "map_star", "fixed", 3, RunOptions(goals=20, every_s=20.0))
     found = read_run(run(task, floor(), tmp_path))

@@ -105,8 +105,8 @@ def _beside_the_map(what: str, runs: Runs, others: Runs) -> str:
 def _order(patrol: Runs, nearest: Runs) -> str:
     patrol, nearest = _same_seeds(patrol, nearest)
     minutes = difference(pairs_of(patrol, nearest), lambda run: run.total_s / 60)
-    return (f"With ten goals to choose from, the one that is likeliest to be reached soon (Patrol) "
-            f"against the nearest one: {_time_said(minutes)}; "
+    return (f"With ten goals to choose from, the order of least mean time to a goal (Patrol) "
+            f"against the nearest first: {_time_said(minutes)}; "
             f"{share_said(a_run_of(patrol))} and {share_said(a_run_of(nearest))} driven to in "
             "vain.")  # fmt: skip
 
