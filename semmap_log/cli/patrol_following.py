@@ -26,7 +26,7 @@ def follow(opened: DoorLog, begun: BegunRound, *, as_json: bool) -> None:
     from semmap_log.planning.followed_round import FollowedRound, events_since
     from semmap_log.views.round_lines import over_line
 
-    round_ = FollowedRound(begun, opened)
+    round_ = FollowedRound(begun, opened.opened_anew)
     show = _shown(begun, round_, as_json=as_json)
     try:
         batches = events_since(opened, begun.plan.start_ns, stop=is_nobody_reading)

@@ -66,12 +66,13 @@ class RoundStep:
 class FollowedRound:
     """A round, and what became of it so far; the same for the same events."""
 
-    def __init__(self, begun: BegunRound, log: DoorLog) -> None:
+    def __init__(self, begun: BegunRound, log: Callable[[], DoorLog]) -> None:
         """Begin it.
 
         Args:
             begun: The round.
-            log: Asked anew for what is known when events are taken back.
+            log: Gives the log with all that is written, from which is learnt anew when events are
+                taken back.
         """
         self._begun = begun
         self._log = log
@@ -115,7 +116,7 @@ class FollowedRound:
         known = self._taken
         if Retracted in batch:
             known = self._without_taken_back(batch)
-            self._begun.news.learn_anew(self._log.opened_anew(), int(batch.number[-1]))
+            self._begun.news.learn_anew(self._log(), int(batch.number[-1]))
         else:
             self._begun.news.take_in(batch)
         new = [one for one in batch if self._counts(one)]
