@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, console, print_json, progress, say
+from semmap_log.cli.patrol_following import follow as follow_round
+from semmap_log.cli.plain_streams import json_text, write_line
 from semmap_log.cli.probabilities import PLOTS, Estimator, Zone
 
 if TYPE_CHECKING:
@@ -77,6 +79,15 @@ def run(
         Path | None,
         typer.Option("--plot", metavar="X.png", help="Draw it over the floor plan; or .svg."),
     ] = None,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow",
+            "-f",
+            help="Then follow the log: the next stop after each event, until the "
+            "round is over, or Ctrl-C. With --json one object a line, the plan first.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Plan a patrol: in which order to visit rooms, so that the mean time to visit is least.
@@ -86,19 +97,24 @@ def run(
     again at such hours is left out, but looked at once a day: what is not tried is not learnt. One
     of which too little was seen is UNKNOWN, and counts as the others on average.
 
+    With --follow, doors are visited that the robot passed, or behind which it is. One that it gave
+    up, or that is seen shut where it was sent to, is tried no more. What is told of doors ahead
+    counts; the order is made anew only when one is now expected to be otherwise.
+
     \b
     Examples:
       semmap-log patrol-plan office
       semmap-log patrol-plan office --from 2,1.5 --start "2026-03-02T08:00" --budget 30min
       semmap-log patrol-plan office --rooms 2,3 --json
       semmap-log patrol-plan office --doors front,side --plot plan.png
+      semmap-log patrol-plan office --rooms 2,3 --follow
     """
     import semmap_log as sl
     from semmap_log.formats.json.plan_json import plan_to_json
     from semmap_log.io.disk import refuse_own_folder
     from semmap_log.planning.door_chances import SkipRule
     from semmap_log.planning.named_places import listed
-    from semmap_log.planning.patrol_plan import PatrolOptions, patrol_plan
+    from semmap_log.planning.patrol_plan import PatrolOptions, begun_round
     from semmap_log.views.patrol_plan_table import patrol_plan_table
 
     if everything and (rooms or doors):
@@ -118,16 +134,21 @@ def run(
         skip=SkipRule() if skip_below is None else SkipRule(skip_below),
     )
     with progress("Reading") as told:
-        plan = patrol_plan(
+        begun = begun_round(
             opened, start_at=start_at, rooms=listed(rooms or ()), doors=listed(doors or ()),
             start=start, estimator=estimator, tz=tz, options=options, progress=told,
         )  # fmt: skip
+    plan = begun.plan
     if plot is not None:
         _plot(opened, plan, plot)
-    if as_json:
+    if as_json and follow:
+        write_line(json_text(plan_to_json(plan)))
+    elif as_json:
         print_json(plan_to_json(plan))
-        return
-    console().print(patrol_plan_table(plan))
+    else:
+        console().print(patrol_plan_table(plan))
+    if follow:
+        follow_round(opened, begun, as_json=as_json)
 
 
 def seconds_of(text: str) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -86,3 +87,16 @@ def plain_streams() -> Iterator[None]:
 def forget_output() -> None:
     """Let go of what stdout still holds: at exit it would be written, and fail, once more."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def is_nobody_reading() -> bool:
+    """Tell whether the other end of our output has gone, which without output nobody would say."""
+    try:
+        output = sys.stdout.fileno()
+    except (OSError, ValueError):
+        return False  # not a file, as in tests
+    if not hasattr(select, "poll"):
+        return False  # Windows: the next line that is written says so
+    poll = select.poll()
+    poll.register(output, 0)
+    return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

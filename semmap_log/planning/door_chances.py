@@ -37,19 +37,37 @@ class DoorChances:
     """(n,): for how long nobody has looked at it when the round begins; inf: nobody ever did."""
     step_s: float
 
-    def with_stand_ins(self) -> DoorChances:
+    def with_stand_ins(self, others: Probabilities | None = None) -> DoorChances:
         """Return the same where a door of which too little is known counts as the others do.
 
         It is their mean, and its own looks at such hours where there are any; its interval is
         0..1.
+
+        Args:
+            others: (k,), their mean; None: of the doors here.
         """
-        known, unknown = self.is_known, ~self.is_known
-        mean = self.p_passes[known].mean(axis=0) if known.any() else UNKNOWN_P
+        unknown = ~self.is_known
+        mean = self.mean() if others is None else others
         p_passes, low, high = self.p_passes.copy(), self.low.copy(), self.high.copy()
         looks, found_open = self.looks[unknown].T[:, :, None]
         p_passes[unknown] = (found_open + MEAN_COUNTS * mean) / (looks + MEAN_COUNTS)
         low[unknown], high[unknown] = 0.0, 1.0
         return replace(self, p_passes=p_passes, low=low, high=high)
+
+    def mean(self) -> Probabilities:
+        """Return (k,): the mean P of the doors of which enough is known."""
+        if not self.is_known.any():
+            return np.full(self.p_passes.shape[1], UNKNOWN_P)
+        found: Probabilities = self.p_passes[self.is_known].mean(axis=0)
+        return found
+
+    def with_row(self, row: int, of_door: DoorChances) -> DoorChances:
+        """Return the same with what was learnt of one door since; of when it was seen nothing."""
+        changed = {}
+        for name in ("p_passes", "low", "high", "is_known", "looks", "looks_high"):
+            changed[name] = getattr(self, name).copy()
+            changed[name][row] = getattr(of_door, name)[0]
+        return replace(self, **changed)
 
     def interval_at(self, row: int, time_s: float) -> tuple[float, float]:
         """Return the interval of a door's P at a time of the round."""

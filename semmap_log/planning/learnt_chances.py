@@ -33,6 +33,7 @@ def learnt_chances(
     known_ns: int,
     start_ns: int,
     times_s: NDArray[np.float64],
+    others: NDArray[np.float64] | None = None,
 ) -> DoorChances:
     """Return how likely doors are so, at times of a round, by what was known at a moment.
 
@@ -42,6 +43,7 @@ def learnt_chances(
         known_ns: What happened later does not count.
         start_ns: Of the round.
         times_s: (k,): of the round, `STEP_S` apart.
+        others: See `DoorChances.with_stand_ins`.
     """
     times_ns = start_ns + np.round(times_s * SECOND_NS).astype(np.int64)
     known = np.full(len(times_ns), known_ns)
@@ -64,7 +66,7 @@ def learnt_chances(
         looks_high=np.array([each.high for each in looks]),
         unseen_s=np.array(unseen_s(beliefs, doors, known_ns=known_ns, start_ns=start_ns)),
         step_s=STEP_S,
-    ).with_stand_ins()
+    ).with_stand_ins(others)
 
 
 def unseen_s(
