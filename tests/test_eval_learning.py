@@ -68,6 +68,19 @@ def test_a_round_looks_until_its_time_is_over() -> None:
     assert [each.door_id for each in further] == [4]
 
 
+def test_a_tour_goes_on_over_a_leg_that_is_longer_than_a_round() -> None:
+    """
+    From the last door back to the first it is 30 s; rounds are over after 25 s.
+    """
+    now = world()
+
+    beliefs = looked(now, Tour([0, 1, 2, 3], stays=True), budget_s=25.0, weeks=1)
+
+    last_ns = [beliefs.evidence.counts(door, now.end_ns).last_seen_ns
+               for door in now.building.door_ids]  # fmt: skip
+    assert min(at or 0 for at in last_ns) > now.monday_ns + 6 * 24 * HOUR_NS
+
+
 def test_the_plan_goes_to_likely_doors_or_to_those_unseen_for_long() -> None:
     """
     Off from between: the one just seen open at one end, those seen before, shut, at the other.
@@ -146,4 +159,8 @@ def test_what_was_seen_late_is_learnt_at_the_end() -> None:
         for every in (1, 40)
     )
 
-    assert len(seldom.evidence) == len(each.evidence)
+    for door in now.building.door_ids:
+        last_ns, at_last_ns = (
+            beliefs.evidence.counts(door, now.end_ns).last_seen_ns for beliefs in (each, seldom)
+        )
+        assert last_ns == at_last_ns

@@ -4,7 +4,7 @@
     python tools/eval_patrol.py --seeds 0..30 --jobs 2 --keep trials.jsonl
     python tools/eval_patrol.py --wait 60 --weeks 1
     python tools/eval_patrol.py --asks
-    python tools/eval_patrol.py --learning             Brier of the next week, same driving
+    python tools/eval_patrol.py --learning --weeks 1   what a robot learns that only looks
     python tools/eval_patrol.py --trips                expected time of trips against an oracle
     python tools/eval_patrol.py --json > scores.json
 
@@ -20,6 +20,12 @@ less than 5 % of the time: what there is to gain. all: ours, leaving nothing out
 Failed approaches: doors that were tried and did not let the robot in. Mean time to visit: over
 the reachable rooms, those with a door that lets the robot in for 90 % of the round; one that was
 not visited counts as visited at the round's end.
+
+--learning: the robot drives from door to door for --minutes a round, and only looks. Then each door
+is forecast for the week after, every half hour; the Brier score is the mean squared error. By a
+short tour that goes on where the last round stopped; by the same tour, each round from home; as
+`patrol-plan` orders, likely open first; by the same search, longest unseen first. --learn-every
+lets the order of likely doors lag behind; in the end all have learnt all that they saw.
 """
 
 from __future__ import annotations

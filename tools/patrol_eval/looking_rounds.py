@@ -106,11 +106,15 @@ def looked(world: PatrolWorld, looker: Looker, *, budget_s: float, weeks: int) -
 def looks(
     world: PatrolWorld, doors: Iterable[int], at: int | None, start_ns: int, budget_s: float
 ) -> list[DoorObserved]:
-    """Return what a round sees that begins at a door, or at home, until its time is over."""
+    """Return what a round sees that begins at a door, or at home, until its time is over.
+
+    It comes to its first door, however far: who goes on where the last round stopped would else
+    stay there for ever.
+    """
     building, now_s, seen = world.building, 0.0, list[DoorObserved]()
     for door in doors:
         now_s += float((building.from_start_s if at is None else building.leg_s[at])[door])
-        if now_s > budget_s:
+        if seen and now_s > budget_s:
             break
         seen.append(world.look(door, start_ns + round(now_s * SECOND_NS)))
         at = door
