@@ -69,6 +69,11 @@ EXPERIMENT = (
           "cells[passed] = False", "", "test_laser"),
     guard("a beam clears nothing behind its end", "navigation.laser.Scan.passed",
           "step < self.until[beam]", "step >= 0", "test_laser"),
+    guard("a run's ids are of its seed", "navigation.records.RunRecorder.__init__",
+          "random.Random(told)", "random.Random()", "test_the_same_seed_gives_the_same_bytes"),
+    guard("a run that is not over has no name", "navigation.records.RunRecorder.__init__",
+          "self._making = key.making(out)", "self._making = self.folder",
+          "test_records", "test_killed_and_resumed_gives_the_same_bytes_and_tables"),
     guard("a run that is there is not made again", "navigation.batch.run_all",
           "not task.key.folder(out).exists()", "True", "test_running"),
 )  # fmt: skip
