@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -42,10 +43,11 @@ class AsGiven:
         return goals[0]
 
 
-class NearestFirst:
-    """The goal with the shortest way, by all that the robot knows.
+class _Choosing:
+    """Chooses among goals to which the robot knows a way.
 
-    Goals to which it knows no way come last, the first of them first.
+    One to which it knows none is sent at once, the first of them first, and is given up where the
+    robot stands: else such goals would fill the window, and leave nothing to choose from.
     """
 
     def __init__(self, robot: Robot, move_base: MoveBase, window: int) -> None:
@@ -54,11 +56,24 @@ class NearestFirst:
         self._robot, self._move_base = robot, move_base
 
     def choose(self, goals: Sequence[Goal]) -> Goal:
+        """Return the goal to go to now."""
+        for goal in goals:
+            if not self._move_base.knows_way(goal.place):
+                return goal
+        return self.best(goals)
+
+    @abstractmethod
+    def best(self, goals: Sequence[Goal]) -> Goal:
+        """Return one of some goals to which ways lead."""
+
+
+class NearestFirst(_Choosing):
+    """The goal with the shortest way, by all that the robot knows."""
+
+    def best(self, goals: Sequence[Goal]) -> Goal:
         """Return the nearest; those are not looked at that are too far away to be it."""
         best, best_m = goals[0], math.inf
         for goal in sorted(goals, key=lambda goal: (self._air_m(goal), goal.number)):
-            if goal.kind != "free":
-                continue
             if self._air_m(goal) >= best_m:
                 break
             way = self._move_base.plan(goal.place)
@@ -70,32 +85,24 @@ class NearestFirst:
         return math.dist(goal.place, self._robot.place)
 
 
-class PatrolOrder:
+class PatrolOrder(_Choosing):
     """The first goal of the order in which the mean time to reach a goal is least.
 
     It is `patrol-plan`'s order (`semmap_log.planning`) of all goals that are known. P of a goal is
-    that of all doors on the way to it from here, when one comes to them. Goals to which the robot
-    knows no way come last, the first of them first.
+    that of all doors on the way to it from here, when one comes to them.
     """
 
     def __init__(self, robot: Robot, move_base: MoveBase, window: int) -> None:
         """Choose for a robot."""
-        self.window = window
-        self._robot, self._move_base = robot, move_base
+        super().__init__(robot, move_base, window)
         self._walking = walking_on(robot.floor)
 
-    def choose(self, goals: Sequence[Goal]) -> Goal:
+    def best(self, goals: Sequence[Goal]) -> Goal:
         """Return the goal to begin with."""
-        ways = [
-            (goal, way) for goal in goals
-            if goal.kind == "free" and (way := self._move_base.plan(goal.place)) is not None
-        ]  # fmt: skip
-        if not ways:
-            return goals[0]
-        if len(ways) == 1:
-            return ways[0][0]
-        order = best_order(self.task([goal.place for goal, _ in ways], [way for _, way in ways]))
-        return ways[int(order[0])][0]
+        ways = [way for goal in goals if (way := self._move_base.plan(goal.place)) is not None]
+        assert len(ways) == len(goals), "to each of these a way is known"
+        order = best_order(self.task([goal.place for goal in goals], ways))
+        return goals[int(order[0])]
 
     def task(self, places: Sequence[Point], ways: Sequence[Way]) -> RoundTask:
         """Return the round of some places, and the ways to them from here."""

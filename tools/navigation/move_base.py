@@ -78,6 +78,11 @@ class MoveBase:
         self._robot.think()
         return self._finder.find(self._robot.place, goal)
 
+    def knows_way(self, goal: Point) -> bool:
+        """Tell whether there is a way by all that the robot knows, which `plan` would return."""
+        self._robot.think()
+        return self._finder.leads(self._robot.place, goal) is not None
+
     def go(self, goal: Point) -> Drive:
         """Drive to a goal; return how that went."""
         drive = Drive()

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from navigation.tables.figures import RunFigures
 from navigation.tables.grouped import GroupedRuns, title_of, value_said
-from navigation.tables.measures import RunsOf, difference, pairs_of, percent_of, times_of
-from navigation.tables.statistics import Interval, Ratio, mean_of
+from navigation.tables.measures import RunsOf, a_run_of, difference, pairs_of, percent_of, times_of
+from navigation.tables.statistics import Interval, Ratio
 from navigation.tables.table import runs_said
 from navigation.tables.thesis import THESIS
 
@@ -164,13 +164,6 @@ def _same_seeds(one: Runs, other: Runs) -> tuple[Runs, Runs]:
 
 def _points(one: Runs, other: Runs) -> Interval:
     return difference(pairs_of(one, other), lambda run: 100 * run.share)
-
-
-def a_run_of(runs: Runs) -> Interval:
-    """Return the mean share of a run in percent, to stand beside differences of runs."""
-    if not any(run.after_driving for run in runs):
-        return percent_of(runs)
-    return mean_of([100 * run.share for run in runs])
 
 
 def share_said(share: Interval) -> str:
