@@ -24,3 +24,27 @@ from semmap_log.planning.patrol_plan import (
 from semmap_log.planning.patrol_round import PatrolRound, PatrolTarget, PlannedTry
 from semmap_log.planning.patrol_targets import NotVisited, WantedTarget
 from semmap_log.planning.round_task import RoundTask
+from semmap_log.planning.trip_policy import AtShutDoor, ShutDoorChoice
+
+__all__ = [
+    "AtShutDoor",
+    "BegunRound",
+    "DoorTrip",
+    "FollowedRound",
+    "NotVisited",
+    "PatrolOptions",
+    "PatrolPlan",
+    "PatrolRound",
+    "PatrolTarget",
+    "PlannedStop",
+    "PlannedTry",
+    "RoundStep",
+    "RoundTask",
+    "ShutDoorChoice",
+    "SkipRule",
+    "TripStop",
+    "WantedTarget",
+    "begun_round",
+    "door_trip",
+    "patrol_plan",
+]
