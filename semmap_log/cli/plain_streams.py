@@ -13,8 +13,12 @@ import os
 import select
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO
+
+READER_GONE = 141
+"""Exit code where the reader of our output has gone, as `head` does: as of any program that SIGPIPE
+ends."""
 
 
 def plain(text: str) -> str:
@@ -85,7 +89,12 @@ def plain_streams() -> Iterator[None]:
 
 
 def forget_output() -> None:
-    """Let go of what stdout still holds: at exit it would be written, and fail, once more."""
+    """Let go of what stdout still holds: at exit it would be written, and fail, once more.
+
+    What can be written is: it may be stderr that failed.
+    """
+    with suppress(OSError):
+        sys.stdout.flush()
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -18,14 +18,10 @@ from typer.core import TyperCommand, TyperGroup
 
 from semmap_log.cli.completion import OFFERS, Offers
 from semmap_log.cli.failures import CLICK_ERROR
-from semmap_log.cli.plain_streams import forget_output
+from semmap_log.cli.plain_streams import READER_GONE, forget_output
 
 OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
 """Of ranges of time: still taken by every verb that has no such option of its own."""
-
-READER_GONE = 141
-"""Exit code where the reader of our output has gone, as `head` does: as of any program that SIGPIPE
-ends."""
 
 NEED_NO_VALUE = {"--scan": re.compile(r"(/\w+)+", re.ASCII)}
 """Options that may stand alone -> what their values look like."""

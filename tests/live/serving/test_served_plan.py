@@ -114,9 +114,11 @@ def test_a_round_that_is_over_and_the_next(served: Served) -> None:
 
     over = served.tell(PatrolFinished(patrol=1), at_s=30)
     still = served.tell(DoorPassed(door_id=FRONT, passed=True), at_s=40)
+    served.start()
+    after_restart = served.shown()
     another = served.tell(HALL_POSE, PatrolStarted(patrol=2), at_s=600)
 
-    assert (over, still) == ([], [])
+    assert (over, still, after_restart) == ([], [], [])
     assert another == [LAB_POSE, FRONT_POSE]
 
 
