@@ -228,7 +228,7 @@ class _Planner:
         """
         targets, left_out = wanted
         entries = [
-            _Entry(target, door, self._nearest(places), self._row[door.door_id])
+            _Entry(target, door, self._ways.nearest(places, self._where), self._row[door.door_id])
             for target in targets
             for door, places in zip(target.doors, target.places, strict=True)
         ]
@@ -286,10 +286,8 @@ class _Planner:
         notes = []
         if self._where is None:
             notes.append("nobody said where the robot is: the round begins at its first stop")
-        flat = sorted({s.place.level for s in stops} - set(self._ways.plan.floors))
-        if flat:
-            called = ", ".join(self._ways.plan.door_map.level_name(level) for level in flat)
-            notes.append(f"level {called} has no floor plan: distances are straight lines")
+        if flat := self._ways.without_plan(stop.place.level for stop in stops):
+            notes.append(flat)
         if not all(stop.is_known for stop in stops):
             as_others = "as the others do on average, and by their own looks at such hours"
             if not self._chosen.is_known.any():
@@ -304,13 +302,6 @@ class _Planner:
             beliefs, self._ids, known_ns=self._query.known_ns, start_ns=self._start_ns,
             times_s=round_times_s(longest_s),
         )  # fmt: skip
-
-    def _nearest(self, places: tuple[Place, ...]) -> Place:
-        """Return the side of a door that the robot comes to first."""
-        if len(places) == 1 or self._where is None:
-            return places[0]
-        times_s = self._ways.between_s([self._where], places)[0]
-        return places[int(times_s.argmin())]
 
     def _reached(
         self, entries: list[_Entry]
