@@ -155,14 +155,14 @@ def seconds_of(text: str, option: str) -> float:
 
 
 def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
+    from semmap_log.common.texts import counted
+    from semmap_log.planning.patrol_ways import patrol_ways
+    from semmap_log.planning.ways_between import WaysBetween
+    from semmap_log.rooms import room_plan
     from semmap_log.views.plots.patrol_route import plot_patrol
 
     at = None if plan.start_ns > plan.known_ns else f"@{plan.start_ns}"
-    door_map = opened.replay(at=at)
-    levels = {stop.place.level for stop in plan.stops} | (
-        set() if plan.start is None else {plan.start.level}
-    )
-    floors = {level: opened.floor_of(door_map, level) for level in levels}
-    known = {level: floor for level, floor in floors.items() if floor is not None}
-    plot_patrol(plan, known, list(door_map.doors.values()), path)
-    say(f"{path}: {len(plan.stops)} stops.")
+    rooms = room_plan(opened, at=at)
+    ways = patrol_ways(plan, WaysBetween(rooms, speed_m_s=plan.options.speed_m_s))
+    plot_patrol(plan, ways, rooms.floors, list(rooms.door_map.doors.values()), path)
+    say(f"{path}: {counted(len(plan.stops), 'stop')}.")

@@ -104,6 +104,8 @@ class PatrolPlan:
     """How many of the stops let the robot in at their first door, on average."""
     notes: tuple[str, ...]
     """What must not be overlooked."""
+    avoided: frozenset[DoorId] = frozenset()
+    """Doors that are likely shut at the start: ways lead through them only if they must."""
 
 
 @knows_keywords
@@ -279,7 +281,7 @@ class _Planner:
             self._start_ns, query.known_ns, query.clock.tz, query.estimator, self._options,
             self._where, tuple(stops), tuple(left_out),
             float((chances * times_s).sum() / visits) if visits > 0 else math.nan,
-            visits, tuple(self._notes(stops)),
+            visits, tuple(self._notes(stops)), self._avoided(),
         )  # fmt: skip
 
     def _notes(self, stops: list[PlannedStop]) -> list[str]:
@@ -335,13 +337,15 @@ class _Planner:
         return f"no lift leads to level {self._ways.plan.door_map.level_name(level)}"
 
     def _times_s(self, sources: list[Place], targets: list[Place]) -> NDArray[np.float64]:
-        at_start = self._open.p_passes[:, 0]
-        shut = {DoorId(self._ids[row]) for row in np.flatnonzero(at_start < THROUGH_P).tolist()}
-        found = self._ways.between_s(sources, targets, shut)
+        found = self._ways.between_s(sources, targets, self._avoided())
         if np.isfinite(found).all():
             return found
         through_any = self._ways.between_s(sources, targets)
         return np.where(np.isfinite(found), found, through_any)
+
+    def _avoided(self) -> frozenset[DoorId]:
+        at_start = self._open.p_passes[:, 0]
+        return frozenset(self._ids[row] for row in np.flatnonzero(at_start < THROUGH_P).tolist())
 
     def _task(
         self, rows: list[int], from_start_s: NDArray[np.float64], leg_s: NDArray[np.float64]

@@ -98,6 +98,17 @@ class WaysBetween:
                     found[row, column] = away_m / self.speed_m_s
         return found
 
+    def way(self, source: Place, target: Place, shut: Collection[DoorId] = ()) -> list[Place]:
+        """Return the corners of the way between two places, both included.
+
+        Args:
+            source: From where.
+            target: To where.
+            shut: Doors that it avoids if there is a way without them.
+        """
+        found = self._times.way(source, target, shut) or self._times.way(source, target)
+        return found or [source, target]
+
 
 def middle_of(door: Door) -> Place:
     """Return the middle of a door's line."""
