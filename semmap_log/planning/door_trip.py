@@ -230,7 +230,7 @@ class _Trip:
             )
         self._soonest_s = free.shortest_s(frozenset(range(len(way.doors))))
         p_open = [self._p_open(door) for door in range(len(way.doors))]
-        waits_s = with_mean([self._wait_s(door, p) for door, p in enumerate(p_open)])
+        waits_s = with_mean([self._wait_s(door) for door in range(len(p_open))])
         doors = [
             TripDoor(p, wait, self._answers(self._rows[door], p))
             for door, (p, wait) in enumerate(zip(p_open, waits_s, strict=True))
@@ -271,14 +271,13 @@ class _Trip:
         times_s = np.arange(chances.p_passes.shape[1]) * chances.step_s
         return float(np.interp(after_s, times_s, chances.p_passes[row]))
 
-    def _wait_s(self, door: int, p_open: float) -> float | None:
+    def _wait_s(self, door: int) -> float | None:
         """Return the expected wait at a door that was found shut; None: not known."""
         if not self._chances.is_known[self._rows[door]]:
             return None
         arrives_ns = self._depart_ns + round(self._arrival_s(door) * SECOND_NS)
         door_id = self._way.doors[door].door_id
-        found = wait_s(self._query, door_id, arrives_ns, most_s=self._patience_s)
-        return None if found is None else found / max(1 - p_open, LEAST_SHUT)
+        return wait_s(self._query, door_id, arrives_ns, most_s=self._patience_s, is_shut=True)
 
     def _answers(self, row: int, p_open: float) -> float:
         """Return P(a shut door opens for who asks), by how often tries ended behind it."""

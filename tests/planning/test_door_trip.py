@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.events import DoorAdded
+from semmap_log.domain.moments import HOUR_NS
 from semmap_log.errors import PlanError
 from semmap_log.formats.json.trip_json import trip_to_json
+from semmap_log.planning.asked_beliefs import beliefs_at, wait_s
 from semmap_log.planning.door_trip import door_trip
 from semmap_log.planning.trip_policy import AtShutDoor
 from semmap_log.views.trip_table import trip_table
-from tests.planning.ward import DOOR_Y, HALL, ward
+from tests.conftest import SteadyClock
+from tests.planning.ward import DOOR_Y, HALL, PLAN, STORE, ward
+from tests.rooms.buildings import drawn
 
 NOON = "2026-03-20T12:10"
 IN_THE_WARD = "2,4,1"
@@ -161,3 +167,28 @@ def test_the_best_way_after_the_log_s_end(log: sl.DoorLog) -> None:
 
     assert trip.estimator == "schedule"
     assert math.isinf(trip.expected_s)
+
+
+def test_the_wait_at_a_shut_door_is_that_of_what_is_known_at_the_departure(
+    tmp_path: Path,
+) -> None:
+    """
+    Doors that report themselves are known until the log ends; P lies on a grid of 5 min.
+    """
+    clock = SteadyClock(0)
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        log.append([drawn(PLAN, level=1, cell_m=0.1, scale=5)])
+        log.append([DoorAdded(door_id=STORE, level=1, x=5.0, y=DOOR_Y, theta=0.0, width=1.0)])
+        for hour in range(1, 400):
+            clock.now_ns = hour * HOUR_NS
+            log.update_door(STORE, state="open" if hour % 2 else "closed")
+
+    query, _ = beliefs_at(log, None, estimator=None, tz=None, progress=None)
+    (stop,) = door_trip(log, HALL, IN_THE_STORE).stops
+    arrives = stop.arrives_ns
+    perhaps, surely = (wait_s(query, STORE, arrives, is_shut=shut) for shut in (False, True))
+
+    assert stop.p_open > 0.99
+    assert surely == stop.wait_s
+    assert perhaps == pytest.approx((1 - stop.p_open) * surely, rel=0.5)
+    assert 600 < surely < 4 * 3600
