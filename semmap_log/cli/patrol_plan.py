@@ -104,7 +104,8 @@ def run(
     \b
     Examples:
       semmap-log patrol-plan office
-      semmap-log patrol-plan office --from 2,1.5 --start "2026-03-02T08:00" --budget 30min
+      semmap-log patrol-plan office --from 2,1.5 --start 2026-03-02T08:00
+      semmap-log patrol-plan office --budget 30min --wait 5s
       semmap-log patrol-plan office --rooms 2,3 --json
       semmap-log patrol-plan office --doors front,side --plot plan.png
       semmap-log patrol-plan office --rooms 2,3 --follow
@@ -119,6 +120,9 @@ def run(
 
     if everything and (rooms or doors):
         raise typer.BadParameter("leave out --rooms and --doors, or --all", param_hint="--all")
+    for option, given in (("--rooms", rooms), ("--doors", doors)):
+        if given and not listed(given):
+            raise typer.BadParameter("expected names, got none", param_hint=option)
     if plot is not None and plot.suffix not in PLOTS:
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
@@ -127,9 +131,9 @@ def run(
         refuse_own_folder(opened.path, plot)
     options = PatrolOptions(
         speed_m_s=speed,
-        budget_s=None if budget is None else seconds_of(budget),
-        enter_s=seconds_of(enter),
-        wait_s=seconds_of(wait),
+        budget_s=None if budget is None else seconds_of(budget, "--budget"),
+        enter_s=seconds_of(enter, "--enter"),
+        wait_s=seconds_of(wait, "--wait"),
         asks=asks,
         skip=SkipRule() if skip_below is None else SkipRule(skip_below),
     )
@@ -151,22 +155,36 @@ def run(
         follow_round(opened, begun, as_json=as_json)
 
 
-def seconds_of(text: str) -> float:
-    """Return a length of time in seconds; `0` and `0s` are lengths, too."""
-    from semmap_log.domain.moments import SECOND_NS, parse_duration
+def seconds_of(text: str, option: str) -> float:
+    """Return a length of time in seconds; `0` and `0s` are lengths, too.
 
-    return parse_duration(text) / SECOND_NS
+    Args:
+        text: As it was typed.
+        option: Where, for messages.
+
+    Raises:
+        MomentError: It is none.
+    """
+    from semmap_log.domain.moments import SECOND_NS, parse_duration
+    from semmap_log.errors import MomentError
+
+    if text.strip() == "0":
+        return 0.0
+    try:
+        return parse_duration(text) / SECOND_NS
+    except MomentError as error:
+        raise MomentError(f"{option}: {error}") from None
 
 
 def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
+    from semmap_log.common.texts import counted
+    from semmap_log.planning.patrol_ways import patrol_ways
+    from semmap_log.planning.ways_between import WaysBetween
+    from semmap_log.rooms import room_plan
     from semmap_log.views.plots.patrol_route import plot_patrol
 
     at = None if plan.start_ns > plan.known_ns else f"@{plan.start_ns}"
-    door_map = opened.replay(at=at)
-    levels = {stop.place.level for stop in plan.stops} | (
-        set() if plan.start is None else {plan.start.level}
-    )
-    floors = {level: opened.floor_of(door_map, level) for level in levels}
-    known = {level: floor for level, floor in floors.items() if floor is not None}
-    plot_patrol(plan, known, list(door_map.doors.values()), path)
-    say(f"{path}: {len(plan.stops)} stops.")
+    rooms = room_plan(opened, at=at)
+    ways = patrol_ways(plan, WaysBetween(rooms, speed_m_s=plan.options.speed_m_s))
+    plot_patrol(plan, ways, rooms.floors, list(rooms.door_map.doors.values()), path)
+    say(f"{path}: {counted(len(plan.stops), 'stop')}.")

@@ -105,6 +105,8 @@ class PatrolPlan:
     """How many of the stops let the robot in at their first door, on average."""
     notes: tuple[str, ...]
     """What must not be overlooked."""
+    avoided: frozenset[DoorId] = frozenset()
+    """Doors that are likely shut at the start: ways lead through them only if they must."""
 
 
 @knows_keywords
@@ -272,7 +274,7 @@ class RoundPlanner:
         """
         targets, left_out = wanted
         entries = [
-            RoundDoor(target, door, self._nearest(places), self._row[door.door_id])
+            RoundDoor(target, door, self.ways.nearest(places, self._where), self._row[door.door_id])
             for target in targets
             for door, places in zip(target.doors, target.places, strict=True)
         ]
@@ -331,17 +333,15 @@ class RoundPlanner:
             self._start_ns, query.known_ns, query.clock.tz, query.estimator, self._options,
             self._where, tuple(stops), tuple(left_out),
             float((chances * times_s).sum() / visits) if visits > 0 else math.nan,
-            visits, tuple(self._notes(stops)),
+            visits, tuple(self._notes(stops)), self._avoided(),
         )  # fmt: skip
 
     def _notes(self, stops: list[PlannedStop]) -> list[str]:
         notes = []
         if self._where is None:
             notes.append("nobody said where the robot is: the round begins at its first stop")
-        flat = sorted({s.place.level for s in stops} - set(self.ways.plan.floors))
-        if flat:
-            called = ", ".join(self.ways.plan.door_map.level_name(level) for level in flat)
-            notes.append(f"level {called} has no floor plan: distances are straight lines")
+        if flat := self.ways.without_plan(stop.place.level for stop in stops):
+            notes.append(flat)
         if not all(stop.is_known for stop in stops):
             as_others = "as the others do on average, and by their own looks at such hours"
             if not self._chosen.is_known.any():
@@ -359,13 +359,6 @@ class RoundPlanner:
         a_stop_s = A_WAY_S + max(self._options.enter_s, self._options.wait_s + LOOK_S)
         longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * a_stop_s)
         return round_times_s(longest_s)
-
-    def _nearest(self, places: tuple[Place, ...]) -> Place:
-        """Return the side of a door that the robot comes to first."""
-        if len(places) == 1 or self._where is None:
-            return places[0]
-        times_s = self.ways.between_s([self._where], places)[0]
-        return places[int(times_s.argmin())]
 
     def _reached(
         self, entries: list[RoundDoor]
@@ -399,13 +392,15 @@ class RoundPlanner:
         return f"no lift leads to level {self.ways.plan.door_map.level_name(level)}"
 
     def _times_s(self, sources: list[Place], targets: list[Place]) -> NDArray[np.float64]:
-        at_start = self._open.p_passes[:, 0]
-        shut = {DoorId(self._ids[row]) for row in np.flatnonzero(at_start < THROUGH_P).tolist()}
-        found = self.ways.between_s(sources, targets, shut)
+        found = self.ways.between_s(sources, targets, self._avoided())
         if np.isfinite(found).all():
             return found
         through_any = self.ways.between_s(sources, targets)
         return np.where(np.isfinite(found), found, through_any)
+
+    def _avoided(self) -> frozenset[DoorId]:
+        at_start = self._open.p_passes[:, 0]
+        return frozenset(self._ids[row] for row in np.flatnonzero(at_start < THROUGH_P).tolist())
 
     def _task(
         self, rows: list[int], from_start_s: NDArray[np.float64], leg_s: NDArray[np.float64]
