@@ -47,7 +47,7 @@ EXPERIMENT = (
     guard("a goal without room is not reached", "navigation.move_base.MoveBase.go",
           "self._has_room(drive)", "True", "test_move_base"),
     guard("a way that is blocked where the robot stands was planned",
-          "navigation.move_base.MoveBase._way", "drive.plans += 1", "", "test_move_base"),
+          "navigation.move_base.Drive.found", "self.plans += 1", "", "test_move_base"),
     guard("a robot that cannot even begin was blocked", "navigation.move_base.MoveBase._way",
           "drive.blocked = max(drive.blocked, 1)", "", "test_move_base"),
     guard("goals given up without a step are counted", "navigation.tables.figures.figures_of",

@@ -47,6 +47,12 @@ class Drive:
     blocked: int = 0
     """How often the local planner stopped before a shut door, or could not even begin."""
 
+    def found(self, way: Way) -> None:
+        """Count a way."""
+        self.plans += 1
+        if self.planned_s is None:
+            self.planned_s = way.length_m / SPEED_M_S
+
     def figures(self) -> dict[str, float | int | None]:
         """Return all but whether it was reached, rounded to what means something."""
         told = {name: value for name, value in asdict(self).items() if name != "reached"}
@@ -111,16 +117,15 @@ class MoveBase:
         """Return a way that is free as far as can be seen; None: given up."""
         way = self.plan(goal)
         if way is not None:
-            drive.plans += 1
-            if drive.planned_s is None:
-                drive.planned_s = way.length_m / SPEED_M_S
+            drive.found(way)
             if self._is_free(way):
                 return way
             drive.blocked = max(drive.blocked, 1)  # a stop on the way was counted as it was made
         began_s = self._robot.now_s
         found = self._recovered(goal, PLANNER_PATIENCE_S if way is None else CONTROLLER_PATIENCE_S)
         drive.waited_s += self._robot.now_s - began_s
-        drive.plans += found is not None
+        if found is not None:
+            drive.found(found)
         return found
 
     def _recovered(self, goal: Point, patience_s: float) -> Way | None:
