@@ -111,6 +111,7 @@ PUBLIC = (
     "semmap_log.beliefs",
     "semmap_log.costmaps",
     "semmap_log.rooms",
+    "semmap_log.planning",
     "semmap_log.errors",
 )
 """The modules that api.md documents."""

@@ -265,6 +265,7 @@ PUBLIC = [
     "semmap_log.beliefs",
     "semmap_log.costmaps",
     "semmap_log.events",
+    "semmap_log.planning",
     "semmap_log.rooms",
 ]
 """The modules that the reference in docs/api.md is made of."""

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 
 INTERRUPTED = 130
 
+FAILED = 1
 USAGE = 2
 """Exit code of what would fail again: a wrong option; of `serve` and `record`, no log, too."""
 
@@ -34,29 +35,51 @@ class _CtrlC(KeyboardInterrupt):
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a verb and leave with its exit code: 0 good, 1 our error, 2 usage."""
-    from semmap_log.cli.app import app
-    from semmap_log.cli.failures import CLICK_ERROR, asks_for_json, fail
-    from semmap_log.cli.plain_streams import forget_output, plain_streams
+    from semmap_log.cli.plain_streams import READER_GONE, forget_output, plain_streams
     from semmap_log.cli.ros import split_ros_args
-    from semmap_log.errors import SemmapError
 
     _mend_streams()
     warnings.showwarning = _show_warning
     ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
     with plain_streams():
         try:
-            with _ended_by_signals(is_whole_program=arguments is None):
-                code = app(args=ours, obj=ros_args, prog_name="semmap-log", standalone_mode=False)
-        except (SemmapError, CLICK_ERROR) as error:
-            code = fail(error, as_json=asks_for_json(ours))
-        except KeyboardInterrupt:
-            code = INTERRUPTED
-        except OSError as error:  # such as a full disk behind our output
+            code = _code_of(ours, ros_args, is_whole_program=arguments is None)
+            sys.stdout.flush()
+        except OSError as error:  # nobody can be told why a verb failed
             forget_output()
-            code = fail(error, as_json=asks_for_json(ours), is_output_lost=True)
+            code = READER_GONE if isinstance(error, BrokenPipeError) else FAILED
         if code == USAGE and os.environ.get(RESPAWNED):
             _wait_to_be_stopped()
         sys.exit(code or 0)
+
+
+def _code_of(ours: list[str], ros_args: list[str], *, is_whole_program: bool) -> int | None:
+    """Run a verb and return its exit code; say why it failed.
+
+    Raises:
+        OSError: Nobody can be told: who reads our output has gone.
+    """
+    from semmap_log.cli.app import app
+    from semmap_log.cli.failures import CLICK_ERROR, asks_for_json, fail
+    from semmap_log.cli.plain_streams import forget_output
+    from semmap_log.errors import SemmapError
+
+    try:
+        with _ended_by_signals(is_whole_program=is_whole_program):
+            code: int | None = app(
+                args=ours, obj=ros_args, prog_name="semmap-log", standalone_mode=False
+            )
+            sys.stdout.flush()
+            return code
+    except (SemmapError, CLICK_ERROR) as error:
+        return fail(error, as_json=asks_for_json(ours))
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        raise
+    except OSError as error:  # such as a full disk behind our output
+        forget_output()
+        return fail(error, as_json=asks_for_json(ours), is_output_lost=True)
 
 
 def _wait_to_be_stopped() -> None:

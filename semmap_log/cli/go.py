@@ -29,7 +29,9 @@ def run(
     patience: Annotated[
         str | None,
         typer.Option(
-            "--patience", metavar="30min", help="It waits so long at a door at most; default: on."
+            "--patience",
+            metavar="30min",
+            help="A wait counts up to that, as if the door were open then; default: all of it.",
         ),
     ] = None,
     estimator: Estimator = None,
@@ -58,7 +60,7 @@ def run(
         trip = door_trip(
             opened, start_at, goal_at, depart=depart, estimator=estimator, tz=tz,
             speed_m_s=speed, asks=asks, progress=told,
-            patience_s=None if patience is None else seconds_of(patience),
+            patience_s=None if patience is None else seconds_of(patience, "--patience"),
         )  # fmt: skip
     if as_json:
         print_json(trip_to_json(trip))

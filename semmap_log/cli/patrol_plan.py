@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, console, print_json, progress, say
+from semmap_log.cli.patrol_following import follow as follow_round
+from semmap_log.cli.plain_streams import json_text, write_line
 from semmap_log.cli.probabilities import PLOTS, Estimator, Zone
 
 if TYPE_CHECKING:
@@ -67,7 +69,8 @@ def run(
             min=0,
             max=1,
             help="Leave out doors that at such hours are open less than that at the upper end of "
-            "the 90 % interval, and were looked at within a day; .3. 0: none.",
+            "the 90 % interval (.4), are unlikely open now, and were looked at within a day. "
+            "0: none.",
         ),
     ] = None,
     estimator: Estimator = None,
@@ -76,6 +79,15 @@ def run(
         Path | None,
         typer.Option("--plot", metavar="X.png", help="Draw it over the floor plan; or .svg."),
     ] = None,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow",
+            "-f",
+            help="Then follow the log: the next stop after each event, until the "
+            "round is over, or Ctrl-C. With --json one object a line, the plan first.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Plan a patrol: in which order to visit rooms, so that the mean time to visit is least.
@@ -85,23 +97,32 @@ def run(
     again at such hours is left out, but looked at once a day: what is not tried is not learnt. One
     of which too little was seen is UNKNOWN, and counts as the others on average.
 
+    With --follow, doors are visited that the robot passed, or behind which it is. One that it gave
+    up, or that is seen shut where it was sent to, is tried no more. What is told of doors ahead
+    counts; the order is made anew only when one is now expected to be otherwise.
+
     \b
     Examples:
       semmap-log patrol-plan office
-      semmap-log patrol-plan office --from 2,1.5 --start "2026-03-02T08:00" --budget 30min
+      semmap-log patrol-plan office --from 2,1.5 --start 2026-03-02T08:00
+      semmap-log patrol-plan office --budget 30min --wait 5s
       semmap-log patrol-plan office --rooms 2,3 --json
       semmap-log patrol-plan office --doors front,side --plot plan.png
+      semmap-log patrol-plan office --rooms 2,3 --follow
     """
     import semmap_log as sl
     from semmap_log.formats.json.plan_json import plan_to_json
     from semmap_log.io.disk import refuse_own_folder
     from semmap_log.planning.door_chances import SkipRule
     from semmap_log.planning.named_places import listed
-    from semmap_log.planning.patrol_plan import PatrolOptions, patrol_plan
+    from semmap_log.planning.patrol_plan import PatrolOptions, begun_round
     from semmap_log.views.patrol_plan_table import patrol_plan_table
 
     if everything and (rooms or doors):
         raise typer.BadParameter("leave out --rooms and --doors, or --all", param_hint="--all")
+    for option, given in (("--rooms", rooms), ("--doors", doors)):
+        if given and not listed(given):
+            raise typer.BadParameter("expected names, got none", param_hint=option)
     if plot is not None and plot.suffix not in PLOTS:
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
@@ -110,41 +131,60 @@ def run(
         refuse_own_folder(opened.path, plot)
     options = PatrolOptions(
         speed_m_s=speed,
-        budget_s=None if budget is None else seconds_of(budget),
-        enter_s=seconds_of(enter),
-        wait_s=seconds_of(wait),
+        budget_s=None if budget is None else seconds_of(budget, "--budget"),
+        enter_s=seconds_of(enter, "--enter"),
+        wait_s=seconds_of(wait, "--wait"),
         asks=asks,
         skip=SkipRule() if skip_below is None else SkipRule(skip_below),
     )
     with progress("Reading") as told:
-        plan = patrol_plan(
+        begun = begun_round(
             opened, start_at=start_at, rooms=listed(rooms or ()), doors=listed(doors or ()),
             start=start, estimator=estimator, tz=tz, options=options, progress=told,
         )  # fmt: skip
+    plan = begun.plan
     if plot is not None:
         _plot(opened, plan, plot)
-    if as_json:
+    if as_json and follow:
+        write_line(json_text(plan_to_json(plan)))
+    elif as_json:
         print_json(plan_to_json(plan))
-        return
-    console().print(patrol_plan_table(plan))
+    else:
+        console().print(patrol_plan_table(plan))
+    if follow:
+        follow_round(opened, begun, as_json=as_json)
 
 
-def seconds_of(text: str) -> float:
-    """Return a length of time in seconds; `0` and `0s` are lengths, too."""
+def seconds_of(text: str, option: str) -> float:
+    """Return a length of time in seconds; `0` and `0s` are lengths, too.
+
+    Args:
+        text: As it was typed.
+        option: Where, for messages.
+
+    Raises:
+        MomentError: It is none.
+    """
     from semmap_log.domain.moments import SECOND_NS, parse_duration
+    from semmap_log.errors import MomentError
 
-    return parse_duration(text) / SECOND_NS
+    if text.strip() == "0":
+        return 0.0
+    try:
+        return parse_duration(text) / SECOND_NS
+    except MomentError as error:
+        raise MomentError(f"{option}: {error}") from None
 
 
 def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
+    from semmap_log.common.texts import counted
+    from semmap_log.planning.patrol_ways import patrol_ways
+    from semmap_log.planning.ways_between import WaysBetween
+    from semmap_log.rooms import room_plan
     from semmap_log.views.plots.patrol_route import plot_patrol
 
     at = None if plan.start_ns > plan.known_ns else f"@{plan.start_ns}"
-    door_map = opened.replay(at=at)
-    levels = {stop.place.level for stop in plan.stops} | (
-        set() if plan.start is None else {plan.start.level}
-    )
-    floors = {level: opened.floor_of(door_map, level) for level in levels}
-    known = {level: floor for level, floor in floors.items() if floor is not None}
-    plot_patrol(plan, known, list(door_map.doors.values()), path)
-    say(f"{path}: {len(plan.stops)} stops.")
+    rooms = room_plan(opened, at=at)
+    ways = patrol_ways(plan, WaysBetween(rooms, speed_m_s=plan.options.speed_m_s))
+    plot_patrol(plan, ways, rooms.floors, list(rooms.door_map.doors.values()), path)
+    say(f"{path}: {counted(len(plan.stops), 'stop')}.")

@@ -22,6 +22,14 @@ class PlainConsole(Console):
             no_color=wanted is False, force_terminal=bool(wanted) or stream.isatty(),
         )  # fmt: skip
 
+    def on_broken_pipe(self) -> None:
+        """Leave it to who ends all verbs alike when their reader has gone; rich would exit with 1.
+
+        Raises:
+            BrokenPipeError: The one that is being handled.
+        """
+        raise  # noqa: PLE0704 - rich calls it from where that is caught
+
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:

@@ -10,10 +10,15 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO
+
+READER_GONE = 141
+"""Exit code where the reader of our output has gone, as `head` does: as of any program that SIGPIPE
+ends."""
 
 
 def plain(text: str) -> str:
@@ -84,5 +89,23 @@ def plain_streams() -> Iterator[None]:
 
 
 def forget_output() -> None:
-    """Let go of what stdout still holds: at exit it would be written, and fail, once more."""
+    """Let go of what stdout still holds: at exit it would be written, and fail, once more.
+
+    What can be written is: it may be stderr that failed.
+    """
+    with suppress(OSError):
+        sys.stdout.flush()
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def is_nobody_reading() -> bool:
+    """Tell whether the other end of our output has gone, which without output nobody would say."""
+    try:
+        output = sys.stdout.fileno()
+    except (OSError, ValueError):
+        return False  # not a file, as in tests
+    if not hasattr(select, "poll"):
+        return False  # Windows: the next line that is written says so
+    poll = select.poll()
+    poll.register(output, 0)
+    return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

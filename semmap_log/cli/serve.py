@@ -122,6 +122,17 @@ def run(
     map_rules: Annotated[
         MapServer, typer.Option("--map-rules", help="As which map_server to read --map.")
     ] = MapServer.nav2,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Publish the stops of the patrol that are left.")
+    ] = False,
+    rooms: Annotated[
+        list[str] | None,
+        typer.Option("--rooms", metavar="A,B", help="Rooms that it visits; default: all."),
+    ] = None,
+    doors_to_visit: Annotated[
+        list[str] | None,
+        typer.Option("--doors", metavar="A,B", help="Doors that it goes through."),
+    ] = None,
     palette: Annotated[
         PaletteName, typer.Option("--palette", help="Colours of the markers.")
     ] = PaletteName.default,
@@ -151,6 +162,7 @@ def run(
       semmap/costmap            --costmap: floor and doors, for a StaticLayer
       semmap/door_layer         --costmap: doors alone, for a KeepoutFilter
       …_updates                 --costmap: what changed of them; not latched
+      semmap/patrol_plan        --plan: PoseArray, where to go next first
     With several levels: semmap/doors/level_1, …; 0 has no suffix.
 
     \b
@@ -159,6 +171,10 @@ def run(
       lta_semantic_map/update_door   update_door
       lta_semantic_map/remove_door   remove_door
       lta_semantic_map/save_door_db  save_door_db
+
+    With --plan the stops are those of `patrol-plan --follow`: where to stand before each door. The
+    round is the log's (PatrolStarted, PatrolFinished), or one from the server's start in a log
+    that has none; when it is over, the array is empty until the next is started.
 
     With --ask ADDRESS programs that plan ask about the doors and set them, a line a question, over
     a socket that only this user can open (unix:PATH), or a port that only this machine reaches:
@@ -195,6 +211,7 @@ def run(
       semmap-log serve --log office --ros1 --yaml doors.yaml
       semmap-log serve office --ros1 --costmap --by belief --door-inflate 0.8
       semmap-log serve office --ros1 --costmap --map map.yaml
+      semmap-log serve office --ros2 --read-only --plan --rooms 2,3
       semmap-log serve office --ros2 --read-only --ros-args -r __ns:=/robot1
       semmap-log serve office --ros1 _add_door:=doors/add
       semmap-log serve office --ask unix:/run/doors.sock
@@ -205,8 +222,10 @@ def run(
     from semmap_log.live.serving.door_follower import POLL_S, DoorFollower
     from semmap_log.live.serving.door_server import DoorServer
     from semmap_log.live.serving.saving import DoorSaver
+    from semmap_log.live.serving.served_plan import PatrolWish
     from semmap_log.live.serving.server import ServeOptions, Server
     from semmap_log.live.serving.yaml_start import start_with_yaml
+    from semmap_log.planning.named_places import listed
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host)
     planners = Planners.of(asking, chosen_kernels(oprs, oprs_name, oprs_to), ask_now)
@@ -221,7 +240,11 @@ def run(
     refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
     if yaml_replace and yaml is None:
         raise typer.BadParameter("only with --yaml", param_hint="--yaml-replace")
-    for name, is_given in {"--costmap": costmap, "--save-root": save_root is not None}.items():
+    for name, is_given in {
+        "--costmap": costmap,
+        "--plan": plan,
+        "--save-root": save_root is not None,
+    }.items():
         if is_given and not is_in_ros:
             raise typer.BadParameter("only with --ros1 or --ros2", param_hint=name)
     of_costmap = {
@@ -233,6 +256,9 @@ def run(
     for name, is_given in of_costmap.items():
         if is_given and not costmap:
             raise typer.BadParameter("only with --costmap", param_hint=name)
+    for name, is_given in {"--rooms": bool(rooms), "--doors": bool(doors_to_visit)}.items():
+        if is_given and not plan:
+            raise typer.BadParameter("only with --plan", param_hint=name)
     if scaling is not None and not door_inflate:
         raise typer.BadParameter("only with --door-inflate", param_hint="--scaling")
     costs = CostmapOptions(by=by.value, door_inflate_m=door_inflate,
@@ -285,7 +311,10 @@ def run(
                 ):
                     say(text)
             floors = _floors(doors.door_map(), floor_map, map_rules, level)
-        options = ServeOptions(costmap, floors, palette.colours, default_prob, costs)
+        wish = PatrolWish(tuple(listed(rooms or ())), tuple(listed(doors_to_visit or ())))
+        options = ServeOptions(
+            costmap, floors, palette.colours, default_prob, costs, wish if plan else None
+        )
         with ExitStack() as running:
             failure: Callable[[], Exception | None] = _no_failure
             if planners is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import select
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import LogPath, say, tell_how_to_begin
-from semmap_log.cli.plain_streams import json_text, write_line
+from semmap_log.cli.plain_streams import is_nobody_reading, json_text, write_line
 
 if TYPE_CHECKING:
     from semmap_log.batches.event_batch import RecordedEvent
@@ -87,9 +86,9 @@ def run(
             _say_why_nothing(opened, door, after)
         if follow:
             last_known = max(known, opened.last_event())
-            for commit in opened.follow(last_known, stop=_is_nobody_reading, with_newer=True):
+            for commit in opened.follow(last_known, stop=is_nobody_reading, with_newer=True):
                 _print(_events([commit], wanted), show)
-            if _is_nobody_reading():
+            if is_nobody_reading():
                 raise BrokenPipeError
     except KeyboardInterrupt:
         return  # the way to end it
@@ -184,16 +183,3 @@ def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Not
         return event_line(recorded, tz=tz, names=names, note=note, width=columns)
 
     return line
-
-
-def _is_nobody_reading() -> bool:
-    """Tell whether the other end of our output has gone, which without output nobody would say."""
-    try:
-        output = sys.stdout.fileno()
-    except (OSError, ValueError):
-        return False  # not a file, as in tests
-    if not hasattr(select, "poll"):
-        return False  # Windows: the next line that is written says so
-    poll = select.poll()
-    poll.register(output, 0)
-    return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

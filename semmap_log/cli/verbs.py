@@ -18,17 +18,17 @@ from typer.core import TyperCommand, TyperGroup
 
 from semmap_log.cli.completion import OFFERS, Offers
 from semmap_log.cli.failures import CLICK_ERROR
-from semmap_log.cli.plain_streams import forget_output
+from semmap_log.cli.plain_streams import READER_GONE, forget_output
 
 OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
 """Of ranges of time: still taken by every verb that has no such option of its own."""
 
-READER_GONE = 141
-"""Exit code where the reader of our output has gone, as `head` does: as of any program that SIGPIPE
-ends."""
-
 NEED_NO_VALUE = {"--scan": re.compile(r"(/\w+)+", re.ASCII)}
 """Options that may stand alone -> what their values look like."""
+
+TAKE_PLACES = {"go"}
+"""Verbs with places as arguments; one at a negative x looks like an option."""
+NEGATIVE_PLACE = re.compile(r"-[\d.]+,.+", re.ASCII)
 
 HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
 """Verb -> what makes the end of its help, which is asked for only then: it is slow to make."""
@@ -57,7 +57,8 @@ class Verb(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> Any:
         """Take up the command line; of a word that is no option, say which may be meant."""
         try:
-            return super().parse_args(ctx, _with_values(args))
+            given = _with_places(args) if self.name in TAKE_PLACES else args
+            return super().parse_args(ctx, _with_values(given))
         except CLICK_ERROR as error:
             if hasattr(error, "possibilities") and hasattr(error, "option_name"):
                 error.possibilities = self._similar(error.option_name)
@@ -134,6 +135,11 @@ def _uncoloured(tell: Callable[..., Any], ctx: Any, param: Any, value: Any) -> A
     """Call what typer prints something by, in a colour that `plain_streams` would spell out."""
     ctx.color = False
     return tell(ctx, param, value)
+
+
+def _with_places(args: list[str]) -> list[str]:
+    """Return a command line in which places at a negative x are no options: with a blank before."""
+    return [f" {arg}" if NEGATIVE_PLACE.fullmatch(arg) else arg for arg in args]
 
 
 def _with_values(args: list[str]) -> list[str]:

@@ -40,14 +40,26 @@ def beliefs_at(
 
 
 def wait_s(
-    query: BeliefQuery, door_id: DoorId, at_ns: int, *, most_s: float | None = None
+    query: BeliefQuery,
+    door_id: DoorId,
+    at_ns: int,
+    *,
+    most_s: float | None = None,
+    is_shut: bool = False,
 ) -> float | None:
     """Return the expected wait until a door is open, from then on; None: nobody knows.
 
-    Who has waited `most_s` goes.
+    Args:
+        query: What is known.
+        door_id: The door.
+        at_ns: From then on.
+        most_s: Who has waited so long goes.
+        is_shut: It is found shut then; else it may be open, which is no wait.
     """
     learnt = query.beliefs.learnt(query.known_ns)
     if not isinstance(learnt, StateModel):
         return None
-    seconds = learnt.wait_s(door_id, at_ns, most_s=most_s)
+    seconds = learnt.wait_s(
+        door_id, at_ns, most_s=most_s, known_ns=query.known_ns, is_other=is_shut
+    )
     return seconds if math.isfinite(seconds) else None

@@ -37,19 +37,37 @@ class DoorChances:
     """(n,): for how long nobody has looked at it when the round begins; inf: nobody ever did."""
     step_s: float
 
-    def with_stand_ins(self) -> DoorChances:
+    def with_stand_ins(self, others: Probabilities | None = None) -> DoorChances:
         """Return the same where a door of which too little is known counts as the others do.
 
         It is their mean, and its own looks at such hours where there are any; its interval is
         0..1.
+
+        Args:
+            others: (k,), their mean; None: of the doors here.
         """
-        known, unknown = self.is_known, ~self.is_known
-        mean = self.p_passes[known].mean(axis=0) if known.any() else UNKNOWN_P
+        unknown = ~self.is_known
+        mean = self.mean() if others is None else others
         p_passes, low, high = self.p_passes.copy(), self.low.copy(), self.high.copy()
         looks, found_open = self.looks[unknown].T[:, :, None]
         p_passes[unknown] = (found_open + MEAN_COUNTS * mean) / (looks + MEAN_COUNTS)
         low[unknown], high[unknown] = 0.0, 1.0
         return replace(self, p_passes=p_passes, low=low, high=high)
+
+    def mean(self) -> Probabilities:
+        """Return (k,): the mean P of the doors of which enough is known."""
+        if not self.is_known.any():
+            return np.full(self.p_passes.shape[1], UNKNOWN_P)
+        found: Probabilities = self.p_passes[self.is_known].mean(axis=0)
+        return found
+
+    def with_row(self, row: int, of_door: DoorChances) -> DoorChances:
+        """Return the same with what was learnt of one door since; of when it was seen nothing."""
+        changed = {}
+        for name in ("p_passes", "low", "high", "is_known", "looks", "looks_high"):
+            changed[name] = getattr(self, name).copy()
+            changed[name][row] = getattr(of_door, name)[0]
+        return replace(self, **changed)
 
     def interval_at(self, row: int, time_s: float) -> tuple[float, float]:
         """Return the interval of a door's P at a time of the round."""
@@ -78,17 +96,21 @@ class SkipRule:
 
     What is not tried is not learnt. So it takes more than a low P: at such hours of such days it
     was found shut so often that even the upper end of the interval of how often it is open is
-    low. And it is looked at again after `again_s`, whatever was found. A door that nobody has
-    looked at then is never left out.
+    low. And it takes more than that: who has just seen a door open that mostly is not goes there.
+    A door is looked at again after `again_s`, whatever was found. One that nobody has looked at
+    then is never left out.
     """
 
-    below: float = 0.3
+    below: float = 0.4
     """The upper end of the 90 % interval; 0: no door is left out."""
     again_s: float = DAY_S
+    p_below: float = 0.12
+    """P at each time of the round, by the last look, too."""
 
     def seem_shut(self, chances: DoorChances) -> NDArray[np.bool_]:
         """Return which doors are shut for all that is known."""
-        found: NDArray[np.bool_] = chances.looks_high < self.below
+        is_unlikely = chances.p_passes.max(axis=1) < self.p_below
+        found: NDArray[np.bool_] = (chances.looks_high < self.below) & is_unlikely
         return found
 
     def is_skipped(self, chances: DoorChances) -> NDArray[np.bool_]:

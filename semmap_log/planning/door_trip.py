@@ -17,7 +17,7 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import PlanError
 from semmap_log.io.progress import Progress
 from semmap_log.planning.asked_beliefs import beliefs_at, wait_s
-from semmap_log.planning.door_chances import DoorChances
+from semmap_log.planning.door_chances import UNKNOWN_P, DoorChances
 from semmap_log.planning.doors_on_ways import doors_between
 from semmap_log.planning.learnt_chances import learnt_chances, round_times_s
 from semmap_log.planning.named_places import NamedPlaces
@@ -97,8 +97,8 @@ def door_trip(
 
     Args:
         log: Whose building.
-        start_at: From where: `X,Y`, `X,Y,LEVEL`, a room, or a door.
-        goal_at: To where.
+        start_at: From where: `X,Y`, `X,Y,LEVEL`, a room, or a door (the left of its line).
+        goal_at: To where; before a door, on the side that is reached first.
         depart: When; None: at the log's end. Of an earlier time counts only what had happened by
             then.
         estimator: None: `filter` up to a day after the log's end, `schedule` beyond, which knows
@@ -111,7 +111,8 @@ def door_trip(
         progress: Told how far the reading is.
 
     Raises:
-        PlanError: There is no such place, or no way from one to the other.
+        PlanError: There is no such place, no way from one to the other, no map then, or no
+            patience at all.
         EstimatorError: There is no such estimator.
         MomentError: The time or the zone cannot be read.
     """
@@ -119,7 +120,12 @@ def door_trip(
     at = None if depart_ns > query.known_ns else Moment(ns=depart_ns)
     ways = WaysBetween(room_plan(log, at=at), speed_m_s=speed_m_s)
     names = NamedPlaces(log, ways, at)
-    start, goal = names.place(start_at, "FROM"), names.place(goal_at, "TO")
+    if patience_s is not None and not (math.isfinite(patience_s) and patience_s > 0):
+        raise PlanError(f"patience: expected a time above 0 s, got {patience_s:g} s.")
+    if not (ways.plan.floors or query.doors):
+        raise PlanError("go: neither a floor plan nor a door is in the map then.")
+    start = names.place(start_at, "FROM")
+    goal = names.place(goal_at, "TO", seen_from=start)
     passing = None
     if asks:
         fold = PassingProjection(query.estimator, query.clock.tz)
@@ -160,6 +166,7 @@ class _Way:
         for place, room in zip((start, goal), rooms, strict=True):
             if room is None and place.level in ways.plan.floors:
                 raise PlanError(_no_room(place))
+        self.without_plan = ways.without_plan((start.level, goal.level))
         between = doors_between(graph, *rooms) if None not in rooms else []  # type: ignore[arg-type]
         with_sides = [
             (door, sides) for door in between
@@ -223,7 +230,7 @@ class _Trip:
             )
         self._soonest_s = free.shortest_s(frozenset(range(len(way.doors))))
         p_open = [self._p_open(door) for door in range(len(way.doors))]
-        waits_s = with_mean([self._wait_s(door, p) for door, p in enumerate(p_open)])
+        waits_s = with_mean([self._wait_s(door) for door in range(len(p_open))])
         doors = [
             TripDoor(p, wait, self._answers(self._rows[door], p))
             for door, (p, wait) in enumerate(zip(p_open, waits_s, strict=True))
@@ -264,14 +271,13 @@ class _Trip:
         times_s = np.arange(chances.p_passes.shape[1]) * chances.step_s
         return float(np.interp(after_s, times_s, chances.p_passes[row]))
 
-    def _wait_s(self, door: int, p_open: float) -> float | None:
+    def _wait_s(self, door: int) -> float | None:
         """Return the expected wait at a door that was found shut; None: not known."""
         if not self._chances.is_known[self._rows[door]]:
             return None
         arrives_ns = self._depart_ns + round(self._arrival_s(door) * SECOND_NS)
         door_id = self._way.doors[door].door_id
-        found = wait_s(self._query, door_id, arrives_ns, most_s=self._patience_s)
-        return None if found is None else found / max(1 - p_open, LEAST_SHUT)
+        return wait_s(self._query, door_id, arrives_ns, most_s=self._patience_s, is_shut=True)
 
     def _answers(self, row: int, p_open: float) -> float:
         """Return P(a shut door opens for who asks), by how often tries ended behind it."""
@@ -294,14 +300,24 @@ class _Trip:
 
     def _notes(self, policy: TripPolicy) -> list[str]:
         notes = []
+        if self._patience_s is not None:
+            notes.append(
+                f"waits count up to {self._patience_s:g} s, as if the door were open then; "
+                "a robot that leaves is not there yet"
+            )
+        if self._way.without_plan:
+            notes.append(f"{self._way.without_plan}; doors do not count")
         unknown = [
             door.label for door, row in zip(self._way.doors, self._rows, strict=True)
             if not self._chances.is_known[row]
         ]  # fmt: skip
         if unknown:
+            counted_as = "that of all doors on average"
+            if not self._chances.is_known.any():
+                counted_as = f"{UNKNOWN_P:g}, since nothing is known of any door"
             notes.append(
-                f"UNKNOWN, too little seen: {', '.join(unknown)}; P counts as that of all doors "
-                "on average, the wait as that of the others on the way, where one is known"
+                f"UNKNOWN, too little seen: {', '.join(unknown)}; P counts as {counted_as}, "
+                "the wait as that of the others on the way, where one is known"
             )
         if self._asked is not None:
             untried = [

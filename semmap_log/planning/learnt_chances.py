@@ -33,6 +33,7 @@ def learnt_chances(
     known_ns: int,
     start_ns: int,
     times_s: NDArray[np.float64],
+    others: NDArray[np.float64] | None = None,
 ) -> DoorChances:
     """Return how likely doors are so, at times of a round, by what was known at a moment.
 
@@ -42,6 +43,7 @@ def learnt_chances(
         known_ns: What happened later does not count.
         start_ns: Of the round.
         times_s: (k,): of the round, `STEP_S` apart.
+        others: See `DoorChances.with_stand_ins`.
     """
     times_ns = start_ns + np.round(times_s * SECOND_NS).astype(np.int64)
     known = np.full(len(times_ns), known_ns)
@@ -54,8 +56,6 @@ def learnt_chances(
         )
         for door in doors
     ]  # fmt: skip
-    seen_ns = [beliefs.evidence.counts(door, known_ns).last_seen_ns for door in doors]
-    unseen_s = [math.inf if at is None else (start_ns - at) / SECOND_NS for at in seen_ns]
     shape = (len(doors), len(times_ns))
     return DoorChances(
         p_passes=np.array([each.p_open for each in said]).reshape(shape),
@@ -64,6 +64,14 @@ def learnt_chances(
         is_known=np.array([each.is_known.all() for each in said], np.bool_),
         looks=np.array(looks, np.int64).reshape(-1, 2),
         looks_high=np.array([each.high for each in looks]),
-        unseen_s=np.array(unseen_s),
+        unseen_s=np.array(unseen_s(beliefs, doors, known_ns=known_ns, start_ns=start_ns)),
         step_s=STEP_S,
-    ).with_stand_ins()
+    ).with_stand_ins(others)
+
+
+def unseen_s(
+    beliefs: Beliefs, doors: Sequence[DoorId], *, known_ns: int, start_ns: int
+) -> list[float]:
+    """Return for how long nobody has looked at doors when a round begins; inf: nobody ever did."""
+    seen_ns = [beliefs.evidence.counts(door, known_ns).last_seen_ns for door in doors]
+    return [math.inf if at is None else (start_ns - at) / SECOND_NS for at in seen_ns]

@@ -64,12 +64,13 @@ class NamedPlaces:
             "`semmap-log rooms` lists them."
         )
 
-    def place(self, called: str, option: str) -> Place:
+    def place(self, called: str, option: str, *, seen_from: Place | None = None) -> Place:
         """Return the place that is meant: a point, the middle of a room, or before a door.
 
         Args:
             called: As it was typed.
             option: Which argument it was, for messages.
+            seen_from: Of a door, the side that is reached first from there; None: its left.
 
         Raises:
             PlanError: There is no such place, or no robot can stand there.
@@ -92,7 +93,7 @@ class NamedPlaces:
         before = self._ways.before(door)
         if not before:
             raise PlanError(f"{option} {called!r}: there is no floor on either side of the door.")
-        return before[0]
+        return self._ways.nearest(before, seen_from)
 
     def _room_or_none(self, called: str) -> Room | None:
         """Return the room that is meant; a bare number is a door's."""

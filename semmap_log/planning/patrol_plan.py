@@ -31,6 +31,7 @@ from semmap_log.planning.patrol_targets import (
     wanted_by_name,
 )
 from semmap_log.planning.patrol_words import shut_in_words, why_then
+from semmap_log.planning.round_news import RoundNews
 from semmap_log.planning.round_task import RoundTask
 from semmap_log.planning.ways_between import WaysBetween
 from semmap_log.probabilities.belief_fold import Beliefs
@@ -104,6 +105,8 @@ class PatrolPlan:
     """How many of the stops let the robot in at their first door, on average."""
     notes: tuple[str, ...]
     """What must not be overlooked."""
+    avoided: frozenset[DoorId] = frozenset()
+    """Doors that are likely shut at the start: ways lead through them only if they must."""
 
 
 @knows_keywords
@@ -140,6 +143,25 @@ def patrol_plan(
         EstimatorError: There is no such estimator.
         MomentError: The time or the zone cannot be read.
     """
+    return begun_round(
+        log, start_at=start_at, rooms=rooms, doors=doors, start=start, estimator=estimator, tz=tz,
+        options=options, progress=progress,
+    ).plan  # fmt: skip
+
+
+def begun_round(
+    log: DoorLog,
+    *,
+    start_at: str | None = None,
+    rooms: Sequence[str] = (),
+    doors: Sequence[str] = (),
+    start: Time = None,
+    estimator: str | None = None,
+    tz: str | None = None,
+    options: PatrolOptions = PatrolOptions(),
+    progress: Progress | None = None,
+) -> BegunRound:
+    """Return the same with what it takes to go on with it: see `FollowedRound`."""
     _check(options)
     query, start_ns = beliefs_at(log, start, estimator=estimator, tz=tz, progress=progress)
     at = None if start_ns > query.known_ns else Moment(ns=start_ns)
@@ -153,7 +175,7 @@ def patrol_plan(
     passing = None
     if options.asks:
         passing = log.fold(PassingProjection(query.estimator, query.clock.tz), at)
-    return _Planner(_Asked(query, start_ns, passing), ways, options, where).plan(wanted)
+    return RoundPlanner(_Asked(query, start_ns, passing), ways, options, where).begun(wanted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +189,7 @@ class _Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class _Entry:
+class RoundDoor:
     """A door by which to go in."""
 
     target: WantedTarget
@@ -176,6 +198,29 @@ class _Entry:
     """Where to stand before it."""
     row: int
     """Of the chances."""
+
+
+@dataclass(frozen=True, slots=True)
+class BegunRound:
+    """A plan, and what it takes to go on with it while the robot is under way."""
+
+    plan: PatrolPlan
+    order: PatrolRound
+    """Its doors are places among `doors`."""
+    doors: tuple[RoundDoor, ...]
+    chances: DoorChances
+    """Of all doors of the map."""
+    news: RoundNews
+    planner: RoundPlanner
+
+    @property
+    def targets(self) -> list[WantedTarget]:
+        """What is to be visited, each once."""
+        found: list[WantedTarget] = []
+        for door in self.doors:
+            if door.target not in found:
+                found.append(door.target)
+        return found
 
 
 def _start_place(
@@ -201,15 +246,16 @@ def _check(options: PatrolOptions) -> None:
             raise PlanError(f"{name}: expected 0 s to {LONGEST_S:g} s, got {seconds:g} s.")
 
 
-class _Planner:
-    """Plans one round."""
+class RoundPlanner:
+    """Plans one round, and learns of its doors while the robot is under way."""
 
     def __init__(
         self, asked: _Asked, ways: WaysBetween, options: PatrolOptions, where: Place | None
     ) -> None:
         self._query = asked.query
+        self._passing = asked.passing
         self._start_ns = asked.start_ns
-        self._ways = ways
+        self.ways = ways
         self._options = options
         self._where = where
         self._ids = [door.door_id for door in asked.query.doors]
@@ -220,15 +266,15 @@ class _Planner:
             self._chosen = self._chances(asked.passing).or_else(self._open)
         self._is_skipped = options.skip.is_skipped(self._chosen)
 
-    def plan(self, wanted: Wanted) -> PatrolPlan:
-        """Return the plan for what is wanted.
+    def begun(self, wanted: Wanted) -> BegunRound:
+        """Return the plan for what is wanted, and its round.
 
         Raises:
             PlanError: Nothing of it can be visited.
         """
         targets, left_out = wanted
         entries = [
-            _Entry(target, door, self._nearest(places), self._row[door.door_id])
+            RoundDoor(target, door, self.ways.nearest(places, self._where), self._row[door.door_id])
             for target in targets
             for door, places in zip(target.doors, target.places, strict=True)
         ]
@@ -252,12 +298,20 @@ class _Planner:
             NotVisited(targets[int(late.name)].name, "budget", "reached after the budget")
             for late in round_.cut_off()
         ]
-        return self._made([self._stop(each, reached) for each in round_.plan()], left_out)
+        stops = [self.stop(each, reached, self._chosen) for each in round_.plan()]
+        news = RoundNews(
+            self._query, self._passing, self._start_ns, self._times_s_of_round(), self._open.mean()
+        )
+        plan = self._made(stops, left_out)
+        return BegunRound(plan, round_, tuple(reached), self._chosen, news, self)
 
-    def _stop(self, planned: PlannedTry, entries: list[_Entry]) -> PlannedStop:
+    def stop(
+        self, planned: PlannedTry, entries: Sequence[RoundDoor], chances: DoorChances
+    ) -> PlannedStop:
+        """Return a try as a stop, by what is known of the doors."""
         entry = entries[planned.door]
         arrives_ns = self._start_ns + round(planned.arrives_s * SECOND_NS)
-        low, high = self._chosen.interval_at(entry.row, planned.arrives_s)
+        low, high = chances.interval_at(entry.row, planned.arrives_s)
         others = [
             entries[other].door
             for other in planned.target.doors
@@ -265,9 +319,9 @@ class _Planner:
         ]
         return PlannedStop(
             entry.target, entry.door, entry.place, tuple(others), arrives_ns, planned.p_passes,
-            low, high, bool(self._chosen.is_known[entry.row]),
+            low, high, bool(chances.is_known[entry.row]),
             self._wait_s(entry.door.door_id, arrives_ns),
-            why_then(self._chosen, entry.row, planned, self._options.skip),
+            why_then(chances, entry.row, planned, self._options.skip),
         )  # fmt: skip
 
     def _made(self, stops: list[PlannedStop], left_out: list[NotVisited]) -> PatrolPlan:
@@ -279,17 +333,15 @@ class _Planner:
             self._start_ns, query.known_ns, query.clock.tz, query.estimator, self._options,
             self._where, tuple(stops), tuple(left_out),
             float((chances * times_s).sum() / visits) if visits > 0 else math.nan,
-            visits, tuple(self._notes(stops)),
+            visits, tuple(self._notes(stops)), self._avoided(),
         )  # fmt: skip
 
     def _notes(self, stops: list[PlannedStop]) -> list[str]:
         notes = []
         if self._where is None:
             notes.append("nobody said where the robot is: the round begins at its first stop")
-        flat = sorted({s.place.level for s in stops} - set(self._ways.plan.floors))
-        if flat:
-            called = ", ".join(self._ways.plan.door_map.level_name(level) for level in flat)
-            notes.append(f"level {called} has no floor plan: distances are straight lines")
+        if flat := self.ways.without_plan(stop.place.level for stop in stops):
+            notes.append(flat)
         if not all(stop.is_known for stop in stops):
             as_others = "as the others do on average, and by their own looks at such hours"
             if not self._chosen.is_known.any():
@@ -298,23 +350,19 @@ class _Planner:
         return notes
 
     def _chances(self, beliefs: Beliefs) -> DoorChances:
-        a_stop_s = A_WAY_S + max(self._options.enter_s, self._options.wait_s + LOOK_S)
-        longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * a_stop_s)
         return learnt_chances(
             beliefs, self._ids, known_ns=self._query.known_ns, start_ns=self._start_ns,
-            times_s=round_times_s(longest_s),
+            times_s=self._times_s_of_round(),
         )  # fmt: skip
 
-    def _nearest(self, places: tuple[Place, ...]) -> Place:
-        """Return the side of a door that the robot comes to first."""
-        if len(places) == 1 or self._where is None:
-            return places[0]
-        times_s = self._ways.between_s([self._where], places)[0]
-        return places[int(times_s.argmin())]
+    def _times_s_of_round(self) -> NDArray[np.float64]:
+        a_stop_s = A_WAY_S + max(self._options.enter_s, self._options.wait_s + LOOK_S)
+        longest_s = self._options.budget_s or min(LONGEST_S, len(self._ids) * a_stop_s)
+        return round_times_s(longest_s)
 
     def _reached(
-        self, entries: list[_Entry]
-    ) -> tuple[list[_Entry], NDArray[np.float64], NDArray[np.float64]]:
+        self, entries: list[RoundDoor]
+    ) -> tuple[list[RoundDoor], NDArray[np.float64], NDArray[np.float64]]:
         """Return the doors that can be come to, and the times from the start and between them."""
         if not entries:
             return [], np.zeros(0), np.zeros((0, 0))
@@ -327,7 +375,7 @@ class _Planner:
             from_start_s = np.zeros(len(kept))
         return [entries[place] for place in kept.tolist()], from_start_s, leg_s
 
-    def _unreached(self, entries: list[_Entry], reached: list[_Entry]) -> list[NotVisited]:
+    def _unreached(self, entries: list[RoundDoor], reached: list[RoundDoor]) -> list[NotVisited]:
         there = [entry.target for entry in reached]
         missed = [entry.target for entry in entries if entry.target not in there]
         start = self._where or entries[0].place if entries else None
@@ -341,16 +389,18 @@ class _Planner:
         level = target.doors[0].level
         if start is None or level == start.level:
             return "no way leads there"
-        return f"no lift leads to level {self._ways.plan.door_map.level_name(level)}"
+        return f"no lift leads to level {self.ways.plan.door_map.level_name(level)}"
 
     def _times_s(self, sources: list[Place], targets: list[Place]) -> NDArray[np.float64]:
-        at_start = self._open.p_passes[:, 0]
-        shut = {DoorId(self._ids[row]) for row in np.flatnonzero(at_start < THROUGH_P).tolist()}
-        found = self._ways.between_s(sources, targets, shut)
+        found = self.ways.between_s(sources, targets, self._avoided())
         if np.isfinite(found).all():
             return found
-        through_any = self._ways.between_s(sources, targets)
+        through_any = self.ways.between_s(sources, targets)
         return np.where(np.isfinite(found), found, through_any)
+
+    def _avoided(self) -> frozenset[DoorId]:
+        at_start = self._open.p_passes[:, 0]
+        return frozenset(self._ids[row] for row in np.flatnonzero(at_start < THROUGH_P).tolist())
 
     def _task(
         self, rows: list[int], from_start_s: NDArray[np.float64], leg_s: NDArray[np.float64]

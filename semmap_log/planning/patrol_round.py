@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.planning.best_order import MOST_SWEEPS, best_from, best_order
-from semmap_log.planning.round_task import Orders, RoundTask
+from semmap_log.planning.round_task import Orders, RoundTask, with_stop
 
 EXPECTED_P = 0.5
 """A door of at least that P is expected to let the robot in."""
@@ -68,6 +69,7 @@ class PatrolRound:
             for target in targets
         }
         self._target_of = {door: target for target in targets for door in target.doors}
+        self._skipped = frozenset(door for door in self._target_of if is_skipped[door])
         self.left_out = [target for target in targets if not self._untried[target]]
         self._order = self._first_order()
         self.replans = 0
@@ -110,24 +112,83 @@ class PatrolRound:
             passed: Whether it let the robot in.
             now_s: Since the round began, all that was spent there included.
         """
-        expected = self._expects(door)
+        expected = self._expects(door, self.now_s)
         target = self._target_of[door]
         self._at, self.now_s = door, now_s
-        others = tuple(each for each in self._untried.get(target, ()) if each != door)
         was_next = bool(len(self._order)) and int(self._order[0]) == door
+        self._skipped -= {door}
         if passed:
-            self._untried.pop(target, None)
+            self._untried = {each: doors for each, doors in self._untried.items() if each != target}
+            self._skipped -= frozenset(target.doors)
             self._order = self._without(target.doors)
         else:
-            self._untried[target] = others
-            self._order = self._without([door])
-        if not passed and others and not np.isin(others, self._order).any():
-            self._order = self._with(self._likeliest(others))
+            self._give_up(door)
         if not was_next or passed != expected:
             self._replan()
 
-    def _expects(self, door: int) -> bool:
-        p_passes = self._task.p_at(np.array([door]), np.array([self.now_s]))
+    def learn(self, door: int, p_passes: NDArray[np.float64]) -> None:
+        """Take in another P of a door that the robot has not come to yet.
+
+        The order is made anew only where the door is now expected to be otherwise when the robot
+        comes to it. One that was left out joins the round once it is expected to let it in.
+
+        Args:
+            door: Which.
+            p_passes: (k,): at the times of the `RoundTask`.
+        """
+        when_s = self._comes_s(door)
+        expected = self._expects(door, when_s)
+        rows = self._task.p_passes.copy()
+        rows[door] = p_passes
+        self._task = replace(self._task, p_passes=rows)
+        expects = self._expects(door, when_s)
+        if expects and door in self._skipped:
+            self._join(door)
+        if expects != expected:
+            self._replan()
+
+    def rule_out(self, door: int) -> None:
+        """Take a door out of the round to which the robot has not come: it is there no more."""
+        self._skipped -= {door}
+        if door in self._untried.get(self._target_of[door], ()):
+            self._give_up(door)
+            self._replan()
+
+    def is_left(self, door: int) -> bool:
+        """Tell whether a door may still be gone to: it was not tried, nor its target visited."""
+        return door in self._skipped or door in self._untried.get(self._target_of[door], ())
+
+    def copied(self) -> PatrolRound:
+        """Return the same round, to be gone on with apart from this one."""
+        return copy.copy(self)  # what it holds is replaced, never changed
+
+    def _give_up(self, door: int) -> None:
+        """Take a door out of the order; another of its target comes in, if there is one."""
+        target = self._target_of[door]
+        others = tuple(each for each in self._untried.get(target, ()) if each != door)
+        self._untried = {**self._untried, target: others}
+        self._order = self._without([door])
+        if others and not np.isin(others, self._order).any():
+            self._order = self._with(self._likeliest(others))
+
+    def _join(self, door: int) -> None:
+        """Take a door into the round that was left out of it."""
+        target = self._target_of[door]
+        self._skipped -= {door}
+        self._untried = {**self._untried, target: (*self._untried[target], door)}
+        if not np.isin(target.doors, self._order).any():
+            self._order = self._with(door)
+
+    def _comes_s(self, door: int) -> float:
+        """Return when the robot comes to a door by the plan; now, where it is not in the order."""
+        if door not in self._order:
+            return self.now_s
+        rest = self._task.rest(self._order, last=self._at, now_s=self.now_s)
+        times_s = rest.arrivals(np.arange(len(self._order))[None])[0][0]
+        return float(times_s[self._order == door][0])
+
+    def _expects(self, door: int, when_s: float) -> bool:
+        p_passes = self._task.p_at(np.array([door]), np.array([when_s]))
         return float(p_passes[0]) >= EXPECTED_P
 
     def _without(self, doors: Sequence[int]) -> Orders:
@@ -135,8 +196,7 @@ class PatrolRound:
 
     def _with(self, door: int) -> Orders:
         """Return the order with one more door, where that costs least."""
-        count = len(self._order) + 1
-        orders = np.array([np.insert(self._order, place, door) for place in range(count)])
+        orders = with_stop(self._order, door)
         found: Orders = orders[int(self._cost(orders).argmin())]
         return found
 
@@ -183,15 +243,19 @@ class PatrolRound:
 
     def _with_other_doors(self, order: Orders, *, anywhere: bool) -> Orders:
         """Return the orders in which another door of its target stands for one."""
-        orders = []
-        for place, door in enumerate(order.tolist()):
-            for other in self._untried[self._target_of[door]]:
-                if other == door:
-                    continue
-                rest = np.delete(order, place)
-                places = range(len(order)) if anywhere else [place]
-                orders += [np.insert(rest, there, other) for there in places]
-        return np.array(orders, np.intp).reshape(-1, len(order))
+        exchanges = [
+            (place, other)
+            for place, door in enumerate(order.tolist())
+            for other in self._untried[self._target_of[door]]
+            if other != door
+        ]
+        if anywhere:
+            orders = [with_stop(np.delete(order, place), other) for place, other in exchanges]
+            return np.array(orders, np.intp).reshape(-1, len(order))
+        places, others = np.array(exchanges, np.intp).reshape(-1, 2).T
+        alike = np.repeat(order[None], len(exchanges), axis=0)
+        alike[np.arange(len(exchanges)), places] = others
+        return alike
 
     def _cost(self, orders: Orders) -> NDArray[np.float64]:
         """Return what orders of doors cost, from where the robot is now."""

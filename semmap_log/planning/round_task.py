@@ -139,3 +139,12 @@ class RoundTask:
         between = np.sort(self.leg_s, axis=1)[:, 1:2].sum() if len(self) > 1 else 0.0
         nearest = self.from_start_s.min() if len(self) else 0.0
         return float(self.now_s + nearest + between + service)
+
+
+def with_stop(order: Orders, stop: int) -> Orders:
+    """Return the orders with one more stop, (n + 1, n + 1): in row i it is at place i."""
+    count = len(order) + 1
+    found = np.empty((count, count), np.intp)
+    found[~np.eye(count, dtype=np.bool_)] = np.repeat(order[None], count, axis=0).ravel()
+    np.fill_diagonal(found, stop)
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from semmap_log.errors import PlanError
 from semmap_log.rooms import OUTSIDE, Place, RoomId, RoomPlan, TravelTimes
 from semmap_log.rooms.walking import SPEED_M_S
 
+SLOWEST_M_S, QUICKEST_M_S = 0.001, 1000.0
+
 
 class WaysBetween:
     """Travel times: over the floor plans, and on levels without one in a straight line."""
@@ -21,11 +23,14 @@ class WaysBetween:
         """Draw the floors.
 
         Raises:
-            PlanError: The speed is none.
+            PlanError: The speed is none that a robot can have.
             CostmapError: A floor plan cannot be walked on.
         """
-        if not (math.isfinite(speed_m_s) and speed_m_s > 0):
-            raise PlanError(f"speed: expected metres a second above 0, got {speed_m_s:g}.")
+        if not SLOWEST_M_S <= speed_m_s <= QUICKEST_M_S:
+            raise PlanError(
+                f"speed: expected {SLOWEST_M_S:g} to {QUICKEST_M_S:g} metres a second, "
+                f"got {speed_m_s:g}."
+            )
         self.plan = plan
         self.speed_m_s = speed_m_s
         self._times = TravelTimes.of_plan(plan, speed_m_s=speed_m_s)
@@ -42,6 +47,20 @@ class WaysBetween:
         doorway = self.plan.graph.doorways[door.door_id]
         sides = zip((doorway.left, doorway.right), self._times.before(door.door_id), strict=True)
         return [place for side, place in sides if place is not None and side != room]
+
+    def nearest(self, places: Sequence[Place], to: Place | None) -> Place:
+        """Return which of some places is reached first from another; None: the first of them."""
+        if len(places) == 1 or to is None:
+            return places[0]
+        return places[int(self.between_s([to], places)[0].argmin())]
+
+    def without_plan(self, levels: Iterable[int]) -> str | None:
+        """Return what to say of levels where distances are straight lines; None: nothing."""
+        flat = sorted(set(levels) - set(self.plan.floors))
+        if not flat:
+            return None
+        called = ", ".join(self.plan.door_map.level_name(level) for level in flat)
+        return f"level {called} has no floor plan: distances are straight lines"
 
     def room_of(self, place: Place) -> RoomId | None:
         """Return the room that a place lies in; None: in none, or its level has no plan."""
@@ -78,6 +97,17 @@ class WaysBetween:
                     away_m = math.dist((source.x, source.y), (target.x, target.y))
                     found[row, column] = away_m / self.speed_m_s
         return found
+
+    def way(self, source: Place, target: Place, shut: Collection[DoorId] = ()) -> list[Place]:
+        """Return the corners of the way between two places, both included.
+
+        Args:
+            source: From where.
+            target: To where.
+            shut: Doors that it avoids if there is a way without them.
+        """
+        found = self._times.way(source, target, shut) or self._times.way(source, target)
+        return found or [source, target]
 
 
 def middle_of(door: Door) -> Place:

@@ -62,11 +62,19 @@ class StateModel(Protocol):
     """What was learnt, where it follows a door's state over time."""
 
     def wait_s(
-        self, door_id: DoorId, at_ns: int, *, until_open: bool = True, most_s: float | None = None
+        self,
+        door_id: DoorId,
+        at_ns: int,
+        *,
+        until_open: bool = True,
+        most_s: float | None = None,
+        known_ns: int | None = None,
+        is_other: bool = False,
     ) -> float:
         """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
 
-        Who has waited `most_s` goes; None: nobody does.
+        Who has waited `most_s` goes; None: nobody does. It is by what was known at `known_ns`,
+        else at `at_ns`. With `is_other` the door is not so then, for sure.
         """
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import SECOND_NS, format_local, format_short
 from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
@@ -81,8 +82,8 @@ def _summary(plan: PatrolPlan) -> list[str]:
     if plan.stops:
         mean = duration(round(plan.mean_visit_s) * SECOND_NS)
         lines.append(
-            f"{len(plan.stops)} stops, of which {plan.visits:.1f} let one in at once, on average; "
-            f"mean time to visit {mean}"
+            f"{counted(len(plan.stops), 'stop')}, of which {plan.visits:.1f} let one in at once, "
+            f"on average; mean time to visit {mean}"
         )
     return lines
 

@@ -89,5 +89,6 @@ def _notes(trip: DoorTrip) -> list[str]:
     if trip.stops:
         notes.append("by a wait, by asking, by a detour: from that door to the goal, if it is shut")
     if trip.others:
-        notes.append(f"doors of other ways: {named([door.label for door in trip.others])}")
+        which = "doors of other ways" if math.isfinite(trip.expected_s) else "doors on the ways"
+        notes.append(f"{which}: {named([door.label for door in trip.others])}")
     return [*notes, *trip.notes]

@@ -86,6 +86,16 @@ def test_a_picture(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
         (("patrol-plan", "LOG", "--plot", "plan.gif"), 2, ".png or .svg"),
         (("patrol-plan", "LOG", "--doors", "gate"), 1, "gate"),
         (("go", "LOG", HALL, "0,0,2"), 1, "no way leads"),
+        (("go", "LOG", HALL, "lab", "--speed", "1e-300"), 1, "speed: expected"),
+        (("go", "LOG", HALL, "-1,1,1"), 1, "TO: (-1, 1) on level 1 is outside of the floor plan"),
+        (("go", "LOG", "-.5,1,1", HALL), 1, "FROM: (-0.5, 1) on level 1 is outside"),
+        (("go", "LOG", "-1", HALL), 2, "No such option"),
+        (("go", "LOG", HALL, "lab", "--patience", "0"), 1, "patience: expected"),
+        (("go", "LOG", HALL, "lab", "--patience", "x"), 1, "--patience: Expected a length"),
+        (("patrol-plan", "LOG", "--speed", "1e-300"), 1, "speed: expected"),
+        (("patrol-plan", "LOG", "--wait", "-1s"), 1, "--wait: Expected a length"),
+        (("patrol-plan", "LOG", "--rooms", ""), 2, "--rooms"),
+        (("patrol-plan", "LOG", "--doors", ","), 2, "--doors"),
         (("go", "LOG", HALL, "lab", "--speed", "0"), 1, "speed: expected"),
     ],
 )
@@ -116,3 +126,23 @@ def test_a_trip(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "if shut" in out
     assert found["doors"][0]["if_shut"] in {"WAIT", "ROUND"}
     assert found["walk_s"] <= found["expected_s"] <= 600 + found["walk_s"] + 60
+
+
+@pytest.mark.parametrize("verb", ["rooms", "patrol-plan", "go"])
+def test_help_fits_80_columns(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Its examples, too.
+    """
+    assert run(verb, "--help") == 0
+
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_no_seconds_need_no_unit(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    0 is the same in all of them.
+    """
+    code = run("patrol-plan", log, *PLAN, "--wait", "0", "--enter", "0s", "--rooms", "lab")
+
+    assert code == 0
+    assert "1 stop, of which" in capsys.readouterr().out

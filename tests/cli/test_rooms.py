@@ -203,6 +203,21 @@ def test_a_name_that_a_room_has_is_not_a_doors_node(office: Path) -> None:
     assert ["front", "front gate", "front_door_1", "gate", "far"] == names
 
 
+def test_edges_are_told_apart_where_names_run_together(office: Path) -> None:
+    """
+    `front_a` to `front`, and `front` to `a_front`: navigation looks an edge up by its id alone.
+    """
+    with sl.append("office") as log:
+        log.annotate(1, "rooms", "front_a,a_front", at="@100")
+
+    assert 0 == run("rooms", "office", "--level", "ground", "--out", "g.tmap2.yaml")
+
+    said = yaml.safe_load(Path("g.tmap2.yaml").read_text())
+    ids = [edge["edge_id"] for each in said["nodes"] for edge in each["node"]["edges"]]
+    assert ["front_a_front", "front_a_front_edge"] == [i for i in ids if "front_a_front" in i]
+    assert len(ids) == len(set(ids))
+
+
 @pytest.mark.parametrize("name", ["rooms.png", "rooms.svg"])
 def test_rooms_as_a_picture(office: Path, name: str) -> None:
     """

@@ -11,6 +11,7 @@ from tests.live.running import Running, wait_until
 
 CLIENTS = Path(__file__).parent / "clients"
 DB = "/lta_semantic_map_door_db"
+PLAN = "/semmap/patrol_plan"
 
 
 class StockClient:

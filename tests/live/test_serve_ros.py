@@ -11,11 +11,20 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAdded
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorPassed,
+    PatrolFinished,
+    PatrolStarted,
+    RobotPose,
+)
+from semmap_log.domain.moments import SECOND_NS, parse_instant
+from tests.conftest import SteadyClock
 from tests.live.ros_world import RosWorld
 from tests.live.running import Running
 from tests.live.serving.goals import DOOR
-from tests.live.stock_client import DB, StockClient
+from tests.live.stock_client import DB, PLAN, StockClient
+from tests.planning.ward import LAB, ward
 
 YAML = """\
 1:
@@ -137,6 +146,33 @@ def test_a_day_of_the_server(ros: RosWorld, path: Path) -> None:
 
     assert [("SUCCEEDED", 2), ("SUCCEEDED", True), ("SUCCEEDED", 3)] == [_told(a) for a in again]
     assert [1, 3] == list(sl.read(path).replay().doors)
+
+
+def test_a_patrol_under_way(ros: RosWorld, tmp_path: Path) -> None:
+    """
+    The stops that are left, latched: after what a recorder writes, to a late subscriber, to one of
+    a server that was started again; none when the round is over.
+    """
+    path = ward(tmp_path / "ward").path
+    lab, front = [8.45, 1.95], [0.95, 1.95]
+    clock = SteadyClock(parse_instant("2026-03-23T10:00", tz="Europe/Vienna"))
+    options = ("--read-only", "--plan", "--rooms", "lab,2")
+    with sl.append(path, clock=clock) as log:
+        log.append([RobotPose(level=1, x=5.0, y=1.0, theta=0.0), PatrolStarted(patrol=1)])
+        with _serve(ros, path, *options) as server, StockClient(ros, "client") as client:
+            client.wait(PLAN, ["map", lab, front])
+            clock.now_ns += 10 * SECOND_NS
+            log.append([DoorPassed(door_id=LAB, passed=True)])
+            client.wait(PLAN, ["map", front])
+            with StockClient(ros, "late") as late:
+                late.wait(PLAN, ["map", front])
+            assert 0 == server.stop(signal.SIGINT), str(server)
+        with _serve(ros, path, *options) as server, StockClient(ros, "client") as client:
+            client.wait(PLAN, ["map", front])
+            clock.now_ns += 10 * SECOND_NS
+            log.append([PatrolFinished(patrol=1)])
+            client.wait(PLAN, ["map"])
+            assert 0 == server.stop(signal.SIGINT), str(server)
 
 
 def test_a_database_of_the_thesis_that_counts_from_0(ros: RosWorld, path: Path) -> None:

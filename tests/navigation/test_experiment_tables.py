@@ -324,7 +324,8 @@ def test_figures_of_any_run(ends: list[tuple[Outcome, int]]) -> None:
             stops = [0, *accumulate(took for _, took in ends)]
             for number, (outcome, _) in enumerate(ends, start=1):
                 recorder.goal_sent(stops[number - 1], number, 0.0, 0.0)
-                recorder.goal_ended(stops[number], number, outcome, {"path_m": 2.0})
+                path_m = 2.0 * (number % 2)
+                recorder.goal_ended(stops[number], number, outcome, {"path_m": path_m})
         if not counted:
             with pytest.raises(RunError, match="no goal ended"):
                 figures_in(key.folder(Path(folder)))
@@ -337,7 +338,10 @@ def test_figures_of_any_run(ends: list[tuple[Outcome, int]]) -> None:
     assert (run.reached, run.unreachable) == (len(took), len(counted) - len(took))
     assert (run.for_goals_s, run.in_vain_s) == (sum(took), sum(after))
     assert run.took_s == tuple(took)
-    assert run.path_m == 2.0 * len(counted)
+    moved = [n % 2 for n, (end, _) in enumerate(ends, 1) if end is not Outcome.UNFINISHED]
+    assert run.path_m == 2.0 * sum(moved)
+    spot = [n for n, (end, _) in enumerate(ends, 1) if end is Outcome.AFTER_DRIVING and n % 2 == 0]
+    assert run.on_the_spot == len(spot)
     if took:
         assert (run.average_s, run.slowest_s) == (pytest.approx(fmean(took)), max(took))
         assert run.fastest_s == min(took)

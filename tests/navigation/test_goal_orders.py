@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import permutations
 from pathlib import Path
 
 import pytest
 from navigation.door_shares import DoorShares
-from navigation.goal_orders import FAIL_S, order_of
+from navigation.goal_orders import FAIL_S, order_of, walking_on
 from navigation.goals import Goal
+from navigation.ways import Way
 
 from semmap_log.domain.doors import DoorId
 from tests.navigation.world_of_three_rooms import (
@@ -27,8 +29,10 @@ GOALS = [
     Goal(1, IN_LEFT, "free"),
     Goal(2, IN_MIDDLE, "free"),
     Goal(3, IN_RIGHT, "free"),
-    Goal(4, (7.0, 2.3), "occupied"),
+    Goal(4, (5.0, 5.0), "occupied"),
 ]
+
+PLACES = [goal.place for goal in GOALS[:3]]
 
 
 def chosen(scene: Scene, order: str) -> list[int]:
@@ -47,40 +51,111 @@ def test_as_given(tmp_path: Path) -> None:
 
 def test_the_nearest_first_by_the_way(tmp_path: Path) -> None:
     """
-    From the left end of the corridor; what is no place to be comes last.
+    From the left end of the corridor; what is no place to be is sent at once.
     """
     assert chosen(Scene(tmp_path, "nearest_first", ALL_OPEN, start=(6.0, 1.2)), "nearest") == [
-        2, 1, 3, 4,
+        4, 2, 1, 3,
     ]  # fmt: skip
-    assert (
-        chosen(Scene(tmp_path / "r", "nearest_first", ALL_OPEN, start=(13.0, 1.2)), "nearest")[0]
-        == 3
-    )
+    scene = Scene(tmp_path / "r", "nearest_first", ALL_OPEN, start=(13.0, 1.2))
+    assert chosen(scene, "nearest")[:2] == [4, 3]
 
 
-def test_what_is_known_to_be_shut_comes_after_what_is_open(tmp_path: Path) -> None:
-    scene = Scene(tmp_path, "patrol", {**ALL_OPEN, MIDDLE: False}, start=(6.0, 1.2))
-    assert chosen(scene, "patrol") == [1, 3, 2, 4]
-
-
-def test_a_door_that_is_rarely_open_loses_against_a_longer_way(tmp_path: Path) -> None:
+def test_what_is_nearest_by_air_behind_a_wall_is_not_the_nearest(tmp_path: Path) -> None:
     """
-    The value is p / (1 + travel + (1 - p) fail), by hand.
+    Nor what is hardly farther by air than the way to the nearest is long.
+    """
+    behind, nearest = Goal(1, (4.45, 5.0), "free"), Goal(2, IN_MIDDLE, "free")
+    scene = Scene(tmp_path, "nearest_first", ALL_OPEN, start=(6.0, 1.2))
+    with scene.recorder:
+        way = scene.move_base.plan(IN_MIDDLE)
+        assert way is not None
+        by_air_m = [math.dist(goal.place, (6.0, 1.2)) for goal in (nearest, behind)]
+        assert by_air_m[0] < by_air_m[1] < way.length_m
+        order = order_of("nearest", scene.robot, scene.move_base, 2)
+        assert order.choose([behind, nearest]) is nearest
+
+
+def test_what_no_way_leads_to_is_given_up_at_once(tmp_path: Path) -> None:
+    """
+    Else such goals would fill the window: here the room is shut, and the last is no place to be.
+    """
+    for order in ("patrol", "nearest"):
+        scene = Scene(tmp_path / order, "patrol", {**ALL_OPEN, MIDDLE: False}, start=(6.0, 1.2))
+        assert chosen(scene, order) == [2, 4, 1, 3]
+
+
+def test_the_order_is_the_best_of_all_by_hand(tmp_path: Path) -> None:
+    """
+    Of each order of the goals: P of the doors on the way from here, the times between them on
+    foot, and what a shut door costs; the robot begins with the best one's first.
     """
     scene = Scene(tmp_path, "patrol", ALL_OPEN, start=(6.0, 1.2))
     with scene.recorder:
-        order = order_of("patrol", scene.robot, scene.move_base, 4)
         for hour in range(1, 40):
             scene.robot.shares.saw(3600.0 * hour, MIDDLE, is_open=hour % 4 == 0)
+            scene.robot.shares.saw(3600.0 * hour, LEFT, is_open=True)
         scene.robot.world.advance(100 * 3600.0)
-        way = scene.move_base.plan(IN_MIDDLE)
-        assert way is not None
-        (crossing,) = way.crossings(scene.robot.floor)
-        at_s = scene.robot.now_s + crossing.along_m / 0.7
-        p = scene.robot.shares.p_open(at_s, MIDDLE)
-        expected = p / (1 + way.length_m / 0.7 + (1 - p) * FAIL_S)
-        assert order.value(way) == pytest.approx(expected)  # type: ignore[attr-defined]
-        assert order.choose(GOALS[:2]).number == 1
+        chosen = order_of("patrol", scene.robot, scene.move_base, 3).choose(GOALS[:3])
+        ways = [scene.move_base.plan(goal.place) for goal in GOALS[:3]]
+        p = [p_of(scene, way) for way in ways]
+        from_here_s = [way.length_m / 0.7 for way in ways if way is not None]
+        legs_s = walking_on(scene.robot.floor).between(PLACES, PLACES) / 0.7
+
+    def cost(order: tuple[int, ...]) -> float:
+        now_s = total = 0.0
+        for place, stop in enumerate(order):
+            now_s += legs_s[order[place - 1], stop] if place else from_here_s[stop]
+            total += p[stop] * now_s
+            now_s += (1 - p[stop]) * FAIL_S
+        return total
+
+    assert 0.15 < p[1] < 0.5 < p[0] - 0.4
+    assert chosen is GOALS[min(permutations(range(3)), key=cost)[0]]
+    assert chosen is not GOALS[1], "the nearest, but behind the door that is rarely open"
+
+
+def p_of(scene: Scene, way: Way | None) -> float:
+    """Return P of the one door on a way to a room, when one comes to it."""
+    assert way is not None
+    (crossing,) = way.crossings(scene.robot.floor)
+    at_s = scene.robot.now_s + crossing.along_m / 0.7
+    return scene.robot.shares.p_open(at_s, crossing.door)
+
+
+def test_goals_on_the_way_come_first_though_another_is_nearer(tmp_path: Path) -> None:
+    """
+    What tells an order of all from one goal at a time: one that is nearest, on the other side,
+    waits for two that lie together.
+    """
+    goals = [
+        Goal(1, (5.4, 1.2), "free"),
+        Goal(2, (9.2, 1.2), "free"),
+        Goal(3, (9.6, 1.2), "free"),
+        Goal(4, (10.0, 1.2), "free"),
+    ]
+    for order, first in (("nearest", 1), ("patrol", 2)):
+        scene = Scene(tmp_path / order, "patrol", ALL_OPEN, start=(7.2, 1.2))
+        with scene.recorder:
+            assert order_of(order, scene.robot, scene.move_base, 4).choose(goals).number == first
+
+
+def test_ways_between_goals_lead_through_no_shut_door(tmp_path: Path) -> None:
+    """
+    Two rooms with a door between them are far from each other, once it is known to be shut.
+    """
+    scene = Scene(tmp_path, "patrol", {**ALL_OPEN, MIDDLE: False}, start=(6.0, 1.2))
+    with scene.recorder:
+        order = order_of("patrol", scene.robot, scene.move_base, 4)
+        ways = [scene.move_base.plan(place) for place in (IN_LEFT, IN_RIGHT)]
+        assert scene.robot.shut == {MIDDLE}
+        task = order.task([IN_LEFT, IN_RIGHT], ways)  # type: ignore[attr-defined]
+        p = [p_of(scene, way) for way in ways]
+        assert min(p) > 0.9
+        assert task.p_passes[:, 0] == pytest.approx(p)
+        between = walking_on(scene.robot.floor).between([IN_LEFT], [IN_RIGHT], {MIDDLE})
+        assert task.leg_s[0, 1] == pytest.approx(between[0, 0] / 0.7)
+        through = order.task([IN_LEFT, IN_MIDDLE], ways)  # type: ignore[attr-defined]
+        assert through.leg_s[0, 1] == pytest.approx(sum(through.from_start_s))
 
 
 def test_shares_forget_what_was_seen_at_the_rate_that_doors_change() -> None:

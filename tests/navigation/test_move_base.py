@@ -62,12 +62,28 @@ def test_without_knowing_it_drives_to_the_shut_door_and_gives_up(tmp_path: Path)
     drive = gone(scene, IN_MIDDLE)
 
     assert not drive.reached
-    assert drive.blocked == 1
+    assert (drive.plans, drive.blocked) == (2, 1)
     assert 1.0 < math.dist(scene.robot.place, (7.0, 2.4)) < 1.5 + 0.35
     assert scene.robot.place[1] < 2.4 - 0.5
     assert drive.waited_s == pytest.approx(15 + 2 * 6.28)
     assert scene.robot.now_s == pytest.approx(drive.drove_s + drive.waited_s)
     assert drive.drove_s > 5
+
+
+def test_a_way_that_is_blocked_where_the_robot_stands_was_planned_all_the_same(
+    tmp_path: Path,
+) -> None:
+    """
+    Before a shut door that it does not know, it tries for 15 s and turns twice, without a step:
+    more than the 18 s of a goal to which there is no way, and its records say why.
+    """
+    scene = Scene(tmp_path, "no_map_star", SHUT, start=(7.0, 1.6))
+    drive = gone(scene, IN_MIDDLE)
+
+    assert not drive.reached
+    assert (drive.plans, drive.blocked, drive.path_m) == (1, 1, 0.0)
+    assert drive.planned_s is not None
+    assert scene.robot.now_s == drive.waited_s == pytest.approx(15 + 2 * 6.28)
 
 
 @pytest.mark.parametrize("setup", ["map", "map_star", "smart"])
@@ -80,7 +96,7 @@ def test_a_door_that_the_map_has_shut_is_not_driven_to(tmp_path: Path, setup: st
 
     assert not drive.reached
     assert drive.planned_s is None
-    assert drive.path_m == 0
+    assert (drive.plans, drive.blocked, drive.path_m) == (0, 0, 0.0)
     assert 17 < scene.robot.now_s < 20
 
 

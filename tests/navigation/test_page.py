@@ -94,6 +94,15 @@ def test_the_page_says_what_the_runs_say(runs: Path) -> None:
     assert "thesis, 1 run" in text
 
 
+def test_setups_that_the_thesis_lacks_are_explained_where_they_are(tmp_path: Path) -> None:
+    drive(tmp_path, "patrol", 1, goals=12)
+    drive(tmp_path, "map_star", 1, goals=12)
+    page = page_of(read_runs([tmp_path]))
+
+    assert "Patrol: as Belief, and of ten goals it picks" in page
+    assert "Smart:" not in page
+
+
 def test_names_of_buildings_are_words(tmp_path: Path) -> None:
     """
     And no part of the page.

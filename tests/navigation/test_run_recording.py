@@ -17,6 +17,9 @@ from tests.navigation.corridor import DOORS, drive
 from tests.navigation.test_experiment_tables import run as run_verb
 from tests.views.rerun.some_logs import Drawn
 
+OFF = 1
+"""rerun's `AggregationPolicy.Off`."""
+
 pytestmark = pytest.mark.viewer
 
 
@@ -76,6 +79,16 @@ def test_the_curves_count(drawn: tuple[Run, Drawn]) -> None:
     curve = "/count/goals\\ driven\\ to\\ in\\ vain"
     assert [len(in_vain)] == value(picture, curve, "Scalars:scalars", run.end_ns)
     assert [0] == value(picture, curve, "Scalars:scalars", START_NS)
+
+
+def test_curves_are_drawn_as_they_are(drawn: tuple[Run, Drawn]) -> None:
+    """
+    A door that was wrong for less than a pixel is no half door until the end of the run.
+    """
+    _, picture = drawn
+    for curve in ("doors\\ wrong\\ in\\ the\\ map", "goals\\ driven\\ to\\ in\\ vain"):
+        policy = "SeriesLines:aggregation_policy"
+        assert picture.statics[f"/count/{curve}", policy] == [OFF]
 
 
 def test_every_pose_is_drawn(drawn: tuple[Run, Drawn]) -> None:

@@ -18,10 +18,12 @@ import numpy as np
 import pytest
 from navigation.batch import run_all
 from navigation.options import OptionError, RunOptions
+from navigation.reading_verbs import read_runs
 from navigation.run_verb import HELP, add_arguments, seeds, tasks_of
 from navigation.running import RunTask, run
 from navigation.runs import read_run, second_of
 from navigation.setups import SETUPS
+from navigation.tables.experiment import tables_of
 from navigation.ways import Way
 
 from semmap_log.domain.doors import DoorState
@@ -119,6 +121,21 @@ def test_the_robot_goes_through_no_wall_and_no_shut_door(
     assert crossed >= 4
 
 
+@pytest.mark.parametrize("setup", SETUPS)
+def test_what_is_given_up_after_driving_had_a_way(tmp_path: Path, plan: Path, setup: str) -> None:
+    """
+    And what was rejected at once had none: its records say so, and nobody moved.
+    """
+    options = RunOptions(goals=15, every_s=30.0)
+    found = read_run(run(RunTask(plan, 1, setup, "fixed", 3, options), floor(), tmp_path))
+    for goal in found.goals:
+        figures = goal.figures
+        assert (figures["planned_s"] is None) == (figures["plans"] == 0 == figures["path_m"])
+        if goal.outcome.value == "after_driving":
+            assert figures["plans"] >= 1
+            assert figures["blocked"] >= 1
+
+
 def test_a_sighting_is_right_but_for_what_comes_later(tmp_path: Path, plan: Path) -> None:
     task = RunTask(plan, 1, "map_star", "fixed", 3, RunOptions(goals=20, every_s=20.0))
     found = read_run(run(task, floor(), tmp_path))
@@ -154,12 +171,20 @@ def test_the_program_makes_what_is_missing(
     assert made == {path: path.stat().st_mtime_ns for path in (tmp_path / "o").rglob("*.mcap")}
 
 
+FINISHED, HALF_MADE = "*/*/[!.]*/belief/metadata.yaml", "*/*/.making_*/belief"
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
-def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path, plan: Path, end: int) -> None:
+@pytest.mark.parametrize(
+    ("end", "when"),
+    [(signal.SIGKILL, FINISHED), (signal.SIGKILL, HALF_MADE), (signal.SIGINT, FINISHED)],
+)
+def test_killed_and_resumed_gives_the_same_bytes_and_tables(
+    tmp_path: Path, plan: Path, end: int, when: str
+) -> None:
     """
-    Two processes at work, killed after the first run is there: nothing half made has a name, and
-    the same command makes the rest as if nothing had been.
+    Two processes at work, killed as the first run is being made, or is there: nothing half made
+    has a name, and the same command makes the rest as if nothing had been; so does one process.
     """
     options = ["--seeds", "3", "--setup", "no_map", "map_star", "--goals", "40", "--jobs", "2"]
     out = tmp_path / "killed"
@@ -167,7 +192,7 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path, plan: Path, end
         [sys.executable, PROGRAM, *arguments(plan, out, *options)], start_new_session=True,
         env=os.environ, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    wait_for_a_run(out, process)
+    wait_for(when, out, process)
     os.killpg(process.pid, end)
     told = process.communicate()[1]
     if end == signal.SIGINT:
@@ -176,13 +201,15 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path, plan: Path, end
         assert "Traceback" not in told
         assert not list(out.rglob(".making_*"))
     there = {path for path in out.glob("*/*/*") if not path.name.startswith(".")}
-    assert 1 <= len(there) < 6
+    assert (when == FINISHED) <= len(there) < 6
     assert all(read_run(folder).goals for folder in there)
 
     subprocess.run([sys.executable, PROGRAM, *arguments(plan, out, *options)], check=True)
     whole = tmp_path / "whole"
     run_all(list(tasks_of(parsed_run(plan, whole, options))), whole, jobs=1)
     assert files(out) == files(whole)
+    tables = [tables_of(read_runs([each])) for each in (out, whole)]
+    assert [table.text() for table in tables[0]] == [table.text() for table in tables[1]]
 
 
 @pytest.mark.slow
@@ -195,7 +222,7 @@ def test_a_process_that_is_ended_from_outside_is_told(tmp_path: Path, plan: Path
     process = subprocess.Popen(
         [sys.executable, PROGRAM, *words, "--jobs", "2"], stderr=subprocess.PIPE, text=True
     )
-    wait_for_a_run(out, process)
+    wait_for(FINISHED, out, process)
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     workers = [
         pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
@@ -207,11 +234,9 @@ def test_a_process_that_is_ended_from_outside_is_told(tmp_path: Path, plan: Path
     assert "Traceback" not in told
 
 
-def wait_for_a_run(out: Path, process: subprocess.Popen[str]) -> None:
-    while process.poll() is None and not any(
-        not path.parent.name.startswith(".") for path in out.glob("*/*/*/belief")
-    ):
-        time.sleep(0.05)
+def wait_for(pattern: str, out: Path, process: subprocess.Popen[str]) -> None:
+    while process.poll() is None and not any(out.glob(pattern)):
+        time.sleep(0.02)
 
 
 def parsed_run(plan: Path, out: Path, options: list[str]) -> argparse.Namespace:

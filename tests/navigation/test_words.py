@@ -17,8 +17,8 @@ def run(
     """Return a run that reached 100 of 200 goals, so many of the others after driving."""
     return RunFigures(
         key=RunKey("clinic", setup, "fixed", seed), options=options, took_s=(50.0,) * 100,
-        total_s=total_s, tried=200, unreachable=100, after_driving=after, in_vain_s=30.0 * after,
-        path_m=1000.0, wrong=0.1, told=20, folder=Path(),
+        total_s=total_s, tried=200, unreachable=100, after_driving=after, on_the_spot=0,
+        in_vain_s=30.0 * after, path_m=1000.0, wrong=0.1, told=20, folder=Path(),
     )  # fmt: skip
 
 

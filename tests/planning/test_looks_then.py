@@ -117,10 +117,30 @@ def test_a_door_is_left_out_on_the_upper_end_alone() -> None:
     """
     However low P is: few looks do not do, nor none; and one that was open once does.
     """
-    known = chances([(0, 0), (3, 0), (9, 0), (9, 3)], [60.0] * 4)
+    known = chances([(0, 0), (2, 0), (9, 0), (9, 3)], [60.0] * 4)
 
     assert SkipRule().is_skipped(known).tolist() == [False, False, True, False]
     assert not SkipRule(below=0.0).is_skipped(known).any()
+
+
+def test_a_door_that_may_be_open_this_time_is_not_left_out() -> None:
+    """
+    At such hours it was always shut; but it was just seen open, or opens in the round's course.
+    """
+    alike = chances([(9, 0)] * 3, [60.0] * 3)
+    known = replace(alike, p_passes=np.array([[0.6, 0.2], [0.01, 0.5], [0.1, 0.1]]))
+
+    assert SkipRule().seem_shut(known).tolist() == [False, False, True]
+    assert SkipRule().is_skipped(known).tolist() == [False, False, True]
+
+
+def test_a_low_p_alone_leaves_no_door_out() -> None:
+    """
+    What is left out on the mean is never learnt.
+    """
+    known = replace(chances([(2, 0), (9, 4)], [60.0] * 2), p_passes=np.zeros((2, 3)))
+
+    assert not SkipRule().seem_shut(known).any()
 
 
 def test_what_is_left_out_is_looked_at_again_after_a_day() -> None:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.moments import SECOND_NS
 from semmap_log.errors import PlanError, UnknownDoorError
 from semmap_log.formats.json.plan_json import plan_to_json
 from semmap_log.planning.door_chances import SkipRule
 from semmap_log.planning.patrol_plan import PatrolOptions, PatrolPlan, patrol_plan
-from semmap_log.rooms import Place
-from tests.planning.ward import HALL, ward
+from semmap_log.planning.patrol_ways import patrol_ways
+from semmap_log.planning.ways_between import WaysBetween
+from semmap_log.rooms import Place, room_plan
+from tests.planning.ward import FRONT, HALL, SIDE, ward
 
 MORNING = "2026-03-20T10:00"
 """A Friday."""
@@ -218,3 +223,39 @@ def test_the_same_question_has_the_same_answer(log: sl.DoorLog) -> None:
     ]
 
     assert said[0] == said[1]
+
+
+def test_ways_from_stop_to_stop_are_those_of_the_times(log: sl.DoorLog) -> None:
+    """
+    From the middle of the hall and on; as long as the arrivals say, and not through walls.
+    """
+    plan = patrol_plan(log, start_at=HALL, start=MORNING, rooms=["lab", "2"])
+    ways = WaysBetween(room_plan(log, at=MORNING), speed_m_s=plan.options.speed_m_s)
+
+    found = patrol_ways(plan, ways)
+
+    assert [way[0] for way in found] == [plan.start, plan.stops[0].place]
+    assert [way[-1] for way in found] == [stop.place for stop in plan.stops]
+    first_s = (plan.stops[0].arrives_ns - plan.start_ns) / SECOND_NS
+    assert length_m(found[0]) / plan.options.speed_m_s == pytest.approx(first_s, abs=0.5)
+    assert len(found[0]) > 2
+
+
+def test_ways_lead_through_doors_that_are_likely_shut_only_if_they_must(log: sl.DoorLog) -> None:
+    """
+    Into the ward: by the front where the side is avoided, by either where both are.
+    """
+    ways = WaysBetween(room_plan(log, at=MORNING))
+    hall, ward_ = Place(1, 3.0, 1.0), Place(1, 3.0, 4.0)
+
+    by_side, by_front = ways.way(hall, ward_), ways.way(hall, ward_, [SIDE])
+
+    assert length_m(by_side) < length_m(by_front)
+    assert ways.way(hall, ward_, [SIDE, FRONT]) == by_side
+    assert ways.way(Place(2, 0.0, 0.0), Place(2, 9.0, 0.0)) == [
+        Place(2, 0.0, 0.0), Place(2, 9.0, 0.0)
+    ]  # fmt: skip
+
+
+def length_m(way: list[Place]) -> float:
+    return sum(math.dist((a.x, a.y), (b.x, b.y)) for a, b in pairwise(way))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from semmap_log.planning.patrol_round import PatrolRound, PatrolTarget
-from semmap_log.planning.round_task import RoundTask
+from semmap_log.planning.round_task import RoundTask, with_stop
 from tests.planning.rounds import a_round
 
 
@@ -145,3 +145,13 @@ def test_the_same_round_goes_the_same_way() -> None:
     first, again = (walked(each, {1, 4, 6, 9, 12}) for each in rounds)
 
     assert first == again
+
+
+def test_a_stop_more_at_each_place() -> None:
+    """
+    The rest of the order stays as it was.
+    """
+    order = np.array([5, 3, 8])
+
+    assert with_stop(order, 7).tolist() == [[7, 5, 3, 8], [5, 7, 3, 8], [5, 3, 7, 8], [5, 3, 8, 7]]
+    assert with_stop(order[:0], 7).tolist() == [[7]]

@@ -181,4 +181,24 @@ FILES = (
     guard("a file that the server saved", "_is_known", "SAVED_FORMAT", '""', "test_yaml_start"),
 )  # fmt: skip
 
-SERVING: tuple[Mutant, ...] = (*GOALS, *FAILURES, *SAVING, *SHOWING, *FILES)
+PATROLS = (
+    guard("a plan is sent when it has changed", "ServedPlan.show",
+          "poses != self._sent", "True", "test_served_plan"),
+    guard("a new round is planned anew", "ServedPlan._take_in",
+          "self._is_another(log, PatrolStarted in batch, Retracted in batch)", "False",
+          "test_served_plan"),
+    guard("a round that was taken back", "ServedPlan._is_another",
+          "started or taken_back", "started", "test_served_plan"),
+    guard("what the log has of a round already", "ServedPlan._begin_round",
+          "self._round.take(batch)", "pass", "test_served_plan"),
+    guard("a round that is finished is none", "served_plan._begin_of",
+          "last.end_ns is not None", "False", "test_served_plan"),
+    guard("a plan that cannot be made is said", "ServedPlan._begin_round",
+          "(PlanError, UnknownDoorError, CostmapError)", "CostmapError", "test_served_plan"),
+    guard("it is tried again when a door comes", "ServedPlan._take_in",
+          "any(kind in batch for kind in _MAY_HELP)", "False", "test_served_plan"),
+    guard("the robot looks at the door", "served_plan._pose",
+          "math.atan2(away[1], away[0])", "0.0", "test_served_plan"),
+)  # fmt: skip
+
+SERVING: tuple[Mutant, ...] = (*GOALS, *FAILURES, *SAVING, *SHOWING, *FILES, *PATROLS)

@@ -43,9 +43,15 @@ class Drive:
     """Standing: planning, waiting, turning."""
     path_m: float = 0.0
     plans: int = 0
-    """How many ways were found."""
+    """How many ways were found, those included that were blocked where the robot stood."""
     blocked: int = 0
-    """How often the local planner stopped before a shut door."""
+    """How often the local planner stopped before a shut door, or could not even begin."""
+
+    def found(self, way: Way) -> None:
+        """Count a way."""
+        self.plans += 1
+        if self.planned_s is None:
+            self.planned_s = way.length_m / SPEED_M_S
 
     def figures(self) -> dict[str, float | int | None]:
         """Return all but whether it was reached, rounded to what means something."""
@@ -78,6 +84,11 @@ class MoveBase:
         self._robot.think()
         return self._finder.find(self._robot.place, goal)
 
+    def knows_way(self, goal: Point) -> bool:
+        """Tell whether there is a way by all that the robot knows, which `plan` would return."""
+        self._robot.think()
+        return self._finder.leads(self._robot.place, goal) is not None
+
     def go(self, goal: Point) -> Drive:
         """Drive to a goal; return how that went."""
         drive = Drive()
@@ -85,7 +96,6 @@ class MoveBase:
             way = self._way(goal, drive)
             if way is None:
                 break
-            drive.plans += 1
             if self._follow(way, drive):
                 drive.reached = self._has_room(drive)
                 break
@@ -106,13 +116,16 @@ class MoveBase:
     def _way(self, goal: Point, drive: Drive) -> Way | None:
         """Return a way that is free as far as can be seen; None: given up."""
         way = self.plan(goal)
-        if way is not None and drive.planned_s is None:
-            drive.planned_s = way.length_m / SPEED_M_S
-        if way is not None and self._is_free(way):
-            return way
+        if way is not None:
+            drive.found(way)
+            if self._is_free(way):
+                return way
+            drive.blocked = max(drive.blocked, 1)  # a stop on the way was counted as it was made
         began_s = self._robot.now_s
         found = self._recovered(goal, PLANNER_PATIENCE_S if way is None else CONTROLLER_PATIENCE_S)
         drive.waited_s += self._robot.now_s - began_s
+        if found is not None:
+            drive.found(found)
         return found
 
     def _recovered(self, goal: Point, patience_s: float) -> Way | None:

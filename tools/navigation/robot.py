@@ -63,6 +63,8 @@ class Robot:
         self.costmap = GlobalCostmap(floor, senses.obstacles)
         self._senses, self._recorder = senses, recorder
         self._known = dict(world.is_open if known is None else known) if setup.map else {}
+        self.shut: frozenset[DoorId] = frozenset()
+        """The doors that count as shut, as it thought last."""
         self._is_redrawn = False
         self._seen_from: tuple[Cell, int, int] | None = None
         self._looked_from: tuple[Cell, int] | None = None
@@ -145,17 +147,21 @@ class Robot:
         if self.setup.belief:
             self._weigh_doors()
         elif self.setup.map and not self._is_redrawn:
-            self.costmap.show_doors(self._known)
+            self._show_doors(self._known)
         self._is_redrawn = True
         self.costmap.update()
         return self.costmap
+
+    def _show_doors(self, passable: Mapping[DoorId, bool]) -> None:
+        self.shut = frozenset(door for door, is_passable in passable.items() if not is_passable)
+        self.costmap.show_doors(passable)
 
     def _weigh_doors(self) -> None:
         if self._is_redrawn and self.now_s - self._weighed_s < WEIGHED_EVERY_S:
             return
         self._weighed_s = self.now_s
         p_open = {door: self.shares.p_open(self.now_s, door) for door in self._known}
-        self.costmap.show_doors({door: p >= SHUT_P for door, p in p_open.items()})
+        self._show_doors({door: p >= SHUT_P for door, p in p_open.items()})
         loss = LOSS_M / self.floor.geometry.resolution
         self.costmap.charge({door: loss * (1 - p) / p for door, p in p_open.items() if p >= SHUT_P})
 

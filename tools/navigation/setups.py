@@ -23,6 +23,8 @@ class Setup:
     """P(open) as cost, in place of the state seen last."""
     order: str = "given"
     """`given`: as goals come; `nearest` or `patrol`: chosen out of a window of them."""
+    beyond: str = ""
+    """What sets it apart, if the thesis does not have it."""
 
 
 SETUPS = {
@@ -32,10 +34,22 @@ SETUPS = {
         Setup("map", "Map", obstacles=True, map=True),
         Setup("no_map_star", "No Map*"),
         Setup("map_star", "Map*", map=True),
-        Setup("smart", "Smart", map=True, smart=True),
-        Setup("belief", "Belief", map=True, belief=True),
-        Setup("patrol", "Patrol", map=True, belief=True, order="patrol"),
-        Setup("nearest_first", "Nearest first", map=True, belief=True, order="nearest"),
+        Setup(
+            "smart", "Smart", map=True, smart=True,
+            beyond="as Map*, but doors report themselves",
+        ),
+        Setup(
+            "belief", "Belief", map=True, belief=True,
+            beyond="as Map*, but P(open), learnt from the log, is a cost",
+        ),
+        Setup(
+            "patrol", "Patrol", map=True, belief=True, order="patrol",
+            beyond="as Belief, and of ten goals it picks by the patrol planner's order",
+        ),
+        Setup(
+            "nearest_first", "Nearest first", map=True, belief=True, order="nearest",
+            beyond="as Belief, and of ten goals it picks the nearest",
+        ),
     )
-}
+}  # fmt: skip
 """By name; the thesis's first, in its order."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.floors import Floor, Point
+from navigation.floors import Cell, Floor, Point
 from navigation.global_costmap import GlobalCostmap
 from semmap_log.domain.doors import DoorId
 
@@ -124,18 +124,26 @@ class WayFinder:
         A robot that stands where it cannot be (a door has closed on it) first goes to the nearest
         cell where it can.
         """
+        ends = self.leads(start, goal)
+        if ends is None:
+            return None
+        free, there = ends
+        cells = self._astar(self._costmap.weights, free, there, allow_diagonal=True)
+        corners = straightened(cells, self._costmap.weights)
+        points = [start, *(self._floor.point((int(r), int(c))) for r, c in corners[1:-1]), goal]
+        if free != self._floor.cell(start):
+            points.insert(1, self._floor.point(free))
+        return Way(np.array(points, np.float64))
+
+    def leads(self, start: Point, goal: Point) -> tuple[Cell, Cell] | None:
+        """Return the cells that a way begins and ends in; None: there is none."""
         here, there = self._floor.cell(start), self._floor.cell(goal)
         if here is None or there is None:
             return None
         free = self._costmap.free_cell(here)
         if free is None or not self._costmap.is_reachable(free, there):
             return None
-        cells = self._astar(self._costmap.weights, free, there, allow_diagonal=True)
-        corners = straightened(cells, self._costmap.weights)
-        points = [start, *(self._floor.point((int(r), int(c))) for r, c in corners[1:-1]), goal]
-        if free != here:
-            points.insert(1, self._floor.point(free))
-        return Way(np.array(points, np.float64))
+        return free, there
 
 
 def straightened(cells: NDArray[np.int32], weights: NDArray[np.float32]) -> NDArray[np.int32]:

@@ -96,6 +96,10 @@ class PatrolWorld:
                 return Try(entered.passed, entered.took_s, (seen, *entered.events))
         return self._gave_up(door, at_ns, rules, (seen,))
 
+    def look(self, door: int, at_ns: int) -> DoorObserved:
+        """Return what the robot sees of a door then."""
+        return self._seen(door, at_ns, self.truths[door].state(at_ns))
+
     def shares(self, door: int, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return how much of its time a door is open at such hours: its true schedule."""
         share = np.array(self.habits[door].share)
@@ -132,7 +136,7 @@ class PatrolWorld:
         gave_up = DoorPassed(door_id=self._id(door), passed=False, waited_s=rules.wait_s)
         return Try(False, rules.fail_s, (*events, self._event(gave_up, end_ns)))
 
-    def _seen(self, door: int, at_ns: int, state: DoorState) -> Event:
+    def _seen(self, door: int, at_ns: int, state: DoorState) -> DoorObserved:
         return DoorObserved(
             happened_ns=at_ns, door_id=self._id(door), state=state,
             accuracy_open=ACCURACY_OPEN, accuracy_closed=ACCURACY_CLOSED,

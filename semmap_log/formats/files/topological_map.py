@@ -72,6 +72,7 @@ class _Nodes:
         self.metric_map = plan.door_map.level_name(level)
         self.rooms = [room for room in plan.graph.rooms.values() if room.level == level]
         self.doorways = [each for each in plan.graph.doorways.values() if each.level == level]
+        self._edge_ids: set[str] = set()
         taken: set[str] = set()
         self.room_names = {
             room.room_id: _own(taken, room.name, f"room_{room.room_id}") for room in self.rooms
@@ -107,7 +108,7 @@ class _Nodes:
         return {
             "meta": {"map": self.metric_map, "node": name, "pointset": self.pointset},
             "node": {
-                "edges": [_edge(name, other) for other in beyond],
+                "edges": [self._edge(name, other) for other in beyond],
                 "localise_by_topic": "",
                 "name": name,
                 "parent_frame": "map",
@@ -132,30 +133,29 @@ class _Nodes:
             },
         }
 
+    def _edge(self, source: str, target: str) -> Json:
+        return {
+            "action": ACTION,
+            "action_type": ACTION_TYPE,
+            "config": [],
+            "edge_id": _own(self._edge_ids, f"{source}_{target}", "edge"),
+            "fail_policy": "fail",
+            "fluid_navigation": True,
+            "goal": {
+                "target_pose": {"header": {"frame_id": "$node.parent_frame"}, "pose": "$node.pose"}
+            },
+            "node": target,
+            "recovery_behaviours_config": "",
+            "restrictions_planning": "True",
+            "restrictions_runtime": "True",
+        }
+
 
 def _of_door(door: Door) -> Json:
     own: Json = {"door_id": int(door.door_id), "state": door.state.name, "width": door.width}
     if "lift" in door.annotations:
         own["lift"] = door.annotations["lift"]
     return own
-
-
-def _edge(source: str, target: str) -> Json:
-    return {
-        "action": ACTION,
-        "action_type": ACTION_TYPE,
-        "config": [],
-        "edge_id": f"{source}_{target}",
-        "fail_policy": "fail",
-        "fluid_navigation": True,
-        "goal": {
-            "target_pose": {"header": {"frame_id": "$node.parent_frame"}, "pose": "$node.pose"}
-        },
-        "node": target,
-        "recovery_behaviours_config": "",
-        "restrictions_planning": "True",
-        "restrictions_runtime": "True",
-    }
 
 
 def _own(taken: set[str], name: str | None, otherwise: str) -> str:

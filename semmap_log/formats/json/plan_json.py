@@ -7,6 +7,7 @@ from typing import Any
 
 from semmap_log.domain.moments import SECOND_NS, format_utc
 from semmap_log.formats.json.beliefs_json import ROUNDED
+from semmap_log.planning.followed_round import FollowedRound, RoundStep
 from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
 from semmap_log.planning.patrol_targets import NotVisited
 from semmap_log.probabilities.forecast import INTERVAL
@@ -34,6 +35,23 @@ def plan_to_json(plan: PatrolPlan) -> dict[str, Any]:
         "stops": [_stop(number, stop, plan) for number, stop in enumerate(plan.stops, start=1)],
         "left_out": [_omitted(each) for each in plan.left_out],
         "notes": list(plan.notes),
+    }
+
+
+def step_to_json(step: RoundStep, round_: FollowedRound, plan: PatrolPlan) -> dict[str, Any]:
+    """Return what an event of a round led to; once that is over, what became of it."""
+    over = {
+        "visited": [target.name for target in step.visited],
+        "not_visited": [target.name for target in round_.not_visited],
+    }
+    number = len(step.visited) + 1
+    return {
+        "event": step.event,
+        "happened": format_utc(step.at_ns),
+        "because": step.because,
+        "next": None if step.stop is None else _stop(number, step.stop, plan),
+        "stops_left": step.left,
+        **(over if step.stop is None else {}),
     }
 
 

@@ -11,11 +11,13 @@ from semmap_log.costmaps.level_costmap import CostmapOptions
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import FloorMap
 from semmap_log.domain.keywords import knows_its_keywords
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.live.action_names import action_name
 from semmap_log.live.ros_node import Goal, Outcome, RosNode
 from semmap_log.live.serving.door_server import ACTIONS
 from semmap_log.live.serving.served_costmap import ServedCostmaps
 from semmap_log.live.serving.served_doors import ServedDoors
+from semmap_log.live.serving.served_plan import PatrolWish, ServedPlan
 from semmap_log.live.serving.served_topics import LevelNames, ServedTopics, levels_of
 from semmap_log.views.palette import DEFAULT, Palette
 
@@ -28,6 +30,10 @@ class Doors(Protocol):
 
     def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
         """Return a level's floor plan, as of a door map."""
+
+    @property
+    def log(self) -> DoorLog:
+        """The log with all that is written now."""
 
     def run(self, goal: Goal) -> Outcome:
         """Do what a goal asks for."""
@@ -46,6 +52,8 @@ class ServeOptions:
     """Stands in the DoorMap for probabilities that were not given; None: NaN does."""
     costs: CostmapOptions = field(default_factory=CostmapOptions)
     """What doors cost in the grids."""
+    patrol: PatrolWish | None = None
+    """What the robot is to visit; None: no plan is offered."""
 
 
 class Server:
@@ -70,7 +78,7 @@ class Server:
         known = doors.door_map()
         names = LevelNames(levels_of(known) | options.floors.keys())
         topics = ServedTopics(node)
-        self._shown: list[ServedDoors | ServedCostmaps] = [
+        self._shown: list[ServedDoors | ServedCostmaps | ServedPlan] = [
             ServedDoors(topics, names, palette=options.palette, default_prob=options.default_prob)
         ]
         if options.costmap:
@@ -82,6 +90,16 @@ class Server:
                     lambda text: node.log(text, is_warning=True),
                     floors=options.floors,
                     options=options.costs,
+                )
+            )
+
+        if options.patrol is not None:  # last: to plan takes its time
+            self._shown.append(
+                ServedPlan(
+                    topics,
+                    lambda: doors.log,
+                    lambda text: node.log(text, is_warning=True),
+                    options.patrol,
                 )
             )
 

@@ -102,7 +102,15 @@ class DoorFilter:
             is_known[asked] |= fresh & (belief.seen_ns > NEVER)
         return Forecast.around(p_open, variance, is_known, days)
 
-    def wait_s(self, at_ns: int, *, until_open: bool, most_s: float | None = None) -> float:
+    def wait_s(
+        self,
+        at_ns: int,
+        *,
+        until_open: bool,
+        most_s: float | None = None,
+        known_ns: int | None = None,
+        is_other: bool = False,
+    ) -> float:
         """Return how long it will take, on average, until the door is open, or closed; seconds.
 
         It is the mean first passage of the chain: through time t survive e^(-H(t)) of the doors
@@ -112,12 +120,15 @@ class DoorFilter:
             at_ns: From then on.
             until_open: Or until it is closed.
             most_s: Who waits so long goes; None: nobody does.
+            known_ns: By what was known then; None: at `at_ns`.
+            is_other: It is found closed, or open, then: there is a wait for sure.
         """
+        told_ns = at_ns if known_ns is None else min(known_ns, at_ns)
         steps_ns = at_ns + np.arange(WAIT_D * 48, dtype=np.int64) * LOOK_NS
-        known_ns = np.full(len(steps_ns), at_ns)
-        forgetting = self._epoch(self.epoch_at(at_ns)).forgetting
-        here = self.predict(known_ns[:1], known_ns[:1]).p_open[0]
-        expected = self.schedule.p_open(steps_ns, known_ns)
+        told = np.full(len(steps_ns), told_ns)
+        forgetting = self._epoch(self.epoch_at(told_ns)).forgetting
+        here = self.predict(steps_ns[:1], told[:1]).p_open[0]
+        expected = self.schedule.p_open(steps_ns, told)
         step_s = LOOK_NS / SECOND_NS
         # What changes faster than it is looked at may do so at any pace: looks do not tell which.
         relaxation = np.minimum(forgetting.rates.relaxation, 1 / step_s)
@@ -130,7 +141,7 @@ class DoorFilter:
             lasts_s = np.clip(most_s - np.arange(len(rate)) * step_s, 0.0, step_s)
             left = np.exp(-np.append(0.0, np.cumsum(rate * lasts_s)))
             waited_s = float(((left[:-1] - left[1:]) / rate).sum())
-        return float(1 - here if until_open else here) * waited_s
+        return waited_s if is_other else float(1 - here if until_open else here) * waited_s
 
     def _belief(self, epoch: Epoch, known_ns: Times) -> Belief:
         """Return what was believed at each time; where the state is known, that."""
@@ -241,19 +252,30 @@ class LearntFilter(LearntByDoor[DoorFilter]):
             self._rates[door_id][at_ns] = forgetting
 
     def wait_s(
-        self, door_id: DoorId, at_ns: int, *, until_open: bool = True, most_s: float | None = None
+        self,
+        door_id: DoorId,
+        at_ns: int,
+        *,
+        until_open: bool = True,
+        most_s: float | None = None,
+        known_ns: int | None = None,
+        is_other: bool = False,
     ) -> float:
         """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
 
         Args:
             door_id: The door.
-            at_ns: From then on, by what was known then.
+            at_ns: From then on.
             until_open: Or until it is closed.
             most_s: Who waits so long goes; None: nobody does.
+            known_ns: By what was known then; None: at `at_ns`.
+            is_other: It is found closed, or open, then: there is a wait for sure.
         """
         if door_id not in self.evidence:
             return math.nan
-        return self.door(door_id).wait_s(at_ns, until_open=until_open, most_s=most_s)
+        return self.door(door_id).wait_s(
+            at_ns, until_open=until_open, most_s=most_s, known_ns=known_ns, is_other=is_other
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from semmap_log.common.texts import counted
 from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.domain.doors import Door
 from semmap_log.domain.events import FloorMap
@@ -25,6 +26,7 @@ from semmap_log.views.palette import (
     VIRIDIS,
 )
 from semmap_log.views.plots.matplotlib_sdk import mpl, new_figure, patches, save_figure
+from semmap_log.views.plots.plan_cells import plan_cells
 from semmap_log.views.timeline_table import duration
 
 LONG_IN, LEAST_IN, MOST_IN = 13.0, 5.0, 13.0
@@ -34,12 +36,14 @@ DARK_BELOW = 0.55
 
 
 def plot_patrol(
-    plan: PatrolPlan, floors: Mapping[int, FloorMap], doors: Sequence[Door], path: Path
-) -> None:
+    plan: PatrolPlan, ways: Sequence[Sequence[Place]], floors: Mapping[int, FloorMap],
+    doors: Sequence[Door], path: Path,
+) -> None:  # fmt: skip
     """Draw a panel for each level that the round comes to into a .png or .svg.
 
     Args:
         plan: The round.
+        ways: The corners of the ways from stop to stop.
         floors: Level -> its plan; a level without one is drawn by its doors alone.
         doors: All that have a place, in the background.
         path: The file; what is there is replaced once the new one is whole.
@@ -59,12 +63,12 @@ def plot_patrol(
             if door.is_placed and door.level == level:
                 (x0, y0), (x1, y1) = door.start, door.end
                 panel.plot([x0, x1], [y0, y1], color=PLOT_BARS, linewidth=1.5, zorder=2)
-        _draw_way(panel, plan, level)
+        _draw_ways(panel, plan, ways, level)
         for number, stop in enumerate(plan.stops, start=1):
             if stop.place.level == level:
                 _draw_stop(panel, number, stop)
         _frame(panel, level, floors.get(level), many=len(levels) > 1)
-    _draw_key(figure, panels)
+    _draw_key(figure, panels, with_start=plan.start is not None)
     figure.suptitle(_title(plan))
     save_figure(figure, path)
 
@@ -94,7 +98,8 @@ def _span(floor: FloorMap | None, level: int, doors: Sequence[Door]) -> tuple[fl
 def _walled(floor: FloorMap) -> tuple[float, float, float, float]:
     """Return the bounds of the walls, with a margin: x0, x1, y0, y1, metres."""
     grid = GridGeometry.of_floor(floor)
-    rows, columns = np.nonzero(floor.cells >= OCCUPIED_FROM)
+    walls = floor.cells >= OCCUPIED_FROM
+    rows, columns = np.flatnonzero(walls.any(axis=1)), np.flatnonzero(walls.any(axis=0))
     if not len(rows):
         rows, columns = np.array([0, grid.height - 1]), np.array([0, grid.width - 1])
     x0, y0 = grid.map_to_world(int(columns.min()), int(rows.min()))
@@ -105,27 +110,23 @@ def _walled(floor: FloorMap) -> tuple[float, float, float, float]:
 def _draw_floor(panel: Any, floor: FloorMap | None) -> None:
     if floor is None:
         return
-    grid = GridGeometry.of_floor(floor)
+    cells, extent = plan_cells(floor)
     shades = mpl.colors.ListedColormap(["white", PLOT_NOTHING, PLOT_WALLS])
-    kinds = np.where(floor.cells >= OCCUPIED_FROM, 2, np.where(floor.cells < 0, 1, 0))
-    extent = (
-        grid.origin_x, grid.origin_x + grid.width * grid.resolution,
-        grid.origin_y, grid.origin_y + grid.height * grid.resolution,
-    )  # fmt: skip
+    kinds = np.where(cells >= OCCUPIED_FROM, 2, np.where(cells < 0, 1, 0))
     panel.imshow(kinds, cmap=shades, vmin=0, vmax=2, origin="lower", extent=extent,
                  interpolation="nearest", zorder=0)  # fmt: skip
 
 
-def _draw_way(panel: Any, plan: PatrolPlan, level: int) -> None:
-    """Draw lines from stop to stop: which comes next, not which way the robot takes."""
-    start = [] if plan.start is None else [plan.start]
-    places: list[Place] = [*start, *(stop.place for stop in plan.stops)]
-    for here, there in pairwise(places):
-        if here.level == there.level == level:
-            panel.plot([here.x, there.x], [here.y, there.y], color=PLOT_PROPOSED, linewidth=1.0,
-                       alpha=0.6, zorder=3)  # fmt: skip
-    if start and start[0].level == level:
-        panel.plot(start[0].x, start[0].y, "*", color=PLOT_PROPOSED, markersize=18, zorder=5)
+def _draw_ways(
+    panel: Any, plan: PatrolPlan, ways: Sequence[Sequence[Place]], level: int
+) -> None:  # fmt: skip
+    for way in ways:
+        for here, there in pairwise(way):
+            if here.level == there.level == level:
+                panel.plot([here.x, there.x], [here.y, there.y], color=PLOT_PROPOSED,
+                           linewidth=1.0, alpha=0.6, zorder=3)  # fmt: skip
+    if plan.start is not None and plan.start.level == level:
+        panel.plot(plan.start.x, plan.start.y, "*", color=PLOT_PROPOSED, markersize=18, zorder=5)
 
 
 def _draw_stop(panel: Any, number: int, stop: PlannedStop) -> None:
@@ -155,17 +156,20 @@ def _frame(panel: Any, level: int, floor: FloorMap | None, *, many: bool) -> Non
         x0, x1, y0, y1 = _walled(floor)
         panel.set_xlim(x0, x1)
         panel.set_ylim(y0, y1)
-    panel.set_aspect("equal")
+        panel.set_aspect("equal")
+    else:
+        panel.set_aspect("equal", adjustable="datalim")
     panel.set_xlabel(f"x, metres (level {level})" if many else "x, metres")
     panel.set_ylabel("y, metres")
 
 
-def _draw_key(figure: Any, panels: Any) -> None:
+def _draw_key(figure: Any, panels: Any, *, with_start: bool) -> None:
     """Draw what the colours mean."""
     scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(0, 1), _scale())
     figure.colorbar(scale, ax=list(panels), shrink=0.6, label="P that the door lets one in, then")
     unknown = patches.Patch(facecolor=PLOT_NOTHING, edgecolor=PLOT_WALLS, label="UNKNOWN")
-    panels[0].plot([], [], "*", color=PLOT_PROPOSED, markersize=12, label="start")
+    if with_start:
+        panels[0].plot([], [], "*", color=PLOT_PROPOSED, markersize=12, label="start")
     handles, labels = panels[0].get_legend_handles_labels()
     panels[0].legend([*handles, unknown], [*labels, "UNKNOWN"], loc="upper right", fontsize=8,
                      labelcolor=PLOT_WORDS)  # fmt: skip
@@ -176,4 +180,5 @@ def _title(plan: PatrolPlan) -> str:
     if not plan.stops:
         return f"patrol from {when} ({plan.tz}): no stops"
     mean = duration(round(plan.mean_visit_s) * SECOND_NS)
-    return f"patrol from {when} ({plan.tz}): {len(plan.stops)} stops, mean time to visit {mean}"
+    stops = counted(len(plan.stops), "stop")
+    return f"patrol from {when} ({plan.tz}): {stops}, mean time to visit {mean}"

@@ -18,6 +18,7 @@ from semmap_log.views.palette import (
     PLOT_WALLS,
 )
 from semmap_log.views.plots.matplotlib_sdk import has_shape, new_figure
+from semmap_log.views.plots.plan_cells import plan_cells
 from semmap_log.views.room_tints import rooms_image
 
 WIDE_IN, LEAST_IN, MOST_IN = 14.0, 3.0, 14.0
@@ -61,7 +62,7 @@ def _draw_level(panel: Any, plan: RoomPlan, level: int, letters: HasShape) -> No
     rooms, floor = plan.levels[level], plan.floors[level]
     extent = _extent(rooms)
     panel.imshow(rooms_image(rooms), origin="lower", extent=extent, interpolation="nearest")
-    _draw_walls(panel, floor, extent)
+    _draw_walls(panel, floor)
     for doorway in plan.graph.doorways.values():
         if doorway.level == level:
             _draw_door(panel, plan, plan.door_map[doorway.door_id])
@@ -74,8 +75,9 @@ def _draw_level(panel: Any, plan: RoomPlan, level: int, letters: HasShape) -> No
             _draw_name(panel, room, letters, points_a_metre)
 
 
-def _draw_walls(panel: Any, floor: FloorMap, extent: tuple[float, ...]) -> None:
-    walls = floor.cells >= OCCUPIED_FROM
+def _draw_walls(panel: Any, floor: FloorMap) -> None:
+    cells, extent = plan_cells(floor)
+    walls = cells >= OCCUPIED_FROM
     if walls.any():
         panel.contourf(walls, levels=[0.5, 1.5], colors=[PLOT_WALLS], origin="lower", extent=extent)
 

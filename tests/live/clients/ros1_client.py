@@ -7,10 +7,11 @@ import uuid
 import actionlib
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
+from geometry_msgs.msg import PoseArray
 from lta_semantic_map import msg as messages
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
-from stock import DB, MEET_S, WITHIN_S, closed, doors, keep, serve
+from stock import DB, MEET_S, WITHIN_S, closed, doors, keep, places, serve
 from visualization_msgs.msg import MarkerArray
 
 clients = {}
@@ -58,6 +59,7 @@ for topic, kind, summary in [
     (DB, messages.DoorMap, doors),
     ("/semmap/doors", MarkerArray, lambda message: len(message.markers)),
     ("/semmap/costmap", OccupancyGrid, closed),
+    ("/semmap/patrol_plan", PoseArray, places),
     ("/semmap/costmap_updates", OccupancyGridUpdate, closed),
 ]:
     rospy.Subscriber(prefix + topic, kind, keep(topic, summary))

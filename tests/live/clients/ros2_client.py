@@ -7,13 +7,14 @@ import traceback
 
 import rclpy
 from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseArray
 from lta_semantic_map import action as actions
 from lta_semantic_map.msg import DoorMap
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from stock import DB, MEET_S, WITHIN_S, closed, doors, keep, serve
+from stock import DB, MEET_S, WITHIN_S, closed, doors, keep, places, serve
 from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import MarkerArray
 
@@ -99,6 +100,7 @@ for topic, kind, summary, profile in [
     (DB, DoorMap, doors, LATCHED),
     ("/semmap/doors", MarkerArray, lambda message: len(message.markers), LATCHED),
     ("/semmap/costmap", OccupancyGrid, closed, LATCHED),
+    ("/semmap/patrol_plan", PoseArray, places, LATCHED),
     ("/semmap/costmap_updates", OccupancyGridUpdate, closed, 10),
 ]:
     node.create_subscription(kind, prefix + topic, keep(topic, summary), profile)

@@ -42,6 +42,11 @@ def closed(message):
     return sum(cell == 100 for cell in message.data)
 
 
+def places(message):
+    poses = (pose.position for pose in message.poses)
+    return [message.header.frame_id, *([round(at.x, 2), round(at.y, 2)] for at in poses)]
+
+
 def many(goal, count, at_once, **asked):
     """Return the seconds of each goal, from sending it to its result, and of all together."""
 

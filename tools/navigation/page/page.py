@@ -13,6 +13,7 @@ from navigation.page.histograms import histogram
 from navigation.page.html_table import html_table
 from navigation.page.plan_picture import plan_picture
 from navigation.runs import read_run
+from navigation.setups import SETUPS
 from navigation.tables.experiment import tables_of
 from navigation.tables.figures import RunFigures
 from navigation.tables.grouped import GroupedRuns, title_of
@@ -31,7 +32,8 @@ ABOUT = (
     "reached so many of them. What the planner knows of the doors is the setup: obstacles seen by "
     "the laser (none with a star *), and a map of doors that a sensor keeps up to date. A goal "
     "that is given up within 20 seconds was planned as unreachable; one given up later counts as "
-    "unreachable after driving: the robot went there in vain."
+    "unreachable after driving: the robot went there in vain, or already stood before the shut "
+    "door and tried."
 )
 SOURCE = (
     'The thesis: "A Semantic Map Implementation for a Long-Term Autonomous Robot", TU Graz, '
@@ -51,9 +53,16 @@ def page_of(runs: GroupedRuns) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         f"<title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
-        f'<h1>{title}</h1>\n<p class="lead">{_counted(runs)}</p>\n<p>{escape(ABOUT)}</p>\n'
+        f'<h1>{title}</h1>\n<p class="lead">{_counted(runs)}</p>\n<p>{escape(_about(runs))}</p>\n'
         f'{"".join(parts)}<p class="note">{escape(SOURCE)}</p>\n</main>\n</body>\n</html>\n'
     )
+
+
+def _about(runs: GroupedRuns) -> str:
+    """Return what was done, and what sets those setups apart that the thesis does not have."""
+    made = {run.key.setup for run in runs.all}
+    ours = (setup for name, setup in SETUPS.items() if name in made and setup.beyond)
+    return " ".join([ABOUT, *(f"{setup.title}: {setup.beyond}." for setup in ours)])
 
 
 def _building(runs: GroupedRuns, tables: list[Table], building: str) -> str:
@@ -97,10 +106,12 @@ def _pictures(runs: GroupedRuns, building: str) -> Iterator[str]:
         if (figure := plan_picture(read_run(run.folder))) is not None
     ]
     if plans:
+        first = next(setup for setup in ON_PLAN if setup in of)
         yield (
             "<h3>One run on the plan</h3>\n"
-            '<p class="note">The run of the middling share. Blue: where the robot went. Red '
-            "crosses: where it was when a goal was given up after driving. Strokes: doors.</p>\n"
+            f'<p class="note">The seed with the median share of {title_of(first)}. Blue: where the '
+            "robot went. Red crosses: where it was when a goal was given up after driving. Black "
+            "strokes: doors.</p>\n"
             f'<div class="pictures">{"".join(plans)}</div>\n'
         )
 

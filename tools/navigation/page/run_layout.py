@@ -19,6 +19,8 @@ from semmap_log.views.rerun.rows import HAPPENED, entity
 
 MOST_LANES = 20
 """Doors that were wrong for the longest come first; more lanes could not be read."""
+LEAST_SEEN = 1000
+"""A part of the run as short as this one of so many is narrower than a pixel."""
 LANE_SHARE = 0.2
 """Of the height that the lane of goals has."""
 TRACK_S = 900.0
@@ -58,7 +60,7 @@ def layout(run: Run, doors: Mapping[DoorId, DoorLanes]) -> Any:
         view = rrb.StateTimelineView(origin="/wrong", contents=paths, name=name, time_view=axis)
         right.append(view)
         shares.append(1.0 + LANE_SHARE * len(lanes))
-    right.append(rrb.TimeSeriesView(origin="/count", name="So far", axis_x=axis))
+    right.append(rrb.TimeSeriesView(origin="/count", name="Counts", axis_x=axis))
     right.append(rrb.TextLogView(
         origin="/events", name="Goals' ends",
         columns=rrb.TextLogColumns(
@@ -78,9 +80,15 @@ def layout(run: Run, doors: Mapping[DoorId, DoorLanes]) -> Any:
 
 
 def _longest_wrong(run: Run, doors: Mapping[DoorId, DoorLanes]) -> list[DoorLanes]:
-    """Return the doors that the map had wrong for the longest, if it had any."""
+    """Return the doors that the map had wrong for the longest, if it had any.
+
+    One that was wrong for so short that nothing of its lane could be seen has none.
+    """
+    least_ns = (run.end_ns - run.begin_ns) // LEAST_SEEN
     wrong_ns = {door_id: _wrong_ns(lanes, run.end_ns) for door_id, lanes in doors.items()}
-    found = sorted((d for d, ns in wrong_ns.items() if ns > 0), key=lambda d: (-wrong_ns[d], d))
+    found = sorted(
+        (d for d, ns in wrong_ns.items() if ns > least_ns), key=lambda d: (-wrong_ns[d], d)
+    )
     return [doors[door_id] for door_id in found[:MOST_LANES]]
 
 

@@ -213,17 +213,21 @@ def _write_counts(writer: _Writer, run: Run, doors: Mapping[DoorId, DoorLanes]) 
             before = bool(words)
     times = sorted(steps)
     counts = np.cumsum([steps[at_ns] for at_ns in times])
-    _write_curve(writer, "doors wrong in the map", times, counts, WRONG)
+    _write_curve(writer, ("doors wrong in the map", "now"), times, counts, WRONG)
     ends = [g.ended_ns for g in run.goals if g.outcome is Outcome.AFTER_DRIVING]
     counts = np.array([*range(len(ends) + 1), len(ends)])
     in_vain = [run.begin_ns, *ends, run.end_ns]
-    _write_curve(writer, "goals driven to in vain", in_vain, counts, DEFAULT.closed)
+    _write_curve(writer, ("goals driven to in vain", "so far"), in_vain, counts, DEFAULT.closed)
 
 
 def _write_curve(
-    writer: _Writer, name: str, times: Sequence[int], counts: np.ndarray, colour: Rgb
+    writer: _Writer, names: tuple[str, str], times: Sequence[int], counts: np.ndarray, colour: Rgb
 ) -> None:
-    path = entity(("count", name))
-    look = rr.SeriesLines(names=[name], colors=rgba([colour]), interpolation_mode="StepAfter")
+    what, when = names
+    path = entity(("count", what))
+    look = rr.SeriesLines(
+        names=[f"{what} {when}"], colors=rgba([colour]), interpolation_mode="StepAfter",
+        aggregation_policy="Off",  # else 0, 1, 0 within a second is drawn as 0.5 from then on
+    )  # fmt: skip
     writer.static(path, look)
     writer.rows(path, times, list(rr.Scalars.columns(scalars=counts.astype(float))))

@@ -30,7 +30,9 @@ class RunFigures:
     unreachable: int
     """Goals that could not be reached."""
     after_driving: int
-    """Those of them that were given up only after the robot had driven."""
+    """Those of them that were given up too late to have been planned as unreachable."""
+    on_the_spot: int
+    """Those of these for which the robot made no step: it stood before the shut door already."""
     in_vain_s: float
     """Time spent on these."""
     path_m: float
@@ -98,7 +100,7 @@ def figures_of(run: Run) -> RunFigures:
     if not goals:
         raise RunError(f"{run.folder}: no goal ended in this run.")
     ends = Counter(goal.outcome for goal in goals)
-    in_vain = [goal.took_s for goal in goals if goal.outcome is Outcome.AFTER_DRIVING]
+    in_vain = [goal for goal in goals if goal.outcome is Outcome.AFTER_DRIVING]
     key_names = set(RunKey.__dataclass_fields__)
     return RunFigures(
         key=run.key,
@@ -108,7 +110,8 @@ def figures_of(run: Run) -> RunFigures:
         tried=len(goals),
         unreachable=len(goals) - ends[Outcome.REACHED],
         after_driving=ends[Outcome.AFTER_DRIVING],
-        in_vain_s=math.fsum(in_vain),
+        on_the_spot=sum(goal.figures.get("path_m") == 0 for goal in in_vain),
+        in_vain_s=math.fsum(goal.took_s for goal in in_vain),
         path_m=math.fsum(goal.figures.get("path_m", math.nan) for goal in goals),
         wrong=wrong_share(run),
         told=sum(map(len, run.belief.batches(kinds=[DoorObserved]))),

@@ -19,6 +19,13 @@ def percent_of(found: Sequence[RunFigures]) -> Interval:
     return Interval(100 * share.value, 100 * share.half)
 
 
+def a_run_of(found: Sequence[RunFigures]) -> Interval:
+    """Return the mean share of a run in percent; where nothing was counted, that of all goals."""
+    if not any(run.after_driving for run in found):
+        return percent_of(found)
+    return mean_of([100 * run.share for run in found])
+
+
 def pairs_of(
     one: Sequence[RunFigures], other: Sequence[RunFigures]
 ) -> list[tuple[RunFigures, RunFigures]]:

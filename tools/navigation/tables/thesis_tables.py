@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from navigation.tables.grouped import title_of
-from navigation.tables.measures import Row, RunsOf, percent_of, put
+from navigation.tables.measures import Row, RunsOf, a_run_of, percent_of, put
 from navigation.tables.statistics import mean_of
 from navigation.tables.table import Column, Table, runs_said
 from navigation.tables.thesis import RUNS, THESIS, ThesisRow
@@ -64,7 +64,7 @@ def goals(of: RunsOf, building: str, series: str) -> Table:
         for name in ("tried", "unreachable", "after_driving"):
             put(row, name, mean_of([getattr(run, name) for run in found]))
         put(row, "percent", percent_of(found))
-        put(row, "percent_a_run", mean_of([100 * run.share for run in found]))
+        put(row, "percent_a_run", a_run_of(found))
         rows.append(row)
         if told := THESIS.get(series, {}).get(setup):
             rows.append({

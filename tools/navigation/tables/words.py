@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from navigation.tables.figures import RunFigures
 from navigation.tables.grouped import GroupedRuns, title_of, value_said
-from navigation.tables.measures import RunsOf, difference, pairs_of, percent_of, times_of
-from navigation.tables.statistics import Interval, Ratio, mean_of
+from navigation.tables.measures import RunsOf, a_run_of, difference, pairs_of, percent_of, times_of
+from navigation.tables.statistics import Interval, Ratio
 from navigation.tables.table import runs_said
 from navigation.tables.thesis import THESIS
 
@@ -105,8 +105,8 @@ def _beside_the_map(what: str, runs: Runs, others: Runs) -> str:
 def _order(patrol: Runs, nearest: Runs) -> str:
     patrol, nearest = _same_seeds(patrol, nearest)
     minutes = difference(pairs_of(patrol, nearest), lambda run: run.total_s / 60)
-    return (f"With ten goals to choose from, the one that is likeliest to be reached soon (Patrol) "
-            f"against the nearest one: {_time_said(minutes)}; "
+    return (f"With ten goals to choose from, the order of least mean time to a goal (Patrol) "
+            f"against the nearest first: {_time_said(minutes)}; "
             f"{share_said(a_run_of(patrol))} and {share_said(a_run_of(nearest))} driven to in "
             "vain.")  # fmt: skip
 
@@ -164,13 +164,6 @@ def _same_seeds(one: Runs, other: Runs) -> tuple[Runs, Runs]:
 
 def _points(one: Runs, other: Runs) -> Interval:
     return difference(pairs_of(one, other), lambda run: 100 * run.share)
-
-
-def a_run_of(runs: Runs) -> Interval:
-    """Return the mean share of a run in percent, to stand beside differences of runs."""
-    if not any(run.after_driving for run in runs):
-        return percent_of(runs)
-    return mean_of([100 * run.share for run in runs])
 
 
 def share_said(share: Interval) -> str:
