@@ -49,6 +49,11 @@ class _Kept:
             while self._bytes > self._most and len(self._blocks) > 1:
                 self._bytes -= len(self._blocks.popitem(last=False)[1])
 
+    def clear(self) -> None:
+        with self._lock:
+            self._blocks.clear()
+            self._bytes = 0
+
     def drop(self, of: Hashable, blocks: range) -> None:
         with self._lock:
             for block in blocks:
