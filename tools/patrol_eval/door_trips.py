@@ -22,7 +22,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorAdded
 from semmap_log.domain.moments import SECOND_NS
-from semmap_log.planning.door_trip import LEAST_SHUT, with_mean
+from semmap_log.planning.door_trip import with_mean
 from semmap_log.planning.learnt_chances import learnt_chances
 from semmap_log.planning.trip_policy import (
     NOTHING,
@@ -191,8 +191,8 @@ def _as_learnt(
     learnt: Any = beliefs.learnt()
     p_open = chances.p_passes[:, 0].tolist()
     waits_s = [
-        learnt.wait_s(door_id, at_ns, most_s=PATIENCE_S) / max(1 - p, LEAST_SHUT) if known else None
-        for door_id, p, known in zip(ids, p_open, chances.is_known.tolist(), strict=True)
+        learnt.wait_s(door_id, at_ns, most_s=PATIENCE_S, is_other=True) if known else None
+        for door_id, known in zip(ids, chances.is_known.tolist(), strict=True)
     ]
     known_s = with_mean(waits_s)
     return [TripDoor(p, wait_s) for p, wait_s in zip(p_open, known_s, strict=True)]
