@@ -106,16 +106,13 @@ class ServedPlan:
             if followed.commit.last_event <= self._event:  # of a round that was begun meanwhile
                 continue
             self._event = followed.commit.last_event
-            if self._is_another(log, PatrolStarted in batch, Retracted in batch):
+            may_be_another = PatrolStarted in batch or Retracted in batch
+            if may_be_another and self._begin != _begin_of(log):
                 self._begin_round(log, _begin_of(log))
             elif self._round is not None:
                 self._round.take(batch)
             elif any(kind in batch for kind in _MAY_HELP) and self._begin is not None:
                 self._begin_round(log, self._begin)
-
-    def _is_another(self, log: DoorLog, started: bool, taken_back: bool) -> bool:  # noqa: FBT001
-        """Tell whether the robot's round is another now."""
-        return (started or taken_back) and self._begin != _begin_of(log)
 
     def _begin_round(self, log: DoorLog, begin: _Begin) -> None:
         """Plan a round, and take in what the log has of it."""
