@@ -315,6 +315,26 @@ def test_what_is_taken_back_did_not_happen(patrol: Begun) -> None:
     assert round_.round.visited == []
 
 
+def test_what_was_taken_back_teaches_nothing(patrol: Begun) -> None:
+    """
+    The next sighting of the door is learnt as if the one that was taken back had never been told.
+    """
+    doubtful = seen(LAB, DoorState.OPEN, 0.6)
+    round_, never_told = patrol(), patrol()
+    round_.tell(seen(LAB, DoorState.CLOSED), at_s=2)
+    round_.writer.retract(round_.log.last_event())
+    round_.take()
+
+    round_.tell(doubtful, at_s=10)
+    never_told.tell(doubtful, at_s=10)
+
+    assert _chances(round_) == _chances(never_told)
+
+
+def _chances(round_: Patrol) -> dict[str | None, float]:
+    return {stop.door.name: stop.p_passes for stop in round_.round.stops()}
+
+
 def test_the_order_in_which_events_come_does_not_matter(patrol: Begun) -> None:
     """
     Late ones, several in a commit, in any order: the round is what they make of it together.

@@ -174,6 +174,19 @@ def test_a_log_without_doors_is_tried_again(tmp_path: Path) -> None:
     served.writer.close()
 
 
+def test_a_finished_round_is_not_planned(served: Served) -> None:
+    """
+    Nobody is warned that it cannot be.
+    """
+    served.tell(HALL_POSE, PatrolStarted(patrol=1), at_s=0)
+    served.tell(PatrolFinished(patrol=1), at_s=30)
+    served.wish = PatrolWish(rooms=("99",))
+
+    served.start()
+
+    assert (served.shown(), served.warnings) == ([], [])
+
+
 def test_a_room_that_is_not_there(served: Served) -> None:
     """
     Is said; the server goes on with the doors.
