@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.planning.followed_round import FollowedRound, RoundStep
-    from semmap_log.planning.patrol_plan import BegunRound
+    from semmap_log.planning.round_planner import BegunRound
 
 
 def follow(opened: DoorLog, begun: BegunRound, *, as_json: bool) -> None:

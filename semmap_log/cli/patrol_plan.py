@@ -113,9 +113,10 @@ def run(
     import semmap_log as sl
     from semmap_log.formats.json.plan_json import plan_to_json
     from semmap_log.io.disk import refuse_own_folder
+    from semmap_log.planning.asked_round import begun_round
     from semmap_log.planning.door_chances import SkipRule
     from semmap_log.planning.named_places import listed
-    from semmap_log.planning.patrol_plan import PatrolOptions, begun_round
+    from semmap_log.planning.patrol_plan import PatrolOptions
     from semmap_log.views.patrol_plan_table import patrol_plan_table
 
     if everything and (rooms or doors):

@@ -10,19 +10,14 @@
 The rules are told in the guide *Plan a patrol*.
 """
 
+from semmap_log.planning.asked_round import begun_round, patrol_plan
 from semmap_log.planning.door_chances import SkipRule
 from semmap_log.planning.door_trip import DoorTrip, TripStop, door_trip
 from semmap_log.planning.followed_round import FollowedRound, RoundStep
-from semmap_log.planning.patrol_plan import (
-    BegunRound,
-    PatrolOptions,
-    PatrolPlan,
-    PlannedStop,
-    begun_round,
-    patrol_plan,
-)
+from semmap_log.planning.patrol_plan import PatrolOptions, PatrolPlan, PlannedStop
 from semmap_log.planning.patrol_round import PatrolRound, PatrolTarget, PlannedTry
 from semmap_log.planning.patrol_targets import NotVisited, WantedTarget
+from semmap_log.planning.round_planner import BegunRound
 from semmap_log.planning.round_task import RoundTask
 from semmap_log.planning.trip_policy import AtShutDoor, ShutDoorChoice
 

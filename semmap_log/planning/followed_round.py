@@ -34,9 +34,10 @@ from semmap_log.domain.events import (
 from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import SECOND_NS, Moment
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.planning.patrol_plan import BegunRound, PlannedStop
+from semmap_log.planning.patrol_plan import PlannedStop
 from semmap_log.planning.patrol_round import PatrolRound, PlannedTry
 from semmap_log.planning.patrol_targets import WantedTarget
+from semmap_log.planning.round_planner import BegunRound
 from semmap_log.planning.ways_between import middle_of
 from semmap_log.rooms import Place
 

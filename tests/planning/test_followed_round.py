@@ -22,9 +22,10 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.domain.moments import HOUR_NS, SECOND_NS, parse_instant
+from semmap_log.planning.asked_round import begun_round
 from semmap_log.planning.door_chances import SkipRule
 from semmap_log.planning.followed_round import FollowedRound, RoundStep
-from semmap_log.planning.patrol_plan import PatrolOptions, begun_round
+from semmap_log.planning.patrol_plan import PatrolOptions
 from tests.conftest import SteadyClock
 from tests.planning.ward import DOOR_Y, FRONT, HALL, LAB, SIDE, STORE, TZ, ward
 

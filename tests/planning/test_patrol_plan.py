@@ -13,8 +13,9 @@ import semmap_log as sl
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.errors import PlanError, UnknownDoorError
 from semmap_log.formats.json.plan_json import plan_to_json
+from semmap_log.planning.asked_round import patrol_plan
 from semmap_log.planning.door_chances import SkipRule
-from semmap_log.planning.patrol_plan import PatrolOptions, PatrolPlan, patrol_plan
+from semmap_log.planning.patrol_plan import PatrolOptions, PatrolPlan
 from semmap_log.planning.patrol_ways import patrol_ways
 from semmap_log.planning.ways_between import WaysBetween
 from semmap_log.rooms import Place, room_plan

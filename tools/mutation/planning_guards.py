@@ -65,7 +65,7 @@ PLANNING = (
           "planning.test_patrol_plan"),
     guard("planning: a start in a wall", "WaysBetween.check_start",
           "not math.isfinite(around[0, 0])", "False", "planning.test_patrol_plan"),
-    guard("planning: a budget of nothing", "patrol_plan._check",
+    guard("planning: a budget of nothing", "patrol_plan.check_options",
           "options.budget_s > 0", "options.budget_s >= 0", "planning.test_patrol_plan"),
     guard("trip: by what takes least", "ShutDoorChoice.best",
           "min(times_s, key=lambda choice: times_s[choice])", "AtShutDoor.WAIT",

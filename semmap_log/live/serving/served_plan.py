@@ -25,8 +25,9 @@ from semmap_log.formats.bags.bag_protocol import BagTopic
 from semmap_log.formats.ros.ros_messages import Messages
 from semmap_log.formats.ros.ros_types import POSE_ARRAY
 from semmap_log.live.serving.served_topics import ServedTopics, levels_of
+from semmap_log.planning.asked_round import begun_round
 from semmap_log.planning.followed_round import FollowedRound
-from semmap_log.planning.patrol_plan import PlannedStop, begun_round
+from semmap_log.planning.patrol_plan import PlannedStop
 from semmap_log.planning.ways_between import middle_of
 
 PLAN = BagTopic("semmap/patrol_plan", POSE_ARRAY, is_latched=True)
