@@ -1,8 +1,9 @@
 """Connected regions of free cells, as runs along rows: no picture of labels is made.
 
-Two cells belong together where they share an edge (4-connected). Runs that touch from row to row
-are joined by union-find, all of a round at once; so the work grows with the number of runs, of
-which a floor plan has a few in each row, and not with its cells.
+Two cells belong together where they share an edge (4-connected); if asked, also where they share a
+corner (8-connected). Runs that touch from row to row are joined by union-find, all of a round at
+once; so the work grows with the number of runs, of which a floor plan has a few in each row, and
+not with its cells.
 """
 
 from __future__ import annotations
@@ -79,11 +80,31 @@ class Regions:
         cells: NDArray[np.bool_] = np.cumsum(edges[:-1], dtype=np.int8).view(np.bool_)
         return cells.reshape(height, width)
 
+    def label_grid(self) -> NDArray[np.int32]:
+        """Return the region of each cell, (height, width); 0: not free."""
+        height, width = self.shape
+        turns = np.zeros(height * width + 1, np.int32)
+        turns[self.starts] = self.labels
+        np.subtract.at(turns, self.ends, self.labels.astype(np.int32))
+        grid: NDArray[np.int32] = np.cumsum(turns[:-1], dtype=np.int32).reshape(height, width)
+        return grid
 
-def regions_of(free: NDArray[np.bool_]) -> Regions:
-    """Return the regions of the cells that are true in a grid of shape (height, width)."""
+
+def regions_of(free: NDArray[np.bool_], *, by_corners: bool = False) -> Regions:
+    """Return the regions of the cells that are true in a grid of shape (height, width).
+
+    Args:
+        free: The grid.
+        by_corners: Cells that only share a corner belong together, too.
+    """
     starts, ends = _runs(free)
-    parents = _united(len(starts), *touching(starts, ends, free.shape[1]))
+    width = free.shape[1]
+    if by_corners:  # one cell longer, and one behind each row, which keeps the rows apart
+        rows = starts // max(width, 1)
+        pairs = touching(starts + rows, ends + rows + 1, width + 1)
+    else:
+        pairs = touching(starts, ends, width)
+    parents = _united(len(starts), *pairs)
     is_first = parents == np.arange(len(parents))
     labels = np.cumsum(is_first)[parents]
     height, width = free.shape

@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+EDGES = ((1, 0), (-1, 0), (0, 1), (0, -1))
+CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
-def flooded(free: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the 4-connected regions, numbered from 1 in the order of their first cells."""
+
+def flooded(free: NDArray[np.bool_], *, by_corners: bool = False) -> NDArray[np.int64]:
+    """Return the 4-connected regions, numbered from 1 in the order of their first cells.
+
+    By corners, too: the 8-connected ones.
+    """
+    steps = EDGES + CORNERS if by_corners else EDGES
     labels = np.zeros(free.shape, np.int64)
     count = 0
     for first in zip(*np.nonzero(free), strict=True):
@@ -18,7 +25,7 @@ def flooded(free: NDArray[np.bool_]) -> NDArray[np.int64]:
         left = [first]
         while left:
             row, column = left.pop()
-            for up, right in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            for up, right in steps:
                 cell = row + up, column + right
                 inside = 0 <= cell[0] < free.shape[0] and 0 <= cell[1] < free.shape[1]
                 if inside and free[cell] and not labels[cell]:

@@ -29,7 +29,10 @@ def test_each_cell_has_the_region_of_a_flood_fill(free: NDArray[np.bool_]) -> No
     """
     Numbers, too: by the first cell.
     """
-    assert np.array_equal(flooded(free), _labels(regions_of(free)))
+    found = regions_of(free)
+
+    assert np.array_equal(flooded(free), _labels(found))
+    assert np.array_equal(flooded(free), found.label_grid())
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.55, 0.6, 0.8, 1.0])
@@ -44,6 +47,16 @@ def test_each_cell_has_the_label_of_scipy(share: float) -> None:
     found = regions_of(free)
 
     assert (count, True) == (found.count, np.array_equal(expected, _labels(found)))
+
+
+@given(GRIDS)
+def test_cells_that_share_a_corner_belong_together_if_asked(free: NDArray[np.bool_]) -> None:
+    """
+    Never around the end of a row.
+    """
+    assert np.array_equal(
+        flooded(free, by_corners=True), regions_of(free, by_corners=True).label_grid()
+    )
 
 
 @given(GRIDS)

@@ -7,6 +7,8 @@ from mutation.mutant import guard
 ROOMS = (
     guard("rooms: runs that only touch in a corner are apart", "regions.touching",
           'side="right"', 'side="left"', "rooms.test_regions"),
+    guard("rooms: by corners no run touches one around the end of a row", "regions.regions_of",
+          "width + 1", "width", "rooms.test_regions"),
     guard("rooms: regions are numbered by their first cells", "regions._united",
           "parents[np.maximum(a, b)] = np.minimum(a, b)",
           "parents[np.minimum(a, b)] = np.maximum(a, b)", "rooms.test_regions"),

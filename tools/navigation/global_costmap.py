@@ -14,14 +14,16 @@ from numpy.typing import NDArray
 
 from navigation.floors import Cell, Cells, Floor
 from navigation.obstacle_layer import ObstacleLayer
-from navigation.regions import NOWHERE, Labels, regions_of
 from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL
 from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
 from semmap_log.costmap_2d.inflation import InflationLayer
 from semmap_log.costmap_2d.layered import CostmapLayer, LayeredCostmap
 from semmap_log.costmap_2d.static_layer import StaticLayer
 from semmap_log.domain.doors import DoorId
+from semmap_log.rooms.regions import regions_of
 
+NOWHERE = 0
+"""The region of cells where the robot cannot be."""
 RADIUS_M = 0.25
 """The robot's: so near to an obstacle its middle cannot be."""
 INFLATION_M, SCALING = 0.55, 10.0
@@ -52,7 +54,7 @@ class GlobalCostmap:
         self._master = LayeredCostmap(geometry, layers, track_unknown=True)
         self._extra: dict[DoorId, float] = {}
         self._weights = np.full(geometry.shape, np.inf, np.float32)
-        self._regions: Labels | None = None
+        self._regions: NDArray[np.int32] | None = None
         self.version = 0
         """Another number after each change."""
 
@@ -91,10 +93,10 @@ class GlobalCostmap:
         return self._weights
 
     @property
-    def regions(self) -> Labels:
+    def regions(self) -> NDArray[np.int32]:
         """(rows, columns): which cells hang together; `NOWHERE`: the robot cannot be there."""
         if self._regions is None:
-            self._regions = regions_of(self._master.costs < INSCRIBED)
+            self._regions = regions_of(self._master.costs < INSCRIBED, by_corners=True).label_grid()
         return self._regions
 
     def is_reachable(self, start: Cell, goal: Cell) -> bool:

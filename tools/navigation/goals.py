@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from navigation.floors import Cell, Floor, Point
-from navigation.global_costmap import GlobalCostmap
-from navigation.regions import NOWHERE
+from navigation.global_costmap import NOWHERE, GlobalCostmap
 from semmap_log.costmap_2d.costs import NO_INFORMATION
 
 
