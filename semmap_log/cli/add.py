@@ -46,7 +46,7 @@ def run(
     \b
     Examples:
       semmap-log add office --x 2 --y 1.5 --theta 0 --width 0.9 --name front
-      semmap-log add office --from 2,1.5 --to 2.9,1.5 --state closed --actor survey
+      semmap-log add office --from 2,1.5 --to 2.9,1.5 --state open --actor ann
       semmap-log add office --name "reed contact 7"
     """
     import semmap_log as sl

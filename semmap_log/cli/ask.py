@@ -55,7 +55,7 @@ def run(
     \b
     Examples:
       semmap-log ask unix:/run/doors.sock "DOOR_OPEN DOOR_3"
-      semmap-log ask unix:/run/doors.sock 'DOOR_OPEN DOOR_3 "2h ago"' "GET_OPEN_DOOR"
+      semmap-log ask unix:doors.sock 'DOOR_OPEN DOOR_3 "2h ago"' GET_OPEN_DOOR
       semmap-log ask unix:/run/doors.sock "SET_DOOR_CLOSED DOOR_main_door" --json
       semmap-log ask tcp:robot1:5300 HELP --token-file ~/doors.token
     """

@@ -127,14 +127,15 @@ def run(
 
     \b
     Formats, by the file's name:
-      .yaml, .pgm   a ROS map for map_server and Nav2, both files; its values are those that
-                    costmap_2d publishes (0..100, unknown -1)
+      .yaml, .pgm   a ROS map for map_server and Nav2, both files; its values are
+                    those that costmap_2d publishes (0..100, unknown -1)
       .png          a picture for people
       .npy          the costs: uint8 (height, width), row 0 at the lowest y;
                     0 free, 253 inscribed, 254 lethal, 255 unknown
-      .mcap, .bag   over time, for players (RViz, Foxglove, rerun): nav_msgs/OccupancyGrid
-                    on /semmap/costmap, and what changed on /semmap/costmap_updates;
-                    without an extension: the same as a rosbag2 folder
+      .mcap, .bag   over time, for players (RViz, Foxglove, rerun):
+                    nav_msgs/OccupancyGrid on /semmap/costmap, and what changed on
+                    /semmap/costmap_updates; without an extension: the same as a
+                    rosbag2 folder
 
     \b
     Examples:
@@ -142,7 +143,7 @@ def run(
       semmap-log costmap office map.yaml --at "yesterday 14:00"
       semmap-log costmap clinic L2.npy --level L2 --layer door
       semmap-log costmap office keepout.yaml --keepout
-      semmap-log costmap office office.png --by belief --inflate 0.3 --door-inflate 0.8
+      semmap-log costmap office p.png --by belief --inflate 0.3 --door-inflate 0.8
       semmap-log costmap office day.mcap --since 08:00 --until 18:00 --inflate 0.4
     """
     import semmap_log as sl

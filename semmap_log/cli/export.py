@@ -102,33 +102,37 @@ def run(
     \b
     Formats, by the file's name:
       .yaml    the thesis's door database, as its server loads it
-      .geojson the doors as lines, for QGIS, GDAL, geopandas; level, state, probabilities,
-               annotations as properties. Coordinates are metres of the map frame, not
-               longitude and latitude; a door without a place has no geometry
+      .geojson the doors as lines, for QGIS, GDAL, geopandas; level, state,
+               probabilities, annotations as properties. Coordinates are metres of
+               the map frame, not longitude and latitude; a door without a place
+               has no geometry
       .csv     timestamp,door,state,accuracy: every state that was set or seen.
                A name that begins with = + - @ gets an ' before it, so that no
                spreadsheet takes it for a formula; control characters are written
                as \\u001b. `import` takes both back
-      .jsonl   every event with who, why, and its commit, one JSON object a line, those
-               that were taken back marked "retracted": true. `import` makes the
-               same log of it: a new log has its recorded times, too
+      .jsonl   every event with who, why, and its commit, one JSON object a line,
+               those that were taken back marked "retracted": true. `import` makes
+               the same log of it: a new log has its recorded times, too
       .parquet every event, retracted ones marked, with who and why: for pandas,
                DuckDB, polars (needs semmap-log[arrow])
       .rrd     a recording for the rerun viewer
       .html    a page for any browser; `semmap-log report` has more choices
       .pgm     a costmap with its .yaml; `semmap-log costmap` has levels and more
-      .pddl    a planning problem: doors, rooms, what is open, and P(open) as the cost to
-               pass; with --domain what a robot can do there. Rooms are those that the
-               annotation "rooms" of a door names: two, with a comma between
-      .bag     what was true, over time, for ROS 1's `rosbag play`; .mcap: for ROS 2
-               and Foxglove; without an extension: a folder for `ros2 bag play`. Topics:
+      .pddl    a planning problem: doors, rooms, what is open, and P(open) as the
+               cost to pass; with --domain what a robot can do there. Rooms are
+               those that the annotation "rooms" of a door names: two, a comma
+               between
+      .bag     what was true, over time, for ROS 1's `rosbag play`; .mcap: for
+               ROS 2 and Foxglove; without an extension: a folder for `ros2 bag
+               play`. Topics:
                  /lta_semantic_map_door_db  the thesis's DoorMap; NaN: not given
                  /map                       OccupancyGrid: the floor plan
                  /semmap/robot_pose         PoseStamped
                and with --markers
                  /semmap/doors              MarkerArray: all doors and their names
                  /semmap/events             Log: who, what and why
-               With several levels: /map/level_1, /semmap/doors/level_1; 0: no suffix
+               With several levels: /map/level_1, /semmap/doors/level_1; 0: no
+               suffix
 
     \b
     Examples:
@@ -137,7 +141,7 @@ def run(
       semmap-log export office events.jsonl
       semmap-log export office doors.geojson --at 2026-03-02T12:00
       semmap-log export office march.parquet --at 2026-04-01
-      semmap-log export office problem.pddl --domain domain.pddl --start hall --goal lab
+      semmap-log export office p.pddl --domain domain.pddl --start hall --goal lab
       semmap-log export office day.mcap --markers
       semmap-log export office morning.bag --since 06:00 --until 12:00
     """

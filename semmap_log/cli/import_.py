@@ -123,8 +123,9 @@ def run(
     \b
     Known by their names:
       *.building.yaml    Open-RMF building: doors, levels, walls as floor plan
-      *.yaml             the thesis's door database; a map_server map (image, resolution,
-                         origin), whose picture lies beside it, as floor plan
+      *.yaml             the thesis's door database; a map_server map (image,
+                         resolution, origin), whose picture lies beside it, as
+                         floor plan
       *.csv, *.csv.gz    timestamp,door,state[,accuracy]
       *.jsonl, .jsonl.gz events as `export` writes and `record` takes them
       *.bag              bag of ROS 1
@@ -150,7 +151,7 @@ def run(
     Examples:
       semmap-log import office office.building.yaml
       semmap-log import office map.yaml --level L1
-      semmap-log import lab doors.csv.gz --windows obs_windows.csv --tz Europe/Oslo
+      semmap-log import lab doors.csv.gz --windows windows.csv --tz Europe/Oslo
       semmap-log import office doors.yaml --update --reason "survey of May"
       semmap-log import office office.building.yaml --since 2026-01-01
       semmap-log import office --since-ever
@@ -158,9 +159,9 @@ def run(
       semmap-log import office patrol.bag --scan
       semmap-log import office patrol.bag --scan --keep-scans
       semmap-log import office patrol --scan /front/scan --pose-topic /amcl_pose
-      semmap-log import office patrol --scan /velodyne_points --heights 0.3,1.5 --level L2
+      semmap-log import office patrol --scan /velodyne_points --heights 0.3,1.5
       semmap-log import office patrol.bag --scan --propose-doors --plot doors.png
-      semmap-log import office patrol.bag --scan --propose-doors --yes --only 1 --only 4
+      semmap-log import office patrol.bag --scan --propose-doors --yes --only 4
     """
     import semmap_log as sl
     from semmap_log.formats.kept_scans.kept_visit import folder_beside

@@ -37,7 +37,7 @@ def run(
 
     \b
     Examples:
-      semmap-log update office front --state closed --actor porter --reason "locked up"
+      semmap-log update office front --state closed --actor ann --reason "lock up"
       semmap-log update office 3 --x 2.1 --y 1.5
       semmap-log update office 3 --prob-open 0.3 --prob-closed 0.7
     """

@@ -104,11 +104,17 @@ def run(
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_has_help_with_an_example(verb: str, run) -> None:
+def test_every_verb_has_help_with_an_example(
+    verb: str, run, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """
-    Exit code 0, a summary, and a line that can be typed.
+    Exit code 0, a summary, and a line that can be typed; in a terminal of 80 columns.
     """
+    monkeypatch.setenv("COLUMNS", "80")
+
     helped = run(verb, "--help")
+
+    assert max(map(len, helped.out.splitlines())) <= 80
 
     assert 0 == helped.code
     assert f"semmap-log {verb}" in helped.out.partition("Example")[2]

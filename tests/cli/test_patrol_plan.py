@@ -128,16 +128,6 @@ def test_a_trip(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert found["walk_s"] <= found["expected_s"] <= 600 + found["walk_s"] + 60
 
 
-@pytest.mark.parametrize("verb", ["rooms", "patrol-plan", "go"])
-def test_help_fits_80_columns(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Its examples, too.
-    """
-    assert run(verb, "--help") == 0
-
-    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
-
-
 def test_no_seconds_need_no_unit(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     """
     0 is the same in all of them.
