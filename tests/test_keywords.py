@@ -39,6 +39,7 @@ from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.live.player import PlayOptions
 from semmap_log.live.serving.server import ServeOptions
 from semmap_log.messages import OBJECT_KINDS
+from semmap_log.planning.asked_round import begun_round, patrol_plan
 from tests.conftest import SteadyClock
 
 UNKNOWN = "acuracy_of_nothing"
@@ -48,7 +49,7 @@ OPTIONS = (CostmapOptions, ImportOptions, PlayOptions, ServeOptions, StreamOptio
            Patrol)  # fmt: skip
 FUNCTIONS = (
     sl.create, sl.append, sl.read, import_file, export, probabilities, apply_probabilities,
-    best_time, typical_weeks, evaluate, calibrate, learn, costmap_at,
+    best_time, typical_weeks, evaluate, calibrate, learn, costmap_at, patrol_plan, begun_round,
 )  # fmt: skip
 
 

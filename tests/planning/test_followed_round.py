@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
@@ -82,15 +82,18 @@ def _at(event: Event, at_s: float) -> Event:
 
 
 @pytest.fixture
-def patrol(kept: Path, tmp_path: Path) -> Callable[..., Patrol]:
-    def begun(before: Sequence[Event] = (), **how: object) -> Patrol:
-        begun.count += 1
-        path = tmp_path / f"log{begun.count}"
-        copytree(kept, path)
-        return Patrol(path, before, **how)
+def patrol(kept: Path, tmp_path: Path) -> Iterator[Callable[..., Patrol]]:
+    patrols: list[Patrol] = []
 
-    begun.count = 0
-    return begun
+    def begun(before: Sequence[Event] = (), **how: object) -> Patrol:
+        path = tmp_path / f"log{len(patrols)}"
+        copytree(kept, path)
+        patrols.append(Patrol(path, before, **how))
+        return patrols[-1]
+
+    yield begun
+    for each in patrols:
+        each.writer.close()
 
 
 def passed(door: DoorId, *, through: bool = True) -> Event:
