@@ -70,7 +70,7 @@ class ObjectCache:
             content: What tells the object from all others, also of its own name.
             block: Its place in it.
         """
-        path = self._path(content, block)
+        path = self._place_of(content, block)
         try:
             with path.open("rb") as file:
                 kept = file.read(_DIGEST_BYTES + _MOST_BLOCK_BYTES + 1)
@@ -87,7 +87,7 @@ class ObjectCache:
 
     def put(self, content: str, block: int, data: bytes) -> None:
         """Keep a block, as `get`; where the disk does not let us, nothing is kept."""
-        path = self._path(content, block)
+        path = self._place_of(content, block)
         temporary = path.with_name(f"{_TEMPORARY}{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
         try:
             path.parent.mkdir(mode=0o700, exist_ok=True)
@@ -136,7 +136,7 @@ class ObjectCache:
                         elif status.st_mtime < old:
                             Path(entry.path).unlink()
 
-    def _path(self, content: str, block: int) -> Path:
+    def _place_of(self, content: str, block: int) -> Path:
         name = hashlib.sha256(f"{block} {content}".encode()).hexdigest()
         return self.folder / name[:2] / f"{name[2:]}.block"
 
