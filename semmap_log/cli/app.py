@@ -51,6 +51,7 @@ from semmap_log.cli import (
     verify,
     view,
 )
+from semmap_log.cli.caching import with_cache
 from semmap_log.cli.verbs import HELP_MADE_LATE, Verb, Verbs
 
 app = typer.Typer(
@@ -163,12 +164,13 @@ HELP_MADE_LATE["record"] = _kinds_of_lines
 
 for _group, _verbs in VERBS.items():
     for _name, _run, _does in _verbs:
-        app.command(_name, cls=Verb, short_help=_does, rich_help_panel=_group)(_run)
+        _cached = _run if _run is verify.run else with_cache(_run)  # verify believes no cache
+        app.command(_name, cls=Verb, short_help=_does, rich_help_panel=_group)(_cached)
 app.add_typer(
     call.app,
     name="call",
     short_help="Call an action of a running server.",
     rich_help_panel="Live in ROS, and for planners",
 )
-app.command("state", cls=Verb, hidden=True)(replay.run)
-app.command("log", cls=Verb, hidden=True)(history.run)
+app.command("state", cls=Verb, hidden=True)(with_cache(replay.run))
+app.command("log", cls=Verb, hidden=True)(with_cache(history.run))

@@ -74,7 +74,9 @@ def _refuse_twice(
     if first is not None and ".." in first and (second or until):
         raise typer.BadParameter(f"{first} names both ends; leave T2 out", param_hint="T2")
     if first is None and since is None:
-        line = command_line("diff", log, "yesterday")
+        from semmap_log.io.url_path import place_of
+
+        line = command_line("diff", place_of(log), "yesterday")
         raise typer.BadParameter(f"expected the earlier moment, as in: {line}", param_hint="T1")
 
 

@@ -16,7 +16,7 @@ MOST_DOORS = 16
 def run(
     log: Annotated[
         Path,
-        typer.Argument(metavar="LOG", help="The log's folder, a zip of it, or an .mcap of it."),
+        typer.Argument(metavar="LOG", help="The log's folder, a zip, a URL, or an .mcap of it."),
     ],
     *,
     day: Annotated[
@@ -44,6 +44,7 @@ def run(
     from semmap_log.door_log.day import day_of_doors
     from semmap_log.door_log.summary import open_any, summarize
     from semmap_log.formats.json.door_json import day_to_json
+    from semmap_log.io.url_path import place_of
     from semmap_log.views.day_chart import day_chart
     from semmap_log.views.health import head_hint
     from semmap_log.views.tables import summary_table
@@ -64,7 +65,7 @@ def run(
         out.print()
     elif day is not None:
         say(f"--day {day}: no door was in the map on that day, or the file is not a whole log.")
-    out.print(head_hint(log))
+    out.print(head_hint(place_of(log)))
 
 
 def _to_json(summary: Any) -> dict[str, Any]:

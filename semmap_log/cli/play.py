@@ -112,6 +112,7 @@ def run(
     import semmap_log as sl
     from semmap_log.errors import CommandError
     from semmap_log.exporting.stream import StreamOptions, log_stream
+    from semmap_log.io.url_path import place_of
     from semmap_log.live.player import PlayOptions, play
 
     version = chosen_ros(ros1=ros1, ros2=ros2)
@@ -130,7 +131,7 @@ def run(
     begin, end = range_of(opened, since, until)
     stream = log_stream(opened, shown, ros_version=version, since=begin, until=end)
     if stream.span_ns is None:
-        raise CommandError(f"{log}: nothing to play: no event in that range.")
+        raise CommandError(f"{place_of(log)}: nothing to play: no event in that range.")
     options = PlayOptions(
         rate=math.inf if immediate else rate,
         loop=loop,

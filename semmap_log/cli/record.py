@@ -27,6 +27,7 @@ from semmap_log.cli.mapping import (
 from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
+from semmap_log.cli.shipping import ShipTo, shipped_beside
 
 
 class SyncChoice(str, Enum):
@@ -69,6 +70,7 @@ def run(
     batch_ms: Annotated[
         float, typer.Option(min=0, help="batch: a line waits so long for others, at most.")
     ] = 50.0,
+    ship: ShipTo = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="At the end one JSON document: what became of all.")
     ] = False,
@@ -100,6 +102,11 @@ def run(
     commit, and a line tells it. A width below 0.4 or above 6 m, another frame than map, or a point
     more than 1 m below or 3 m above the floor is refused; a door that the log has, too.
 
+    With --ship each segment is sent to a store once it is closed (after a day, 10,000 commits or 64
+    MiB, and at the end), by a thread that recording never waits for. A store that cannot be reached
+    is told once and tried again, at most ten minutes apart. The end waits 30 s for what is being
+    sent; what is not sent then is sent the next time, or by `ship`.
+
     \b
     Durability, when a line is answered:
       event  it survives a power cut (lines that wait already share one sync)
@@ -118,6 +125,7 @@ def run(
       semmap-log record office --ack < events.jsonl
       semmap-log record office --ros1
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
+      semmap-log record office --ros2 --ship s3://hospital/logs/office
       semmap-log record office --ros2 --scan
       semmap-log record office --ros2 --scan --keep-scans
       semmap-log record office --ros2 --scan /points --heights 0.3,1.5 --level L2
@@ -136,7 +144,10 @@ def run(
             mapping, scan, pose_topic, heights_of(heights), level, keep_scans=keep_scans,
             clicks=clicked_points,
         )  # fmt: skip
-        record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
+        if dry_run and ship is not None:
+            raise typer.BadParameter("nothing is written with --dry-run", param_hint="--ship")
+        with shipped_beside(log, ship):
+            record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
     of_lasers = any(each is not None for each in (scan, pose_topic, heights)) or keep_scans
     if mapping or level or dry_run or of_lasers or clicked_points or context.obj:
@@ -164,12 +175,15 @@ def run(
             sys.stdout.write(json_text(said) + "\n")
             sys.stdout.flush()
 
-    with sl.append(
-        log,
-        durability=durability.value,
-        batch_events=batch_events,
-        batch_s=batch_ms / 1000,
-    ) as opened:
+    with (
+        shipped_beside(log, ship),
+        sl.append(
+            log,
+            durability=durability.value,
+            batch_events=batch_events,
+            batch_s=batch_ms / 1000,
+        ) as opened,
+    ):
         recorder = LineRecorder(opened, answer, strict=strict)
 
         def stop() -> None:

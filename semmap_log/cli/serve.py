@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,6 +33,7 @@ from semmap_log.cli.oprs import OprsAt, OprsName, OprsTo, chosen_kernels
 from semmap_log.cli.planners import TICK_S, Planners
 from semmap_log.cli.record import SyncChoice
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+from semmap_log.cli.shipping import ShipTo, shipped_beside
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
@@ -148,6 +149,7 @@ def run(
     batch_ms: Annotated[
         float, typer.Option(min=0, help="batch: after so long at most they are.")
     ] = 50.0,
+    ship: ShipTo = None,
 ) -> None:
     """Serve a log's doors in ROS, as the thesis's server did, and to planners, until Ctrl-C.
 
@@ -196,6 +198,11 @@ def run(
     the log (office_saved), made when it is needed. A probability that a door does not have is left
     out of it, unless --default-prob gives one.
 
+    With --ship each segment is sent to a store once it is closed (after a day, 10,000 commits or 64
+    MiB, and at the end), by a thread that no goal waits for. A store that cannot be reached is told
+    once and tried again, at most ten minutes apart. The end waits 30 s for what is being sent; what
+    is not sent then is sent the next time, or by `ship`.
+
     Exit code 2: the server would never start like this (no log, a wrong option or file).
 
     \b
@@ -215,6 +222,7 @@ def run(
       semmap-log serve office --ros2 --read-only --ros-args -r __ns:=/robot1
       semmap-log serve office --ros1 _add_door:=doors/add
       semmap-log serve office --ask unix:/run/doors.sock
+      semmap-log serve office --ros2 --ship s3://hospital/logs/office
       semmap-log serve office --oprs 127.0.0.1:3300 --oprs-to K1 --oprs-to K2
     """
     import semmap_log as sl
@@ -277,12 +285,16 @@ def run(
         for tell in changes:
             tell()
 
+    shipping = shipped_beside(log, ship)
     doors: DoorServer | DoorFollower
     if read_only:
         if not (yaml is save_root is None):
             raise typer.BadParameter(
                 "nothing is written with --read-only", param_hint="--yaml, --save-root"
             )
+        if ship is not None:
+            raise typer.BadParameter("ships what it writes, so not with --read-only",
+                                     param_hint="--ship")  # fmt: skip
         with stopped_for_good():
             poll_s = ASKED_S if planners else POLL_S
             doors = DoorFollower(log, changed=changed, poll_s=poll_s)
@@ -303,7 +315,7 @@ def run(
             )
         if is_in_ros:
             say(saver.told())
-    try:
+    with shipping, closing(doors):
         with stopped_for_good():
             if yaml is not None and not isinstance(doors, DoorFollower):
                 for text in start_with_yaml(
@@ -332,8 +344,6 @@ def run(
                 )
             if (failed := failure()) is not None:
                 raise failed
-    finally:
-        doors.close()
     say(f"{log}: closed.")
 
 

@@ -12,10 +12,13 @@ from semmap_log.domain.moments import zone
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.io.clock import Clock, SystemClock
-from semmap_log.io.url_path import local_path
+from semmap_log.io.object_cache import ObjectCache
+from semmap_log.io.url_path import local_path, place_of
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_places import store_at
 from semmap_log.store.writing.durability import DurabilityPolicy
 from semmap_log.store.writing.writer import Environment
 from semmap_log.store.writing.writer_opening import create_log, open_for_append
@@ -104,17 +107,22 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
 
 
 @knows_keywords
-def read(path: str | PurePath) -> DoorLog:
+def read(path: str | PurePath, *, cache: str | Path | None = None) -> DoorLog:
     """Open a log for reading.
 
     Args:
         path: Its folder, a zip file with one log in it, or the URL of a folder in a store (`s3://…`,
             `gs://…`, `az://…`, `https://…`), where it is read as it lies.
+        cache: A folder in which what is fetched of a URL is kept, for whoever asks again; default:
+            the one that SEMMAP_LOG_CACHE names, else nothing is.
 
     Raises:
         NotALogError: There is none at that path.
+        LogAccessError: The store, or the cache, cannot be used.
     """
-    return DoorLog(path)
+    if cache is None:
+        return DoorLog(path)
+    return DoorLog(LogReader(store_at(place_of(path), cache=ObjectCache(Path(cache)))))
 
 
 def _environment(writing: WritingOptions) -> Environment:

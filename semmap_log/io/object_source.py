@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Hashable, Iterator, Sequence
@@ -10,6 +11,7 @@ from functools import lru_cache
 
 from semmap_log.errors import LogAccessError
 from semmap_log.io.byte_source import Identity
+from semmap_log.io.object_cache import ObjectCache
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 
 BLOCK_BYTES = 2**16
@@ -72,9 +74,28 @@ class ObjectSource:
 
     is_guarded = True
 
-    def __init__(self, store: ObjectStore, status: ObjectStatus) -> None:
+    def __init__(
+        self,
+        store: ObjectStore,
+        status: ObjectStatus,
+        *,
+        cache: ObjectCache | None = None,
+        sha256: str = "",
+    ) -> None:
+        """Take an object; nothing is fetched yet.
+
+        Args:
+            store: Where it lies.
+            status: The object.
+            cache: Keeps what is fetched on a disk.
+            sha256: Of all its bytes, where that is known.
+        """
         self._store = store
         self._status = status
+        self._sha256 = sha256
+        self._content = sha256 or (f"{store.url / status.name} {status}" if status.e_tag else "")
+        """What is kept on a disk is known by this; of an object without either nothing is."""
+        self._cache = cache if self._content else None
         self.size = status.size
         self.identity: Identity = (str(store.url), status.name, status.e_tag, status.size)
         self._coming: dict[int, Future[None]] = {}
@@ -157,19 +178,48 @@ class ObjectSource:
         Raises:
             LogAccessError: The store does not give them.
         """
+        blocks = self._cached(run)
+        if blocks is None:
+            blocks = self._from_store(run)
+            self._keep(blocks)
+        for block, part in blocks.items():
+            _kept.put(self.identity, block, part)
+        return blocks
+
+    def _from_store(self, run: list[int]) -> dict[int, bytes]:
         start, end = run[0] * BLOCK_BYTES, min((run[-1] + 1) * BLOCK_BYTES, self.size)
         try:
             data = self._store.part(self._status, start, end)
         except FileNotFoundError as error:
             where = self._store.url / self._status.name
             raise LogAccessError(f"{where}: cannot be read: it is gone.") from error
-        blocks = {
+        return {
             block: data[at : at + BLOCK_BYTES]
             for block, at in zip(run, range(0, len(data), BLOCK_BYTES), strict=True)
         }
-        for block, part in blocks.items():
-            _kept.put(self.identity, block, part)
-        return blocks
+
+    def _cached(self, run: list[int]) -> dict[int, bytes] | None:
+        """Return blocks from the disk; None: some are not there."""
+        if self._cache is None:
+            return None
+        found: dict[int, bytes] = {}
+        for block in run:
+            data = self._cache.get(self._content, block)
+            if data is None or len(data) != min(BLOCK_BYTES, self.size - block * BLOCK_BYTES):
+                return None
+            found[block] = data
+        return found
+
+    def _keep(self, blocks: dict[int, bytes]) -> None:
+        """Keep blocks on the disk; not those of an object that is seen not to be what it was."""
+        if self._cache is None:
+            return
+        if self._sha256 and len(blocks) == len(_blocks(0, self.size)):
+            whole = b"".join(blocks[block] for block in sorted(blocks))
+            if hashlib.sha256(whole).hexdigest() != self._sha256:
+                return
+        for block, data in blocks.items():
+            self._cache.put(self._content, block, data)
 
 
 def _blocks(start: int, end: int) -> range:

@@ -65,10 +65,9 @@ def test_a_shipped_log_answers_as_the_one_on_the_disk(bucket: str, tmp_path: Pat
     assert done.sent == len(list(log.glob("*.mcap"))) > 1
     assert events_of(log) == events_of(bucket)
     assert repr(sl.read(log).replay().doors) == repr(sl.read(bucket).replay().doors)
-    assert (0, verify(log).head) == (
-        verify(UrlPath(bucket)).exit_code,
-        done.manifest.segments[-1].head,
-    )
+    found = verify(UrlPath(bucket))
+    assert (verify(log).head, ()) == (found.head, found.findings)
+    assert found.head == done.manifest.segments[-1].head
 
 
 def test_shipped_again_nothing_is_sent(bucket: str, tmp_path: Path) -> None:
@@ -311,6 +310,8 @@ def test_the_verbs(bucket: str, tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert (0, True) == (code, "sent 1 segment," in out)
     code, out, _ = run(capsys, "ship", str(log), bucket)
     assert (0, True) == (code, "nothing to send" in out)
+    code, _, said = run(capsys, "info", bucket)
+    assert (0, True) == (code, f"semmap-log verify {bucket} --head" in said)
     code, out, _ = run(capsys, "fetch", bucket, str(tmp_path / "back"))
     assert (0, True) == (code, " in 1 segment, " in out)
     code, _, said = run(capsys, "fetch", bucket, str(tmp_path / "back"))

@@ -96,7 +96,7 @@ VERIFIED = (
           "self._marked = commit.hash", "", "test_closed_mark"),
     guard("closed.json is read before the files are listed, verified", "folder_files.arrange",
           "found.mark = _mark(found)\n"
-          "found.listed = frozenset(listed_names(place.bag_metadata()))\n"
+          "found.listed = frozenset(listed_names(place.bag_metadata() or ''))\n"
           "try:\n"
           "    names = sorted(place.files())\n"
           "except OSError as error:\n"
@@ -104,7 +104,7 @@ VERIFIED = (
           "try:\n"
           "    names = sorted(place.files())\n"
           "    found.mark = _mark(found)\n"
-          "    found.listed = frozenset(listed_names(place.bag_metadata()))\n"
+          "    found.listed = frozenset(listed_names(place.bag_metadata() or ''))\n"
           "except OSError as error:\n"
           '    raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error',
           "test_closed_mark"),

@@ -7,6 +7,7 @@ import time
 
 from semmap_log.common.texts import counted
 from semmap_log.errors import LogAccessError, NotALogError
+from semmap_log.io.object_cache import ObjectCache, cache_of_environment
 from semmap_log.io.object_source import ObjectSource
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
@@ -27,14 +28,25 @@ class ObjectSegments:
     Of a log that was copied there without one, by what the store lists: see `log_objects`.
     """
 
-    def __init__(self, store: ObjectStore, *, listed_for_s: float = LISTED_FOR_S) -> None:
+    def __init__(
+        self,
+        store: ObjectStore,
+        *,
+        listed_for_s: float = LISTED_FOR_S,
+        cache: ObjectCache | None = None,
+    ) -> None:
         """Take the place; nothing is asked yet.
 
         Args:
             store: What lies below the URL.
             listed_for_s: Asked again sooner, a listing is the same.
+            cache: Keeps on a disk what is fetched; default: the one that the environment names.
+
+        Raises:
+            LogAccessError: The environment names one that cannot be used.
         """
         self._store = store
+        self._cache = cache_of_environment() if cache is None else cache
         self._listed_for_s = listed_for_s
         self._listed_at = -math.inf
         self._manifest: KeptManifest | None = None
@@ -69,7 +81,9 @@ class ObjectSegments:
 
     def open(self, name: str) -> ObjectSource:
         """Return a segment's bytes; as `SegmentStore.open`."""
-        return ObjectSource(self._store, self._status(name))
+        told = self._told.get(name)
+        sha256 = "" if told is None else told.sha256
+        return ObjectSource(self._store, self._status(name), cache=self._cache, sha256=sha256)
 
     def told(self, name: str) -> ShippedSegment | None:
         """Return what the manifest says of a segment; as `SegmentStore.told`."""

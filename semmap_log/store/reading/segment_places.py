@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import PurePath
 
+from semmap_log.io.object_cache import ObjectCache
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.folder import LogFolder
@@ -12,8 +13,14 @@ from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.segment_store import SegmentStore
 
 
-def store_at(place: LogFolder | PurePath | SegmentStore) -> SegmentStore:
+def store_at(
+    place: LogFolder | PurePath | SegmentStore, *, cache: ObjectCache | None = None
+) -> SegmentStore:
     """Return where the segments of a log are read.
+
+    Args:
+        place: A folder, a zip, a URL, or what is one already.
+        cache: Keeps on a disk what is fetched of a URL; default: as the environment says.
 
     Raises:
         NotALogError: It is a URL that leads to no log.
@@ -26,5 +33,5 @@ def store_at(place: LogFolder | PurePath | SegmentStore) -> SegmentStore:
         return place
     found = place_of(place)
     if isinstance(found, UrlPath):
-        return ObjectSegments(ObjectStore(found))
+        return ObjectSegments(ObjectStore(found), cache=cache)
     return LocalSegments(LogFolder(found))

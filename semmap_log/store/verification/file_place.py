@@ -74,8 +74,8 @@ class FilePlace(Protocol):
             CorruptLogError: It is not what was written.
         """
 
-    def bag_metadata(self) -> str:
-        """Return the text of metadata.yaml; nothing where there is none.
+    def bag_metadata(self) -> str | None:
+        """Return the text of metadata.yaml; nothing where there is none; None: none belongs there.
 
         Raises:
             LogAccessError: It cannot be read.

@@ -75,7 +75,7 @@ def arrange(place: FilePlace) -> FolderFiles:
         )
         return found
     found.mark = _mark(found)
-    found.listed = frozenset(listed_names(place.bag_metadata()))
+    found.listed = frozenset(listed_names(place.bag_metadata() or ""))
     try:
         names = sorted(place.files())
     except OSError as error:
@@ -108,7 +108,9 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
         closed: What their own bytes say of the closed segments; None: not all can be read.
     """
     path, text = found.folder / BAG_METADATA_NAME, found.place.bag_metadata()
-    findings = []
+    findings: list[Finding] = []
+    if text is None:
+        return findings
     for name in listed_names(text):
         if name not in found.listed:
             continue

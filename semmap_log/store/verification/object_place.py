@@ -99,8 +99,10 @@ class ObjectPlace:
         data = self._whole(CLOSED_MARK_NAME)
         return None if data is None else mark_in(data[:MOST_BYTES], self.path)
 
-    def bag_metadata(self) -> str:
-        """Return the text of metadata.yaml; as `FilePlace.bag_metadata`."""
+    def bag_metadata(self) -> str | None:
+        """Return the text of metadata.yaml; a manifest stands in its place, where there is one."""
+        if self._manifest is not None:
+            return None
         return (self._whole(BAG_METADATA_NAME) or b"").decode(errors="replace")
 
     def _whole(self, name: str) -> bytes | None:

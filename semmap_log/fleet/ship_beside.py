@@ -1,0 +1,253 @@
+"""Shipping beside a writer: a thread that an append never waits for, and never hears of.
+
+The thread is a reader of the log's folder: it looks at two files there, and ships when one of them
+was written. It shares no lock with the writer, and nothing that goes wrong in it reaches the
+writer: it is told once, and tried again.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from semmap_log.common.texts import command_line, counted
+from semmap_log.errors import NotALogError
+from semmap_log.fleet.shipping import Shipped, ship
+from semmap_log.io.object_store import ObjectStore
+from semmap_log.io.url_path import UrlPath, place_of
+from semmap_log.store.folder import LogFolder, Version
+from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+END_S = 30.0
+"""So long `close` waits for what is being sent."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShippingPauses:
+    """How long the thread waits, in seconds."""
+
+    look_s: float = 1.0
+    """Between two looks at the folder."""
+    settle_s: float = 10.0
+    """After a segment was closed: it is compacted first, and then sent once, not twice."""
+    first_retry_s: float = 5.0
+    """After something went wrong; each time twice as long, up to:"""
+    longest_retry_s: float = 600.0
+
+
+@dataclass(frozen=True, slots=True)
+class ShippingStatus:
+    """How a shipping beside a writer stands."""
+
+    shipped: Shipped | None = None
+    """What the last one that went well has done; None: none has yet."""
+    sent: int = 0
+    """Segments that were sent in all."""
+    problem: str = ""
+    """What keeps it from shipping; empty: nothing does."""
+    is_all_sent: bool = False
+    """Whether every segment that is closed lies there."""
+
+
+class ShipBeside:
+    """Ships a log's closed segments while somebody writes it; one more time at its end.
+
+    with ShipBeside("office", "s3://hospital/logs/office"), sl.append("office") as log:
+        log.observe(door, "open")
+
+    The order matters: the writer closes its last segment first, and that is sent then.
+    """
+
+    def __init__(
+        self,
+        log: str | Path,
+        place: str | UrlPath | ObjectStore,
+        *,
+        tell: Callable[[str], None] = lambda _: None,
+        pauses: ShippingPauses = ShippingPauses(),
+        end_s: float = END_S,
+    ) -> None:
+        """Take the log and the store; nothing is asked yet, and no thread is started.
+
+        Args:
+            log: The log's folder.
+            place: Where it is to lie: `s3://bucket/logs/tug1`.
+            tell: Told once when it cannot be shipped, and once when it can again.
+            pauses: How long the thread waits.
+            end_s: So long the end waits for what is being sent.
+
+        Raises:
+            NotALogError: The place is no URL of a store.
+            MissingExtraError: A package for stores is not installed.
+        """
+        self._folder = LogFolder(Path(log))
+        self._store = place if isinstance(place, ObjectStore) else ObjectStore(_url(place))
+        self._tell = tell
+        self._pauses = pauses
+        self._end_s = end_s
+        self._ending = threading.Event()
+        self._abandoned = threading.Event()
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._pid = os.getpid()
+        self._status = ShippingStatus()
+        self._seen: _Closed = None
+        """What was closed when the folder was last looked at."""
+        self._has_looked = False
+        """What the writer before has left is sent at once."""
+        self._done: _Closed = None
+        """What was closed when all of it was last shipped."""
+        self._next_s = 0.0
+        """When it is shipped next, on the monotonic clock, if there is anything."""
+        self._retry_s = pauses.first_retry_s
+
+    @property
+    def url(self) -> UrlPath:
+        """Where it ships to."""
+        return self._store.url
+
+    @property
+    def status(self) -> ShippingStatus:
+        """How it stands now."""
+        return self._status
+
+    def start(self) -> None:
+        """Begin to look at the folder, in a thread of its own."""
+        thread = threading.Thread(target=self._run, name="semmap_log shipping", daemon=True)
+        thread.start()
+        self._thread = thread
+
+    def close(self, *, end_s: float | None = None) -> ShippingStatus:
+        """Ship what was closed last, and end; what is not sent by then waits for the next time.
+
+        Args:
+            end_s: So long it waits, instead of what was said at first; then it gives up.
+
+        Returns:
+            How it stands. Of what was not sent nothing is lost: it lies in the log.
+        """
+        if self._thread is None or os.getpid() != self._pid:
+            return self._status
+        try:
+            self._ending.set()
+            self._ended.wait(self._end_s if end_s is None else end_s)
+        finally:
+            self._abandoned.set()
+        return self._status
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close(end_s=None if error is None else 0.0)
+
+    def _run(self) -> None:
+        try:
+            while True:
+                is_last = self._ending.is_set()  # first: what is closed by then is sent
+                if self._is_due(is_last=is_last):
+                    self._try()
+                if is_last or self._abandoned.is_set():
+                    return
+                self._ending.wait(self._pauses.look_s)
+        finally:
+            self._ended.set()
+
+    def _is_due(self, *, is_last: bool) -> bool:
+        """Look at the folder, and tell whether there is something to ship now."""
+        closed, now_s = self._closed(), time.monotonic()
+        if closed != self._seen:
+            self._seen = closed
+            if not self._status.problem:  # else it is tried again at its time
+                self._next_s = now_s + (self._pauses.settle_s if self._has_looked else 0.0)
+            self._status = _changed(self._status, is_all_sent=False)
+        self._has_looked = True
+        if closed is None or closed == self._done:
+            return False
+        return is_last or now_s >= self._next_s
+
+    def _closed(self) -> _Closed:
+        """Return what changes when a segment is closed, or compacted; None: none is closed."""
+        with suppress(OSError):
+            mark = self._folder.version(CLOSED_MARK_NAME)
+            with suppress(OSError):
+                return mark, self._folder.version(BAG_METADATA_NAME)
+            return mark, None
+        return None
+
+    def _try(self) -> None:
+        closed = self._seen
+        try:
+            done = ship(self._folder.absolute, self._store, self._go_on)
+        except _Abandoned:
+            return
+        except Exception as error:  # noqa: BLE001 - whatever it is, the writer goes on
+            self._failed(str(error) or type(error).__name__)
+            return
+        self._done, self._retry_s = closed, self._pauses.first_retry_s
+        had_problem = bool(self._status.problem)
+        self._status = ShippingStatus(done, self._status.sent + done.sent, "", is_all_sent=True)
+        if had_problem:
+            self._tell(
+                f"{done.url}: shipping works again: {counted(done.sent, 'segment')} sent, up to "
+                f"event {done.manifest.mark.next_event - 1}."
+            )
+
+    def _failed(self, problem: str) -> None:
+        is_new = not self._status.problem
+        self._status = _changed(self._status, problem=problem)
+        self._next_s = time.monotonic() + self._retry_s
+        self._retry_s = min(2 * self._retry_s, self._pauses.longest_retry_s)
+        if is_new:
+            line = command_line("ship", self._folder.path, self._store.url)
+            self._tell(
+                f"not shipped: {problem} Recording goes on, and this is tried again; what is not "
+                f"sent by the end is sent the next time, or by: {line}"
+            )
+
+    def _go_on(self, _done: int, _total: int) -> None:
+        """Let nothing more be sent once nobody waits for it."""
+        if self._abandoned.is_set():
+            raise _Abandoned
+
+
+class _Abandoned(Exception):  # noqa: N818  # no error: the way out of the work under way
+    """Nobody waits any more."""
+
+
+_Closed = tuple[Version, Version | None] | None
+
+
+def _changed(
+    status: ShippingStatus, *, problem: str | None = None, is_all_sent: bool = False
+) -> ShippingStatus:
+    kept = status.problem if problem is None else problem
+    return ShippingStatus(status.shipped, status.sent, kept, is_all_sent)
+
+
+def _url(place: str | UrlPath) -> UrlPath:
+    """Return the URL that is meant.
+
+    Raises:
+        NotALogError: It is none.
+    """
+    found = place_of(place)
+    if not isinstance(found, UrlPath):
+        raise NotALogError(f"{place}: expected a URL of a store, such as s3://bucket/logs/office.")
+    return found
