@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import LogPath
+from semmap_log.cli.common import AnyLogPath, LogPath
 
 CacheFolder = Annotated[
     Path | None,
@@ -26,14 +26,8 @@ CacheFolder = Annotated[
 
 def with_cache(command: Callable[..., None]) -> Callable[..., None]:
     """Give a verb `--cache` if it takes a URL of a log; else return it as it is."""
-    own = inspect.signature(command).parameters
-    hints = {
-        name: eval(p.annotation, command.__globals__)  # noqa: S307 - our own text
-        if isinstance(p.annotation, str)
-        else p.annotation
-        for name, p in own.items()
-    }
-    if not any(_takes_url(hint) for hint in hints.values()):
+    own = inspect.signature(command, eval_str=True).parameters.values()
+    if not any(p.annotation in (LogPath, AnyLogPath) for p in own):
         return command
 
     @wraps(command)
@@ -41,10 +35,7 @@ def with_cache(command: Callable[..., None]) -> Callable[..., None]:
         with _cached_in(cache):
             command(**values)
 
-    parameters = [
-        p.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[name])
-        for name, p in own.items()
-    ]
+    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own]
     parameters.append(
         inspect.Parameter(
             "cache", inspect.Parameter.KEYWORD_ONLY, annotation=CacheFolder, default=None
@@ -54,14 +45,6 @@ def with_cache(command: Callable[..., None]) -> Callable[..., None]:
     verb.__annotations__ = {p.name: p.annotation for p in parameters}
     del verb.__wrapped__  # or its own signature would be read
     return verb
-
-
-def _takes_url(hint: Any) -> bool:
-    """Tell whether an argument is a log that may be a URL: its help says so."""
-    return hint is LogPath or any(
-        "a URL" in (getattr(one, "help", None) or "") and getattr(one, "metavar", "") == "LOG"
-        for one in getattr(hint, "__metadata__", ())
-    )
 
 
 @contextmanager

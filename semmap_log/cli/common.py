@@ -76,6 +76,10 @@ LogPath = Annotated[
     Path,
     typer.Argument(metavar="LOG", help="The log's folder; to read, a zip or a URL of it, too."),
 ]
+AnyLogPath = Annotated[
+    Path,
+    typer.Argument(metavar="LOG", help="The log's folder, a zip, a URL, or an .mcap of it."),
+]
 WritableLog = Annotated[
     Path, typer.Argument(metavar="LOG", help="The log's folder.", callback=a_local_log)
 ]

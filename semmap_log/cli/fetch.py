@@ -19,7 +19,7 @@ def run(
 ) -> None:
     """Bring a shipped log back to a disk: whole, compared with its manifest, and verified.
 
-    The folder has its name only once all is there and right; before it is called DIR.part.
+    The folder has its name only once all is there and right.
 
     \b
     Examples:

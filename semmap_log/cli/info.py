@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, console, print_json, progress, say
+from semmap_log.cli.common import AnyLogPath, AsJson, console, print_json, progress, say
 
 MOST_DOORS = 16
 """Of a day, unless all are asked for."""
 
 
 def run(
-    log: Annotated[
-        Path,
-        typer.Argument(metavar="LOG", help="The log's folder, a zip, a URL, or an .mcap of it."),
-    ],
+    log: AnyLogPath,
     *,
     day: Annotated[
         str | None,

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, console, print_json, progress
+from semmap_log.cli.common import AnyLogPath, AsJson, console, print_json, progress
 
 HEAD_BYTES = 32
 
@@ -20,10 +19,7 @@ Head = Annotated[
 
 
 def run(
-    log: Annotated[
-        Path,
-        typer.Argument(metavar="LOG", help="The log's folder, a zip, a URL, or an .mcap of it."),
-    ],
+    log: AnyLogPath,
     *,
     head: Head = "",
     as_json: AsJson = False,

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
-from contextlib import suppress
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.errors import CorruptLogError, LogExistsError, NotALogError
-from semmap_log.io.disk import sync_folder
+from semmap_log.errors import (
+    CorruptLogError,
+    LogExistsError,
+    NotALogError,
+    OutputError,
+    SemmapError,
+)
+from semmap_log.io.disk import whole_folder
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
 from semmap_log.replay.care import verify
+from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.closed_mark import write_mark
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import segment_name
 from semmap_log.store.log_objects import read_manifest
 from semmap_log.store.manifest import MANIFEST_NAME, Manifest, ShippedSegment
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.verification import Verification
 
 PART_BYTES = 2**23
@@ -46,9 +54,10 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
         LogExistsError: There is something there.
         NotALogError: There is no shipped log at the URL.
         CorruptLogError: A segment is not what the manifest tells, or the log is not whole.
-        LogAccessError: The store, or the disk, does not let us.
+        LogAccessError: The store does not let us.
+        OutputError: The disk does not.
     """
-    if folder.exists():
+    if os.path.lexists(folder):
         raise LogExistsError(f"{folder}: exists; fetch into a new folder.")
     store = ObjectStore(url)
     kept = read_manifest(store)
@@ -58,25 +67,30 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
             "in another way can be read there, and copied back in that way."
         )
     manifest = kept.manifest
-    part = folder.with_name(f"{folder.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
+    total = sum(segment.size for segment in manifest.segments)
     try:
-        total = sum(segment.size for segment in manifest.segments)
-        done = 0
-        for segment in manifest.segments:
-            target = part / segment_name(folder.name, segment.header.number)
-            done = _bring(store, segment, target, (done, total), progress)
-        write_mark(LogFolder(part), manifest.mark)
-        verified = verify(part)
-        _check_whole(url, verified)
-        part.rename(folder)
-        sync_folder(folder.parent)
-    except BaseException:
-        with suppress(OSError):
-            shutil.rmtree(part)
-        raise
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with whole_folder(folder) as part:
+            part.mkdir()
+            done = 0
+            for segment in manifest.segments:
+                target = part / segment_name(folder.name, segment.header.number)
+                done = _bring(store, segment, target, (done, total), progress)
+            _write_lists(LogFolder(part), manifest)
+            verified = verify(part)
+            _check_whole(url, verified)
+    except SemmapError:
+        raise  # the store's errors are OSErrors, too
+    except OSError as error:
+        said = error.strerror or error
+        raise OutputError(f"{folder}: could not be written: {said}. Nothing is left.") from error
     return Fetched(manifest, total, verified.moved(part, folder))
+
+
+def _write_lists(folder: LogFolder, manifest: Manifest) -> None:
+    """Write what a log has beside its segments: closed.json, and metadata.yaml for other tools."""
+    write_mark(folder, manifest.mark)
+    write_bag_metadata(folder, map(statistics_of, LogReader(folder).segments))
 
 
 def _check_whole(url: UrlPath, verified: Verification) -> None:

@@ -287,10 +287,15 @@ def test_fetched_it_is_the_same_log_and_goes_on(bucket: str, tmp_path: Path) -> 
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
 
+    (tmp_path / "back.part").mkdir()
+    (tmp_path / "back.part" / "mine.txt").write_text("kept")
+
     fetch(UrlPath(bucket), tmp_path / "back")
 
     assert events_of(log) == events_of(tmp_path / "back")
-    assert verify(tmp_path / "back").exit_code == 0
+    verified = verify(tmp_path / "back")
+    assert (verified.exit_code, verified.findings) == (0, ())
+    assert (tmp_path / "back.part" / "mine.txt").read_text() == "kept"
     with sl.append(tmp_path / "back") as writer:
         writer.add_door(x=3.0, y=2.0, theta=0.0, width=0.9)
     assert ship(tmp_path / "back", UrlPath(bucket)).manifest.version == 2
