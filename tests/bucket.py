@@ -2,38 +2,11 @@
 
 from __future__ import annotations
 
-import logging
-import socket
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-NAME = "fleet"
+from benchmark.bucket import NAME, served_bucket
 
-
-@contextmanager
-def served_bucket() -> Iterator[dict[str, str]]:
-    """Serve an empty bucket; hand out the environment in which it is found."""
-    from moto.server import ThreadedMotoServer
-
-    logging.getLogger("werkzeug").setLevel(logging.ERROR)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=port, verbose=False)
-    server.start()
-    try:
-        made = urllib.request.Request(f"http://127.0.0.1:{port}/{NAME}", method="PUT")
-        urllib.request.urlopen(made, timeout=30).close()
-        yield {
-            "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}",
-            "AWS_ACCESS_KEY_ID": "a" * 8,
-            "AWS_SECRET_ACCESS_KEY": "b" * 8,
-            "AWS_REGION": "us-east-1",
-        }
-    finally:
-        server.stop()
+__all__ = ["NAME", "put_folder", "served_bucket"]
 
 
 def put_folder(folder: Path, url: str) -> None:

@@ -22,6 +22,8 @@ class Work:
     """Not timed: the last turn's result as a plain value that can be compared."""
     note: Callable[[Any], str] = lambda _: ""
     """Not timed: what else the table says of the last turn's result."""
+    read_bytes: Callable[[], int] | None = None
+    """How many bytes it has had from its store so far; None: those that the disk gave."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +98,7 @@ class Measured:
     cpu_seconds: tuple[float, ...] = ()
     """Of the processor, all cores together, in each turn that counts."""
     read_bytes: tuple[int, ...] = ()
-    """What each turn that counts had the disk read."""
+    """What each turn that counts had its store give: the disk, unless it is another."""
     note: str = ""
     """What else there is to say."""
 
@@ -123,7 +125,7 @@ class Measured:
 
     @property
     def share_read(self) -> float | None:
-        """Which part of its store a turn read from the disk; None: not asked, or not to be seen."""
+        """Which part of its store a turn read; None: not asked, or not to be seen."""
         if not self.peer.store_bytes or not any(self.read_bytes):
             return None
         return median(self.read_bytes) / self.peer.store_bytes

@@ -121,6 +121,7 @@ def _serve(pipe: Connection, prepare: Callable[[], Work], cores: int | None) -> 
     try:
         _stay_on(cores)
         work = prepare()
+        read_so_far = work.read_bytes or _read_bytes
         _forget_peak()
         pipe.send(("ready", None))
         result = None
@@ -132,12 +133,12 @@ def _serve(pipe: Connection, prepare: Callable[[], Work], cores: int | None) -> 
             while len(seconds) < turns and sum(seconds) < limit_s:
                 result = None  # two results at a time are not the task's memory
                 given = next(work.inputs)
-                before = (_read_bytes(), time.process_time())
+                before = (read_so_far(), time.process_time())
                 start = time.perf_counter()
                 result = work.once(given)
                 seconds.append(time.perf_counter() - start)
                 cpu_seconds.append(time.process_time() - before[1])
-                read_bytes.append(_read_bytes() - before[0])
+                read_bytes.append(read_so_far() - before[0])
             pipe.send(("turns", (seconds, cpu_seconds, read_bytes)))
         peak_bytes = _peak_bytes()
         pipe.send(("answer", (peak_bytes, work.answer(result), work.note(result))))
