@@ -37,6 +37,7 @@ from semmap_log.store.reading.segment_reading import (
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.reading.segment_set import check_adjoins, check_follows
 from semmap_log.store.reading.segment_store import SegmentStore
+from semmap_log.store.reading.segments_ahead import SegmentsAhead
 from semmap_log.store.reading.window import EVERYTHING, Window
 
 OnPage = Callable[[Segment, Page], None]
@@ -152,7 +153,9 @@ class LogReader:
         last: Page | None = None
         before: Segment | None = None
         reading = ReadProgress(self.segments[start.segment :], progress)
-        for segment in self.segments[start.segment :]:
+        ahead = SegmentsAhead(self.segments, lambda _: True, takes_all=True)
+        for place, segment in enumerate(self.segments[start.segment :], start.segment):
+            ahead.at(place)
             if before is not None:
                 commit = last.last_commit() if last is not None else None
                 check_follows(segment, commit or last_commit(before), before)
@@ -191,9 +194,15 @@ class LogReader:
         self._check_order()
         reading = ReadProgress(self.segments[start.segment :], progress)
         last: Page | None = None
+
+        def is_wanted(place: int) -> bool:
+            return window.may_reach(self.segments[place], self._next_event(place))
+
+        ahead = SegmentsAhead(self.segments, is_wanted, takes_all=window == EVERYTHING)
         for place in range(start.segment, len(self.segments)):
             segment, last_before, last = self.segments[place], last, None
-            if window.may_reach(segment, self._next_event(place)):
+            if is_wanted(place):
+                ahead.at(place)
                 if last_before is not None:
                     self._check_follows(place, last_before)
                 chunks = window.chunks(segment)
